@@ -1,0 +1,69 @@
+"""holokin: makes redundant robots repeatable, and proves it.
+
+The flow:
+
+    Robot -> Task (x = f(q)) -> Strategy (G) -> Trajectory -> report
+                 Constraint (g) --^      ^-- Path
+
+A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holonomic when the planes range G
+are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
+"""
+
+from .analysis import Region, Verdict, around, box, curvature, involutivity, involutivity_of
+from .constraint import Constraint, coupled, custom, linear, lock, stack
+from .errors import HolokinError
+from .motion import Drift, Spread, drift, follow, path_spread
+from .path import Path, arc, circle, join, line, polyline
+from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, urdf_tips
+from .strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from .task import Task, pose, position
+from .trajectory import Status, Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Constraint",
+    "DHRow",
+    "Drift",
+    "HolokinError",
+    "Path",
+    "Region",
+    "Robot",
+    "Spread",
+    "Status",
+    "Strategy",
+    "Task",
+    "Trajectory",
+    "Verdict",
+    "arc",
+    "around",
+    "box",
+    "catalogue",
+    "circle",
+    "coupled",
+    "coupled_twist",
+    "curvature",
+    "custom",
+    "drift",
+    "follow",
+    "from_dh",
+    "from_urdf",
+    "holonomic",
+    "involutivity",
+    "involutivity_of",
+    "join",
+    "line",
+    "linear",
+    "load",
+    "lock",
+    "moore_penrose",
+    "null_basis",
+    "path_spread",
+    "pfaffian",
+    "polyline",
+    "pose",
+    "position",
+    "stack",
+    "urdf_tips",
+    "weighted",
+]

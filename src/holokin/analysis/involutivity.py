@@ -1,0 +1,161 @@
+"""Is a strategy, or a bare distribution, involutive? The paper's (4), with a figure and a witness. [SY88]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
+from ..strategy import Strategy
+from ..symbolic import Function, as_expression, factorise, horzcat, pairwise_brackets, symbol
+from ..tolerances import TOLERANCES
+from ..types import Matrix, Vector
+from .curvature import curvature_function, pairs
+from .region import Region
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What `involutivity` found.
+
+    `defect` [`unit`] is the largest |F_ij| met, at the posture `witness` and in the plane `plane` = (i, j);
+    `relative` [1/rad] is the largest |F_ij| / (|G_i| |G_j|), free of the task's units: how fast the planes
+    turn out of themselves per joint motion along them. It decides: holonomic <=> relative <= `tolerance`.
+    F is an analytic function of q, so if it is not zero everywhere a random posture shows it; the sampling
+    is there for the size, not for the yes or no.
+    """
+
+    holonomic: bool
+    defect: float
+    unit: str
+    relative: float
+    tolerance: float
+    witness: Vector
+    plane: tuple[int, int]
+    direction: Vector
+    samples: int
+    singular: int
+    subject: str = field(default="strategy")
+
+    def __str__(self) -> str:
+        word = "holonomic" if self.holonomic else "NOT holonomic"
+        at = "[" + ", ".join(f"{v:.4g}" for v in self.witness) + "]"
+        skipped = f", {self.singular} singular" if self.singular else ""
+        return (
+            f"{word}: {self.subject}, defect {self.defect:.3g} {self.unit} (relative {self.relative:.2e}/rad, "
+            f"tolerance {self.tolerance:.0e}) in plane {self.plane} at q = {at}; {self.samples} postures{skipped}"
+        )
+
+
+def involutivity(
+    strategy: Strategy, region: Region, *, samples: int = 64, tolerance: float = TOLERANCES.holonomic, seed: int = 0
+) -> Verdict:
+    """Whether [G_i, G_j] lies in range G for all i, j over a region: the condition (4) of the paper.
+
+    Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
+    free of null-space bases (theory 5.1).
+
+    Args:
+        region: box in joint space, for instance `around(q0, 0.3)`.
+        samples: postures to look at; singular ones are counted and left out.
+        tolerance: largest relative defect [1/rad] that counts as zero.
+
+    Raises:
+        EmptyRegionError: every sampled posture is singular. ShapeError: the region has not n joints.
+    """
+    task = strategy.task
+    if region.n != task.n:
+        raise ShapeError("the region", (task.n,), (region.n,))
+    Q = region.sample(samples, seed)
+    F, G, conditioning, margin = curvature_function(strategy).batch(Q)
+    F, G = F.reshape(len(Q), task.n, -1), G.reshape(len(Q), task.n, task.m)
+    sound = (conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation)
+    if not sound.any():
+        try:
+            strategy(Q[0])
+        except SingularityError as first:
+            raise EmptyRegionError(len(Q), first) from first
+    lengths = np.linalg.norm(G[sound], axis=1)
+    planes = pairs(task.m) or [(0, 0)]
+    scale = np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
+    units = [_unit(strategy, i, j) for i, j in planes]
+    return _verdict(Q, F, sound, scale, planes, units, tolerance, f"{strategy.name}, {task.name}")
+
+
+def involutivity_of(
+    distribution: Callable[[Any], Any],
+    n: int,
+    region: Region | None = None,
+    *,
+    samples: int = 64,
+    tolerance: float = TOLERANCES.holonomic,
+    seed: int = 0,
+) -> Verdict:
+    """Whether a bare distribution span B(q) is involutive, for instance B = N_G, or W J^T (Proposition 1 of [RM93]).
+
+    The figure is the part of [B_a, B_b] normal to span B, over |B_a| |B_b| [1/joint unit]; both `defect`
+    and `relative` hold it.
+
+    Args:
+        distribution: q -> CasADi expression (n, k), or nested lists.
+        n: number of joints.
+        region: box to look in; by default |q_i| <= 1.
+
+    Raises:
+        EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
+    """
+    q = symbol("q", n)
+    B = as_expression(distribution(q))
+    if B.shape[0] != n:
+        raise ShapeError("the distribution", (n, "k"), B.shape)
+    Q_frame = factorise(B)
+    basis = Q_frame.thin_q()
+    brackets = pairwise_brackets(B, q)
+    normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]
+    outputs = {"F": horzcat(*normal), "B": B, "conditioning": Q_frame.conditioning()}
+    area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
+    Q = area.sample(samples, seed)
+    F, frames, conditioning = Function("distribution", {"q": q}, outputs).batch(Q)
+    sound = conditioning > TOLERANCES.singular
+    if not sound.any():
+        raise EmptyRegionError(len(Q), HolokinError("the distribution loses rank"))
+    lengths = np.linalg.norm(frames.reshape(len(Q), n, -1)[sound], axis=1)
+    planes = list(brackets) or [(0, 0)]
+    scale = np.stack([lengths[:, a] * lengths[:, b] for a, b in planes], axis=1)
+    F = F.reshape(len(Q), n, -1)
+    F[sound] /= scale[:, None, :]
+    units = ["/joint unit"] * len(planes)
+    return _verdict(Q, F, sound, np.ones_like(scale), planes, units, tolerance, f"distribution of rank {B.shape[1]}")
+
+
+def _verdict(
+    Q: Matrix, F: np.ndarray, sound: np.ndarray, scale: np.ndarray, planes: list[tuple[int, int]], units: list[str],
+    tolerance: float, subject: str,
+) -> Verdict:  # fmt: skip
+    sizes = np.linalg.norm(F[sound], axis=1)
+    relative = sizes / scale
+    k, p = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    worst = np.flatnonzero(sound)[k]
+    return Verdict(
+        holonomic=bool(relative[k, p] <= tolerance),
+        defect=float(sizes[:, p].max()),
+        unit=units[p],
+        relative=float(relative[k, p]),
+        tolerance=tolerance,
+        witness=Q[worst],
+        plane=planes[p],
+        direction=F[worst, :, p],
+        samples=int(sound.sum()),
+        singular=int((~sound).sum()),
+        subject=subject,
+    )
+
+
+def _unit(strategy: Strategy, i: int, j: int) -> str:
+    kinds = {c.unit for c in strategy.task.robot.coordinates}
+    joint = kinds.pop() if len(kinds) == 1 else "joint unit"
+    a, b = strategy.task.units[i], strategy.task.units[j]
+    return f"{joint}/{a}^2" if a == b else f"{joint}/({a} {b})"

@@ -1,0 +1,113 @@
+"""`Constraint`: g(q) of r = n - m rows. On a leaf g(q) = c the posture is a function of the tool pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, ConstraintRowsError, NotFiniteError, ShapeError
+from ..robot import Kinematics
+from ..symbolic import SX, as_expression, vertcat
+from ..task import Task
+from ..types import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """g(q), written down when a task (and so a robot) is known.
+
+    `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
+    difference g - c counts in (-pi, pi].
+    """
+
+    name: str
+    rows: int
+    expression: Callable[[Task, Kinematics, SX], SX]
+    angular: tuple[bool, ...]
+
+    def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
+        if self.rows != task.n - task.m:
+            raise ConstraintRowsError(self.name, self.rows, task.n, task.m)
+        return self.expand(task, k, q)
+
+    def expand(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """g (rows,) for a task, whatever its number of rows. Raises: ShapeError."""
+        g = as_expression(self.expression(task, k, q))
+        if g.shape != (self.rows, 1):
+            raise ShapeError(f"constraint {self.name!r}", (self.rows, 1), g.shape, "rows= must match what it returns")
+        return g
+
+
+def custom(expression: Callable[[SX], Any], rows: int = 1, *, name: str = "custom", angular: bool = False) -> Constraint:
+    """g(q) of your own: a CasADi expression of q, or a list of them.
+
+    Args:
+        expression: q (n,) -> g (rows,).
+        rows: r = n - m.
+        angular: True when every row is an angle that may wrap.
+    """
+    return Constraint(name, rows, lambda _task, _k, q: as_expression(expression(q)), (angular,) * rows)
+
+
+def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
+    """g(q) = A q with A (r, n), or (n,) for one row.
+
+    Raises:
+        NotFiniteError: A is not finite. ShapeError (when bound): A has not n columns.
+    """
+    A = np.atleast_2d(np.asarray(matrix, dtype=float))
+    if not np.isfinite(A).all():
+        raise NotFiniteError("the matrix of a linear constraint", A.tolist())
+
+    def expression(task: Task, _k: Kinematics, q: SX) -> SX:
+        if A.shape[1] != task.n:
+            joints = ", ".join(task.robot.joint_names)
+            raise ShapeError("the matrix of a linear constraint", (len(A), task.n), A.shape, f"the joints are {joints}")
+        return SX(A) @ q
+
+    return Constraint(name, len(A), expression, (False,) * len(A))
+
+
+def lock(*joints: str | int, name: str = "lock") -> Constraint:
+    """g(q) = (q_j, ...): holds joints, named or by index, where they stand at the start. Singular where N_j = 0.
+
+    Raises:
+        UnknownNameError (when bound): the robot has no such joint.
+    """
+    if not joints:
+        raise ArgumentError("the joints to lock", joints, "name at least one")
+
+    def expression(task: Task, _k: Kinematics, q: SX) -> SX:
+        names = task.robot.joint_names
+        labels = [j if isinstance(j, str) else names[j] if -task.n <= j < task.n else str(j) for j in joints]
+        return vertcat(*(q[task.robot.joint_index(label)] for label in labels))
+
+    return Constraint(name, len(joints), expression, (False,) * len(joints))
+
+
+def stack(*constraints: Constraint) -> Constraint:
+    """Several constraints one below the other: rows add up."""
+    if not constraints:
+        raise ArgumentError("the constraints to stack", constraints, "give at least one")
+    return Constraint(
+        " + ".join(c.name for c in constraints),
+        sum(c.rows for c in constraints),
+        lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
+        tuple(flag for c in constraints for flag in c.angular),
+    )
+
+
+def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
+    """A matrix of the given shape from a scalar (times the identity) or a matrix; finite."""
+    value = np.asarray(gain, dtype=float)
+    if value.ndim == 0:
+        value = float(value) * np.eye(*shape)
+    if value.shape != tuple(shape):
+        raise ShapeError("the gain", tuple(shape), value.shape, "give a number or a matrix, in rad/m")
+    if not np.isfinite(value).all():
+        raise NotFiniteError("the gain", value.tolist())
+    return value

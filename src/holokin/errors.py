@@ -1,0 +1,211 @@
+"""Every error of the library: each takes the facts, writes the sentence and names the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from enum import Enum
+from typing import Any
+
+
+def _posture(q: Iterable[float]) -> str:
+    return "[" + ", ".join(f"{float(value):.6g}" for value in q) + "]"
+
+
+def _closest(word: str, known: Sequence[str]) -> str:
+    close = get_close_matches(word, known, n=1, cutoff=0.5)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}known: {', '.join(known) if known else 'none'}"
+
+
+class HolokinError(Exception):
+    """The parent of every error that holokin raises on purpose."""
+
+
+class UnknownNameError(HolokinError):
+    """A name (robot, joint, link, strategy, job, key) that does not exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        super().__init__(f"unknown {kind} {name!r}; {_closest(name, self.known)}")
+
+
+class ShapeError(HolokinError):
+    """An array or expression of the wrong shape."""
+
+    def __init__(self, what: str, expected: object, found: object, cure: str = "") -> None:
+        self.what, self.expected, self.found = what, expected, found
+        tail = f"; {cure}" if cure else ""
+        super().__init__(f"{what} has shape {found}, expected {expected}{tail}")
+
+
+class NotFiniteError(HolokinError):
+    """NaN or infinite numbers where finite ones are needed."""
+
+    def __init__(self, what: str, value: object) -> None:
+        self.what, self.value = what, value
+        super().__init__(f"{what} holds NaN or infinite numbers: {value}; give finite SI values")
+
+
+class RobotFileError(HolokinError):
+    """A robot description that is missing, malformed or not supported."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{path}: {fact}; {cure}")
+
+
+class JobError(HolokinError):
+    """A job file that cannot be run: names file, key, value and cure."""
+
+    def __init__(self, path: object, key: str, fact: str, cure: str) -> None:
+        self.path, self.key, self.fact, self.cure = path, key, fact, cure
+        super().__init__(f"{path}: [{key}] {fact}; {cure}")
+
+
+class ExpressionError(HolokinError):
+    """A formula in a job file that cannot be read."""
+
+    def __init__(self, text: str, fact: str, cure: str) -> None:
+        self.text = text
+        super().__init__(f"cannot read the formula {text!r}: {fact}; {cure}")
+
+
+class ArgumentError(HolokinError):
+    """A value that makes no sense where it stands."""
+
+    def __init__(self, what: str, value: object, cure: str) -> None:
+        self.what, self.value, self.cure = what, value, cure
+        super().__init__(f"{what} is {value!r}; {cure}")
+
+
+class TaskTooLargeError(HolokinError):
+    """A task with more rows than the robot has joints: m > n."""
+
+    def __init__(self, m: int, n: int, robot: str) -> None:
+        self.m, self.n = m, n
+        super().__init__(
+            f"the task has m = {m} rows but {robot} has n = {n} joints, so J has no right inverse; "
+            f"choose at most {n} rows, for example task[[0, 1]], or a robot with more joints"
+        )
+
+
+class ConstraintRowsError(HolokinError):
+    """A constraint that does not have r = n - m rows."""
+
+    def __init__(self, name: str, rows: int, n: int, m: int) -> None:
+        self.rows, self.n, self.m = rows, n, m
+        super().__init__(
+            f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows, "
+            f"so it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.stack(...)"
+        )
+
+
+class JointLimitError(HolokinError):
+    """A posture outside the joint limits."""
+
+    def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
+        self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
+        super().__init__(
+            f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]; "
+            "choose another start posture or path, or widen the limits in the robot description"
+        )
+
+
+class SingularityKind(Enum):
+    """Why a strategy has no value at a posture."""
+
+    KINEMATIC = "the task Jacobian J loses rank: the tool cannot move in every direction of the task"
+    ALGORITHMIC = "J has full rank, but the strategy's planes hold a self-motion (H, or [J; J_g], is singular)"
+    REPRESENTATION = "the orientation representation is singular: its rates are not defined"
+
+
+class SingularityError(HolokinError):
+    """A posture at which a strategy or representation is not defined."""
+
+    _cure = {
+        SingularityKind.KINEMATIC: "keep the path away from this posture, or drop task rows",
+        SingularityKind.ALGORITHMIC: "choose another constraint or N_G there, or another leaf (start posture)",
+        SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity",
+    }
+
+    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, figure: float) -> None:
+        self.kind, self.q, self.figure = kind, tuple(float(v) for v in q), float(figure)
+        super().__init__(
+            f"{kind.name.lower()} singularity of {what} at q = {_posture(self.q)} (figure {figure:.2e}): "
+            f"{kind.value}; {self._cure[kind]}"
+        )
+
+
+class StartError(HolokinError):
+    """The start posture does not put the tool at the start of the path."""
+
+    def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float]) -> None:
+        self.distance = distance
+        super().__init__(
+            f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
+            f"tool {_posture(tool)}, path {_posture(path)}; move the path with path.starting_at(point), "
+            "or choose a start posture on it"
+        )
+
+
+class OpenPathError(HolokinError):
+    """A closed path is needed."""
+
+    def __init__(self, what: str, gap: float) -> None:
+        self.gap = gap
+        super().__init__(
+            f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
+            "close it with hk.join(path, ...) or use path + path.reversed()"
+        )
+
+
+class PathError(HolokinError):
+    """A path that could not be followed to its end; `.trajectory` holds what was computed."""
+
+    def __init__(self, fact: str, cure: str, trajectory: Any = None) -> None:
+        self.trajectory = trajectory
+        self.fact, self.cure = fact, cure
+        super().__init__(f"{fact}; {cure}")
+
+
+class OutOfReachError(PathError):
+    """The path leaves the workspace."""
+
+
+class PathSingularityError(PathError):
+    """The path leads into a singularity of the strategy; `.kind` says of which sort."""
+
+    def __init__(self, kind: SingularityKind, fact: str, cure: str, trajectory: Any = None) -> None:
+        self.kind = kind
+        super().__init__(fact, cure, trajectory)
+
+
+class TrackingError(PathError):
+    """Integration lost the path."""
+
+
+class BranchError(PathError):
+    """Leaf following met the end of its branch."""
+
+
+class LimitReachedError(PathError):
+    """A joint ran into its limit along the path."""
+
+
+class EmptyRegionError(HolokinError):
+    """No posture of a region could be judged."""
+
+    def __init__(self, samples: int, first: Exception) -> None:
+        self.first = first
+        super().__init__(
+            f"all {samples} sampled postures of the region are singular, so nothing can be judged; "
+            f"move or enlarge the region. The first said: {first}"
+        )
+
+
+class MissingExtraError(HolokinError):
+    """An optional dependency that is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")

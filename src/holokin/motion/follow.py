@@ -1,0 +1,120 @@
+"""`follow`: a strategy, a path and a start posture give a trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import (
+    ArgumentError, BranchError, JointLimitError, LimitReachedError, OpenPathError, OutOfReachError, PathError,
+    PathSingularityError, SingularityError, StartError,
+)  # fmt: skip
+from ..path import Path
+from ..strategy import Strategy
+from ..tolerances import TOLERANCES
+from ..trajectory import Status, Trajectory
+from ..types import ArrayLike, Vector
+from .leaf import leaf_stepper
+from .plan import Plan, make_plan, record
+from .progress import progress
+from .velocity import velocity_stepper
+
+METHODS = ("velocity", "leaf")
+
+
+def follow(
+    strategy: Strategy,
+    path: Path,
+    q0: ArrayLike,
+    *,
+    samples: int = 500,
+    cycles: int = 1,
+    method: str | None = None,
+    limits: bool = True,
+) -> Trajectory:
+    """Follow a path from a start posture.
+
+    Args:
+        samples: steps a cycle, at least; corners of the path are always hit.
+        cycles: runs of a closed path.
+        method: "velocity" integrates dq = G x' by fixed-step RK4, as the paper does; "leaf" solves
+            [f(q) - x; g(q) - c] = 0 at every sample, for strategies from a constraint. By default "leaf" where
+            there is a constraint, else "velocity".
+        limits: stop at joint limits; False ignores them.
+
+    The orientation targets are the path's turns applied to the tool's orientation at q0; positions are the path's.
+
+    Raises:
+        StartError: the tool at q0 is not at the start of the path. JointLimitError: q0 is outside the limits.
+        OpenPathError: several cycles of an open path. ArgumentError, ShapeError, NotFiniteError: bad arguments.
+        PathError (LimitReachedError, OutOfReachError, PathSingularityError, BranchError, TrackingError): could not
+            be followed to its end; `.trajectory` holds what was computed.
+    """
+    task, robot = strategy.task, strategy.task.robot
+    start = robot.checked(q0, "the start posture")
+    if limits:
+        robot.check_limits(start)
+    chosen = _method(strategy, method)
+    if not (isinstance(cycles, int | np.integer) and cycles >= 1):
+        raise ArgumentError("cycles", cycles, "give a whole number, at least 1")
+    if cycles > 1 and not path.closed:
+        raise OpenPathError(f"following {cycles} cycles", path.gap)
+    strategy(start)
+    tool = robot.pose(start, task.tip)
+    plan = make_plan(task, path, samples, tool[:3, :3])
+    off = task.error(start, *plan.first)
+    if np.abs(off).max() > TOLERANCES.start:
+        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0])
+    return _walk(strategy, plan, start, int(cycles), chosen, limits)
+
+
+def _method(strategy: Strategy, method: str | None) -> str:
+    if method is None:
+        return "leaf" if strategy.constraint is not None else "velocity"
+    if method not in METHODS:
+        raise ArgumentError("method", method, f"use one of {', '.join(METHODS)}")
+    if method == "leaf" and strategy.constraint is None:
+        raise ArgumentError(
+            "method", method, f"{strategy.name!r} has no constraint to hold; use 'velocity', or hk.holonomic(task, g)"
+        )
+    return method
+
+
+def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, limits: bool) -> Trajectory:
+    stepper = leaf_stepper(strategy, plan, q) if method == "leaf" else velocity_stepper(strategy, plan)
+    robot = strategy.task.robot
+    lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
+    total = cycles * plan.steps
+    postures = np.empty((total + 1, len(q)))
+    postures[0] = q
+    done = 0
+
+    def so_far(status: Status) -> Trajectory:
+        return record(strategy, plan, postures[: done + 1], cycles, status)
+
+    with progress(f"following by {method}: {strategy.name}", total) as report:
+        try:
+            for step in range(total):
+                q = stepper(q, step % plan.steps)
+                if limits and not ((q >= lower) & (q <= upper)).all():
+                    robot.check_limits(q)
+                done = step + 1
+                postures[done] = q
+                report(done)
+        except SingularityError as problem:
+            fact = f"stopped {_where(plan, done)}: {problem}"
+            cure = "see what was computed in .trajectory"
+            raise PathSingularityError(problem.kind, fact, cure, so_far(Status.SINGULAR)) from problem
+        except JointLimitError as problem:
+            fact = f"stopped {_where(plan, done)}: {problem}"
+            raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
+        except PathError as problem:
+            ends = {OutOfReachError: Status.OUT_OF_REACH, BranchError: Status.BRANCH}
+            kind = type(problem)
+            fact = f"stopped {_where(plan, done)}: {problem.fact}"
+            raise kind(fact, problem.cure, so_far(ends.get(kind, Status.LOST))) from problem
+    return so_far(Status.COMPLETE)
+
+
+def _where(plan: Plan, done: int) -> str:
+    cycle, step = divmod(done, plan.steps)
+    return f"in cycle {cycle + 1}, {100 * step / plan.steps:.1f} % along the path"

@@ -1,0 +1,105 @@
+"""Robots from Denavit-Hartenberg tables, standard or modified (Craig), by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, NotFiniteError, UnknownNameError
+from ..symbolic.geometry import exact_rotation
+from ..types import ArrayLike, Matrix
+from .model import Coordinate, Joint, Robot, Tip
+
+CONVENTIONS = ("standard", "modified")
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One row: lengths a, d [m], angles alpha, theta [rad]; the joint adds to theta (revolute) or d (prismatic).
+
+    standard:  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha);   modified:  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d),
+    with a, alpha of row i in Craig's numbering a_{i-1}, alpha_{i-1}. [SHV06, section 3.2; Cra05, section 3.4]
+    """
+
+    a: float = 0.0
+    alpha: float = 0.0
+    d: float = 0.0
+    theta: float = 0.0
+    joint: str = ""
+    kind: str = "revolute"
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
+
+
+def from_dh(
+    rows: Sequence[DHRow | Mapping[str, Any]],
+    convention: str = "standard",
+    *,
+    name: str = "robot",
+    base: ArrayLike | None = None,
+    tool: ArrayLike | None = None,
+    tip: str = "tool",
+    source: str = "",
+) -> Robot:
+    """A serial robot from a DH table.
+
+    Args:
+        rows: one `DHRow` (or mapping with its fields) a joint, SI and rad.
+        convention: "standard" or "modified".
+        base: pose (4, 4) of frame 0 in the base frame; identity by default.
+        tool: pose (4, 4) of the tool in the last frame; identity by default.
+
+    Raises:
+        UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind.
+        NotFiniteError: a figure that is not finite.
+    """
+    if convention not in CONVENTIONS:
+        raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    before = np.eye(4) if base is None else _pose("base", base)
+    joints: list[Joint] = []
+    coordinates: list[Coordinate] = []
+    for i, row in enumerate(_row(r) for r in rows):
+        label = row.joint or f"q{i + 1}"
+        if row.kind not in ("revolute", "prismatic"):
+            raise ArgumentError(f"the kind of joint {label!r}", row.kind, "use 'revolute' or 'prismatic'")
+        figures = (row.a, row.alpha, row.d, row.theta)
+        if not np.isfinite(figures).all():
+            raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", figures)
+        link = _screw("x", row.alpha, row.a)
+        motion = _screw("z", row.theta, row.d)
+        # theta and d commute with the joint's own motion about or along z, so they go before it.
+        placement = before @ (motion if convention == "standard" else link @ motion)
+        joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i))
+        coordinates.append(Coordinate(label, row.kind, row.lower, row.upper, row.max_velocity))
+        before = link if convention == "standard" else np.eye(4)
+    end = before @ (np.eye(4) if tool is None else _pose("tool", tool))
+    return Robot(name, tuple(coordinates), tuple(joints), (Tip(tip, len(joints) - 1, end),), source)
+
+
+def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
+    if isinstance(row, DHRow):
+        return row
+    known = tuple(DHRow.__dataclass_fields__)
+    for key in row:
+        if key not in known:
+            raise UnknownNameError("field of a DH row", key, known)
+    return DHRow(**row)
+
+
+def _screw(axis: str, angle: float, length: float) -> Matrix:
+    T = np.eye(4)
+    T[:3, :3] = exact_rotation(axis, angle)
+    T["xyz".index(axis), 3] = length
+    return T
+
+
+def _pose(what: str, value: ArrayLike) -> Matrix:
+    T = np.asarray(value, dtype=float)
+    right = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1])
+    if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
+        raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
+    return T

@@ -1,0 +1,242 @@
+"""`Robot`: a tree of joints from a base to one tip, or several, and its kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError
+from ..symbolic import SX, Function, horzcat, symbol, vertcat
+from ..symbolic.geometry import rotation_about
+from ..tolerances import TOLERANCES
+from ..types import ArrayLike, Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none."""
+
+    name: str
+    kind: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
+
+    @property
+    def unit(self) -> str:
+        """"m" for a prismatic joint, "rad" for a revolute one."""
+        return "m" if self.kind == "prismatic" else "rad"
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
+
+    name: str
+    kind: str
+    parent: int
+    placement: Matrix
+    axis: Vector
+    coordinate: int
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """A named frame fixed to a joint's moving side (joint -1: the base)."""
+
+    name: str
+    joint: int
+    placement: Matrix
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first."""
+
+    position: SX
+    rotation: SX
+    jacobian: SX
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A kinematic tree with n independent coordinates. Joints stand in topological order.
+
+    The first tip is the one that `pose`, `jacobian` and tasks use when none is named.
+    """
+
+    name: str
+    coordinates: tuple[Coordinate, ...]
+    joints: tuple[Joint, ...]
+    tips: tuple[Tip, ...]
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.coordinates:
+            raise ArgumentError(f"the number of moving joints of {self.name!r}", 0, "choose a tip behind a joint")
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, n={self.n}, tip={self.tips[0].name!r})"
+
+    @property
+    def n(self) -> int:
+        """Number of independent joint coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the coordinates, in the order of q."""
+        return tuple(c.name for c in self.coordinates)
+
+    @cached_property
+    def lower(self) -> Vector:
+        """Lower joint limits (n,) [m or rad]."""
+        return np.array([c.lower for c in self.coordinates])
+
+    @cached_property
+    def upper(self) -> Vector:
+        """Upper joint limits (n,) [m or rad]."""
+        return np.array([c.upper for c in self.coordinates])
+
+    @cached_property
+    def max_velocity(self) -> Vector:
+        """Joint speed limits (n,) [m/s or rad/s]."""
+        return np.array([c.max_velocity for c in self.coordinates])
+
+    @cached_property
+    def planar(self) -> bool:
+        """True when the tool stays in a plane z = const: sliders in it, hinges normal to it."""
+        z = np.array([0.0, 0.0, 1.0])
+        rotations: list[Matrix] = []
+        for joint in self.joints:
+            before = rotations[joint.parent] if joint.parent >= 0 else np.eye(3)
+            rotations.append(before @ joint.placement[:3, :3])
+            along = abs(float((rotations[-1] @ joint.axis) @ z))
+            if abs(along - (0.0 if joint.kind == "prismatic" else 1.0)) > 1e-12:
+                return False
+        return True
+
+    def joint_index(self, name: str) -> int:
+        """Index in q of a joint. Raises: UnknownNameError."""
+        if name not in self.joint_names:
+            raise UnknownNameError("joint", name, self.joint_names)
+        return self.joint_names.index(name)
+
+    def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
+        """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
+        chosen = self._tip(tip)
+        frames = self._frames(q)
+        p, R = _compose(frames, chosen.joint, chosen.placement)
+        columns: list[SX] = [SX.zeros(6, 1) for _ in range(self.n)]
+        index = chosen.joint
+        while index >= 0:
+            joint = self.joints[index]
+            origin, rotation = frames[index]
+            axis = rotation @ SX(joint.axis)
+            lever = p - origin
+            if joint.kind == "prismatic":
+                column = vertcat(axis, SX.zeros(3, 1))
+            else:
+                column = vertcat(
+                    axis[1] * lever[2] - axis[2] * lever[1],
+                    axis[2] * lever[0] - axis[0] * lever[2],
+                    axis[0] * lever[1] - axis[1] * lever[0],
+                    axis,
+                )
+            columns[joint.coordinate] = columns[joint.coordinate] + joint.multiplier * column
+            index = joint.parent
+        return Kinematics(p, R, horzcat(*columns))
+
+    def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
+        """Pose (4, 4) of a tip in the base frame at q (n,).
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip.
+        """
+        T = np.eye(4)
+        T[:3, 3], T[:3, :3], _ = self._numeric(tip)(self.checked(q))
+        return T
+
+    def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
+        """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit]."""
+        return self._numeric(tip)(self.checked(q))[2]
+
+    def skeleton(self, q: ArrayLike) -> list[Matrix]:
+        """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
+        origins = self._skeleton(self.checked(q)).reshape(-1, 3)
+        lines = []
+        for tip in self.tips:
+            index, points = tip.joint, [self.pose(q, tip.name)[:3, 3]]
+            while index >= 0:
+                points.append(origins[index])
+                index = self.joints[index].parent
+            lines.append(np.array([np.zeros(3), *reversed(points)]))
+        return lines
+
+    def checked(self, q: ArrayLike, what: str = "q") -> Vector:
+        """q as (n,) finite floats. Raises: ShapeError, NotFiniteError."""
+        array = np.asarray(q, dtype=float)
+        if array.shape != (self.n,):
+            raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
+        if not np.isfinite(array).all():
+            raise NotFiniteError(what, array.tolist())
+        return array
+
+    def check_limits(self, q: ArrayLike) -> None:
+        """Raises: JointLimitError naming the first joint outside its limits."""
+        array = self.checked(q)
+        outside = (array < self.lower - TOLERANCES.limit) | (array > self.upper + TOLERANCES.limit)
+        if outside.any():
+            i = int(np.argmax(outside))
+            raise JointLimitError(self.joint_names[i], float(array[i]), float(self.lower[i]), float(self.upper[i]))
+
+    def _tip(self, name: str | None) -> Tip:
+        if name is None:
+            return self.tips[0]
+        for tip in self.tips:
+            if tip.name == name:
+                return tip
+        raise UnknownNameError("tip", name, [tip.name for tip in self.tips])
+
+    def _frames(self, q: SX) -> list[tuple[SX, SX]]:
+        """(origin, rotation) of every joint's moving frame, in the base frame."""
+        frames: list[tuple[SX, SX]] = []
+        for joint in self.joints:
+            p, R = _compose(frames, joint.parent, joint.placement)
+            value = joint.multiplier * q[joint.coordinate] + joint.offset
+            if joint.kind == "prismatic":
+                p = p + R @ SX(joint.axis) * value
+            else:
+                R = R @ rotation_about(joint.axis, value)
+            frames.append((p, R))
+        return frames
+
+    @cached_property
+    def _functions(self) -> dict[str, Function]:
+        return {}
+
+    def _numeric(self, tip: str | None) -> Function:
+        name = self._tip(tip).name
+        if name not in self._functions:
+            q = symbol("q", self.n)
+            k = self.kinematics(q, name)
+            outputs = {"p": k.position, "R": k.rotation, "J": k.jacobian}
+            self._functions[name] = Function("kinematics", {"q": q}, outputs)
+        return self._functions[name]
+
+    @cached_property
+    def _skeleton(self) -> Function:
+        q = symbol("q", self.n)
+        return Function("skeleton", {"q": q}, {"origins": vertcat(*(p for p, _ in self._frames(q)))})
+
+
+def _compose(frames: Sequence[tuple[SX, SX]], parent: int, placement: Matrix) -> tuple[SX, SX]:
+    if parent < 0:
+        return SX(placement[:3, 3]), SX(placement[:3, :3])
+    p, R = frames[parent]
+    return p + R @ SX(placement[:3, 3]), R @ SX(placement[:3, :3])

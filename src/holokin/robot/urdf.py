@@ -1,0 +1,224 @@
+"""Robots from URDF files, read by yourdfpy: revolute, continuous, prismatic, fixed and mimic joints."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+
+from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from ..types import Matrix
+from .model import Coordinate, Joint, Robot, Tip
+
+MOVING = ("revolute", "continuous", "prismatic")
+
+
+def from_urdf(
+    path: str | Path,
+    tip: str | Sequence[str] | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+) -> Robot:
+    """A robot from a URDF: the chain, or chains, from `base` to `tip`.
+
+    Args:
+        path: the file; meshes are not needed.
+        tip: link that carries the tool, or several for a robot with several arms (the first is the default
+            tip). Without it the tree must end in one link only.
+        base: link that stays put and whose frame is used; by default the root of the tree.
+        locked: joint name -> value [m or rad] of joints to hold still.
+
+    Raises:
+        RobotFileError: missing or malformed file, a joint type that cannot be used, a branching tree without `tip`.
+        UnknownNameError: a link or joint that the file does not have.
+    """
+    model = _read(path)
+    links = [link.name for link in model.links]
+    parent_joint = {joint.child: joint for joint in model.joints}
+    root = base if base is not None else _root(path, links, parent_joint)
+    held = dict(locked or {})
+    names = [joint.name for joint in model.joints]
+    for kind, wanted, known in (("link", [root], links), ("joint", held, names)):
+        for word in wanted:
+            if word not in known:
+                raise UnknownNameError(f"{kind} of {path}", word, known)
+    for joint, value in held.items():
+        if not np.isfinite(value):
+            raise ArgumentError(f"locked joint {joint!r}", value, "give a finite value in m or rad")
+    wanted_tips = _wanted_tips(path, tip, links, parent_joint, root)
+    return _Builder(path, {joint.name: joint for joint in model.joints}, parent_joint, root, held).build(
+        str(model.name or Path(path).stem), wanted_tips
+    )
+
+
+def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Every link at which the tree ends -> the moving joints from the base to it, mimic joints included."""
+    model = _read(path)
+    parent_joint = {joint.child: joint for joint in model.joints}
+    root = base if base is not None else _root(path, [link.name for link in model.links], parent_joint)
+    tips = {}
+    for leaf in _leaves([link.name for link in model.links], parent_joint):
+        chain = _chain(leaf, root, parent_joint)
+        if chain is not None:
+            tips[leaf] = tuple(joint.name for joint in chain if joint.type in MOVING)
+    return tips
+
+
+class _Builder:
+    """Walks the chains and collects joints and coordinates, each once."""
+
+    def __init__(self, path: str | Path, joints: dict[str, Any], parents: dict[str, Any], root: str, held: dict):
+        self.path, self.by_name, self.parents, self.root, self.held = path, joints, parents, root, held
+        self.joints: list[Joint] = []
+        self.index: dict[str, int] = {}
+        self.coordinates: dict[str, Coordinate] = {}
+
+    def build(self, name: str, tips: Sequence[str]) -> Robot:
+        ends = []
+        for tip in tips:
+            chain = _chain(tip, self.root, self.parents)
+            if chain is None:
+                raise RobotFileError(
+                    self.path, f"link {tip!r} is not below base {self.root!r}", "choose a base that carries the tip"
+                )
+            ends.append(self._add(tip, chain))
+        return Robot(name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), str(self.path))
+
+    def _add(self, tip: str, chain: Sequence[Any]) -> Tip:
+        parent, placement = -1, np.eye(4)
+        for joint in chain:
+            origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
+            placement = placement @ origin
+            if joint.type == "fixed":
+                continue
+            if joint.type not in MOVING:
+                raise RobotFileError(
+                    self.path,
+                    f"joint {joint.name!r} is of type {joint.type!r}",
+                    "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported",
+                )
+            axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
+            length = np.linalg.norm(axis)
+            if not np.isfinite(length) or length == 0.0:
+                raise RobotFileError(self.path, f"joint {joint.name!r} has axis {axis}", "give it a direction")
+            master, multiplier, offset = self._master(joint)
+            kind = "prismatic" if joint.type == "prismatic" else "revolute"
+            if master.name in self.held:
+                value = multiplier * self.held[master.name] + offset
+                placement = placement @ _motion(kind, axis / length, value)
+                continue
+            if joint.name not in self.index:
+                self.coordinates.setdefault(master.name, _coordinate(master))
+                number = list(self.coordinates).index(master.name)
+                self.index[joint.name] = len(self.joints)
+                self.joints.append(
+                    Joint(joint.name, kind, parent, placement, axis / length, number, multiplier, offset)
+                )
+            parent, placement = self.index[joint.name], np.eye(4)
+        return Tip(tip, parent, placement)
+
+    def _master(self, joint: Any) -> tuple[Any, float, float]:
+        """The joint that a chain of mimics follows, and value = multiplier * master + offset."""
+        multiplier, offset, seen = 1.0, 0.0, {joint.name}
+        while joint.mimic is not None and joint.name not in self.held:
+            gain = 1.0 if joint.mimic.multiplier is None else float(joint.mimic.multiplier)
+            shift = 0.0 if joint.mimic.offset is None else float(joint.mimic.offset)
+            offset += multiplier * shift
+            multiplier *= gain
+            if joint.mimic.joint not in self.by_name or joint.mimic.joint in seen:
+                raise RobotFileError(
+                    self.path, f"joint {joint.name!r} mimics {joint.mimic.joint!r}", "mimic a joint that leads nowhere back"
+                )
+            joint = self.by_name[joint.mimic.joint]
+            seen.add(joint.name)
+        return joint, multiplier, offset
+
+
+def _read(path: str | Path) -> Any:
+    file = Path(path)
+    if not file.is_file():
+        raise RobotFileError(path, "there is no such file", "check the path; `holokin robots` lists the catalogue")
+    import yourdfpy
+
+    logger = logging.getLogger("yourdfpy")
+    level = logger.level
+    logger.setLevel(logging.ERROR)  # it warns of every mesh, and meshes are not wanted here
+    try:
+        model = yourdfpy.URDF.load(
+            str(file), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
+            load_collision_meshes=False,
+        ).robot  # fmt: skip
+    except (ParseError, SyntaxError, ValueError, AttributeError, TypeError, KeyError, IndexError, AssertionError) as e:
+        fact = str(e).splitlines()[0] if str(e) else type(e).__name__
+        raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
+    finally:
+        logger.setLevel(level)
+    if not model.joints:
+        raise RobotFileError(path, "has no joints", "give a URDF of a robot; xacro files must be expanded first")
+    return model
+
+
+def _root(path: str | Path, links: Sequence[str], parent_joint: Mapping[str, Any]) -> str:
+    roots = [link for link in links if link not in parent_joint]
+    if len(roots) != 1:
+        raise RobotFileError(path, f"has {len(roots)} roots: {', '.join(roots)}", "give base=")
+    return roots[0]
+
+
+def _leaves(links: Sequence[str], parent_joint: Mapping[str, Any]) -> list[str]:
+    inner = {joint.parent for joint in parent_joint.values()}
+    return [link for link in links if link not in inner]
+
+
+def _chain(tip: str, root: str, parent_joint: Mapping[str, Any]) -> list[Any] | None:
+    chain: list[Any] = []
+    link = tip
+    while link != root:
+        if link not in parent_joint or len(chain) > len(parent_joint):
+            return None
+        chain.append(parent_joint[link])
+        link = parent_joint[link].parent
+    return chain[::-1]
+
+
+def _wanted_tips(
+    path: str | Path, tip: str | Sequence[str] | None, links: Sequence[str], parents: Mapping[str, Any], root: str
+) -> list[str]:
+    if tip is None:
+        below = [leaf for leaf in _leaves(links, parents) if _chain(leaf, root, parents)]
+        if len(below) != 1:
+            raise RobotFileError(path, f"branches into {len(below)} tips", f"give tip=, one or more of {', '.join(below)}")
+        return below
+    wanted = [tip] if isinstance(tip, str) else list(tip)
+    for link in wanted:
+        if link not in links:
+            raise UnknownNameError(f"link of {path}", link, links)
+    return wanted
+
+
+def _coordinate(joint: Any) -> Coordinate:
+    kind = "prismatic" if joint.type == "prismatic" else "revolute"
+    limit = joint.limit
+
+    def figure(name: str, missing: float) -> float:
+        value = getattr(limit, name, None) if limit is not None else None
+        return missing if value is None else float(value)
+
+    if joint.type == "continuous":
+        return Coordinate(joint.name, kind, max_velocity=figure("velocity", np.inf) or np.inf)
+    lower, upper = figure("lower", -np.inf), figure("upper", np.inf)
+    return Coordinate(joint.name, kind, lower, upper, figure("velocity", np.inf) or np.inf)
+
+
+def _motion(kind: str, axis: np.ndarray, value: float) -> Matrix:
+    T = np.eye(4)
+    if kind == "prismatic":
+        T[:3, 3] = axis * value
+    else:
+        K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        T[:3, :3] = np.eye(3) + np.sin(value) * K + (1 - np.cos(value)) * (K @ K)
+    return T

@@ -1,0 +1,16 @@
+"""Strategies: right inverses of the task Jacobian."""
+
+from .base import Expressions, Field, Strategy
+from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+
+__all__ = [
+    "Expressions",
+    "Field",
+    "Strategy",
+    "coupled_twist",
+    "holonomic",
+    "moore_penrose",
+    "null_basis",
+    "pfaffian",
+    "weighted",
+]

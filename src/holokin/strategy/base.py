@@ -1,0 +1,196 @@
+"""`Strategy`: a right inverse G(q) of the task Jacobian, J G = 1, dq = G dx.
+
+A strategy is its planes range G, m-dimensional and transversal to the self-motions ker J. They are given
+either as the span of a frame B(q) (n, m), then G = B (J B)^-1, or as the kernel of rows A(q) (r, n), then
+G = [J; A]^-1 [1; 0]. With B = N_G the first is the paper's (7), N_G (J N_G)^-1 = H H^T J^T (J H H^T J^T)^-1,
+without squaring its condition number (theory 1.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..constraint import Constraint
+from ..errors import ShapeError, SingularityError, SingularityKind
+from ..robot import Kinematics
+from ..symbolic import SX, Function, as_expression, factorise, fmin, jacobian, symbol, vertcat
+from ..symbolic.geometry import wrapped
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import Array, ArrayLike, Matrix, Vector
+
+Field = Callable[[Task, Kinematics, SX], SX]
+"""An expression of the posture: (task, kinematics, q) -> matrix."""
+
+
+@dataclass(frozen=True)
+class Expressions:
+    """The expressions of a strategy over its symbol q; `frame` or `rows`, never both, is the one it was given by."""
+
+    q: SX
+    kinematics: Kinematics
+    J: SX
+    frame: SX | None
+    rows: SX | None
+
+    def rate(self, dx: SX) -> tuple[SX, SX]:
+        """(G dx, conditioning): dx (m, k) -> (n, k), by orthogonal factorisations only."""
+        if self.rows is not None:
+            extended = factorise(vertcat(self.J, self.rows))
+            zeros = SX.zeros(self.rows.shape[0], dx.shape[1])
+            return extended.solve(vertcat(dx, zeros)), extended.conditioning()
+        frame = factorise(self.frame)
+        Q = frame.thin_q()
+        inner = factorise(self.J @ Q)
+        return Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning())
+
+
+@dataclass(frozen=True, eq=False)
+class Strategy:
+    """A right inverse of a task. Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...
+
+    Exactly one of `frame` and `rows` is given. A strategy from a constraint keeps it in `constraint`.
+    """
+
+    name: str
+    task: Task
+    frame: Field | None = None
+    rows: Field | None = None
+    constraint: Constraint | None = None
+
+    def __repr__(self) -> str:
+        return f"Strategy({self.name!r}, {self.task.name}, m={self.task.m}, n={self.task.n})"
+
+    def __call__(self, q: ArrayLike) -> Matrix:
+        """G(q), (n,) -> (n, m) [joint unit / task unit].
+
+        Raises:
+            SingularityError: J, H or [J; J_g] is singular at q, or the representation is; `.kind` says which.
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        q = self.task.robot.checked(q)
+        G, conditioning, margin = self.gain(q)
+        self.check(q, conditioning, margin)
+        return G.reshape(self.task.n, self.task.m)
+
+    def batch(self, Q: ArrayLike) -> Array:
+        """G at many postures, (k, n) -> (k, n, m). Raises: SingularityError naming the first singular one."""
+        Q = np.asarray(Q, dtype=float)
+        if Q.ndim != 2 or Q.shape[1] != self.task.n:
+            raise ShapeError("a batch of postures", ("k", self.task.n), Q.shape)
+        G, conditioning, margin = self.gain.batch(Q)
+        bad = ~((conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation))
+        if bad.any():
+            i = int(np.argmax(bad))
+            self.check(self.task.robot.checked(Q[i], f"posture {i}"), conditioning[i], margin[i])
+        return G.reshape(len(Q), self.task.n, self.task.m)
+
+    def distribution(self, q: ArrayLike) -> Matrix:
+        """N_G (n, m): the frame that the strategy was given by, or its canonical one, G itself (theory 1.4)."""
+        if self.frame is None:
+            return self(q)
+        return self._frame(self.task.robot.checked(q)).reshape(self.task.n, self.task.m)
+
+    def H(self, q: ArrayLike) -> Matrix:
+        """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""
+        return np.hstack([self.distribution(q), self.task.null_space(q)])
+
+    def weight(self, q: ArrayLike) -> Matrix:
+        """W = H H^T (n, n): the weight with which G is a weighted pseudo-inverse (6). [ZR11, (7)]"""
+        H = self.H(q)
+        return H @ H.T
+
+    def check(self, q: Vector, conditioning: float, margin: float = 1.0) -> None:
+        """Raises: SingularityError, saying of which kind, unless the figures are sound."""
+        self.task.check_representation(q, margin)
+        if conditioning > TOLERANCES.singular:
+            return
+        J = self.task.jacobian(q)
+        s = np.linalg.svd(J, compute_uv=False)
+        kinematic = s[-1] <= np.sqrt(TOLERANCES.singular) * s[0] * 1e-3
+        kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
+        raise SingularityError(kind, q, f"{self.name} ({self.task.name})", s[-1] if kinematic else conditioning)
+
+    # --- expressions and the functions built from them, once --------------------------------------------------
+
+    @cached_property
+    def expressions(self) -> Expressions:
+        """The expressions over one symbol q."""
+        task = self.task
+        q = symbol("q", task.n)
+        k = task.robot.kinematics(q, task.tip)
+        J = task.jacobian_expression(k, q)
+        frame = self._field(self.frame, k, q, (task.n, task.m), "the frame N_G")
+        rows = self._field(self.rows, k, q, (task.n - task.m, task.n), "the constraint rows")
+        return Expressions(q, k, J, frame, rows)
+
+    def _field(self, field: Field | None, k: Kinematics, q: SX, shape: tuple[int, int], what: str) -> SX | None:
+        if field is None:
+            return None
+        value = as_expression(field(self.task, k, q))
+        if value.shape != shape:
+            raise ShapeError(f"{what} of {self.name!r}", shape, value.shape, "it must fit n joints and m task rows")
+        return value
+
+    @cached_property
+    def gain(self) -> Function:
+        """q -> (G, conditioning, representation margin), unchecked."""
+        e = self.expressions
+        G, conditioning = e.rate(SX.eye(self.task.m))
+        margin = self.task.margin_expression(e.kinematics.rotation)
+        return Function("gain", {"q": e.q}, {"G": G, "conditioning": conditioning, "margin": margin})
+
+    @cached_property
+    def rate(self) -> Function:
+        """(q, dx) -> (dq = G dx, conditioning), unchecked: one solve instead of m. [ZR11, (3)]"""
+        e = self.expressions
+        dx = symbol("dx", self.task.m)
+        dq, conditioning = e.rate(dx)
+        return Function("rate", {"q": e.q, "dx": dx}, {"dq": dq, "conditioning": conditioning})
+
+    @cached_property
+    def constraint_value(self) -> Function:
+        """q -> g(q) (r,) of a strategy from a constraint."""
+        e = self.expressions
+        return Function("constraint", {"q": e.q}, {"g": self._constraint().bind(self.task, e.kinematics, e.q)})
+
+    @cached_property
+    def leaf_step(self) -> Function:
+        """(q, p, R, c) -> (Newton correction, task error, g - c, conditioning, det [J; J_g]).
+
+        One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
+        """
+        e = self.expressions
+        p, R, c = symbol("p", 3), symbol("R", 3, 3), symbol("c", self.task.n - self.task.m)
+        g = self._constraint()
+        residual = c - g.bind(self.task, e.kinematics, e.q)
+        residual = vertcat(*(wrapped(residual[i]) if flag else residual[i] for i, flag in enumerate(g.angular)))
+        error = self.task.error_expression(e.kinematics, p, R)
+        extended = factorise(vertcat(e.J, e.rows))
+        outputs = {
+            "dq": extended.solve(vertcat(error, residual)),
+            "error": error,
+            "residual": residual,
+            "conditioning": extended.conditioning(),
+            "det": extended.determinant(),
+        }
+        return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs)
+
+    @cached_property
+    def _frame(self) -> Function:
+        e = self.expressions
+        return Function("frame", {"q": e.q}, {"N_G": as_expression(e.frame)})
+
+    def _constraint(self) -> Constraint:
+        if self.constraint is None:
+            raise ShapeError(f"{self.name!r}", "a strategy from a constraint", "none", "use hk.holonomic(task, g)")
+        return self.constraint
+
+
+def gradient_rows(constraint: Constraint) -> Field:
+    """J_g = dg/dq of a constraint, as a field of rows (r, n)."""
+    return lambda task, k, q: jacobian(constraint.bind(task, k, q), q)

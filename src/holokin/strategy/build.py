@@ -1,0 +1,97 @@
+"""The strategies: Moore-Penrose, weighted, null-basis, holonomic, and rows that need not be a gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..constraint import Constraint, as_gain
+from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..robot import Kinematics
+from ..symbolic import SX, as_expression
+from ..task import Task
+from ..types import ArrayLike
+from .base import Strategy, gradient_rows
+
+
+def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
+    """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
+    return Strategy(name, task, frame=lambda task, k, q: task.jacobian_expression(k, q).T)
+
+
+def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
+    """G = W J^T (J W J^T)^-1: least dq^T W^-1 dq. [ZR11, (6)]
+
+    Args:
+        W: symmetric positive definite (n, n), constant, or a function q -> CasADi expression (n, n).
+
+    Raises:
+        ArgumentError: a constant W that is not symmetric positive definite. ShapeError, NotFiniteError.
+    """
+    if callable(W):
+        field = W
+    else:
+        constant = np.asarray(W, dtype=float)
+        if constant.shape != (task.n, task.n):
+            raise ShapeError("the weight W", (task.n, task.n), constant.shape)
+        if not np.isfinite(constant).all():
+            raise NotFiniteError("the weight W", constant.tolist())
+        if not np.allclose(constant, constant.T, rtol=1e-12) or np.linalg.eigvalsh(constant)[0] <= 0:
+            raise ArgumentError("the weight W", constant.tolist(), "give a symmetric positive definite matrix")
+        field = lambda _q: SX(constant)  # noqa: E731
+
+    def frame(task: Task, k: Kinematics, q: SX) -> SX:
+        value = as_expression(field(q))
+        if value.shape != (task.n, task.n):
+            raise ShapeError("the weight W", (task.n, task.n), value.shape)
+        return value @ task.jacobian_expression(k, q).T
+
+    return Strategy(name, task, frame=frame)
+
+
+def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
+    """The paper's general form (7): G = H H^T J^T (J H H^T J^T)^-1 with H = [N_G N], computed as N_G (J N_G)^-1.
+
+    Holonomic exactly when N_G spans an involutive distribution; `involutivity` tells. [ZR11, Theorem III.2]
+
+    Args:
+        N_G: q -> CasADi expression (n, m), or nested lists of them.
+
+    Raises:
+        ShapeError (when first used): N_G is not (n, m).
+    """
+    return Strategy(name, task, frame=lambda _task, _k, q: as_expression(N_G(q)))
+
+
+def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy:
+    """The extended Jacobian of a constraint: G = [J; J_g]^-1 [1; 0], holonomic by construction. [Bai85]
+
+    Raises:
+        ConstraintRowsError: g has not r = n - m rows.
+    """
+    strategy = Strategy(name or g.name, task, rows=gradient_rows(g), constraint=g)
+    strategy.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
+    return strategy
+
+
+def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> Strategy:
+    """G = [J; A]^-1 [1; 0] for rows A(q) dq = 0 that need not be integrable; `involutivity` tells whether they are.
+
+    Args:
+        A: q -> CasADi expression (r, n), r = n - m.
+    """
+    return Strategy(name, task, rows=lambda _task, _k, q: as_expression(A(q)))
+
+
+def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:
+    """w + Lambda v = 0: the paper's (28) with the geometric J_o in place of Euler angle rates.
+
+    Not holonomic for Lambda != 0: (J_w + lambda J_p)[G_i, G_j] = -lambda^2 eps_ijk e_k (theory E3).
+
+    Args:
+        gain: Lambda in rad/m, a number or (3, 3).
+    """
+    L = as_gain(gain, (3, 3))
+    return Strategy(name, task, rows=lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])

@@ -1,0 +1,122 @@
+"""Rotations in expressions: right in value and derivative at the identity and near a half turn.
+
+Where a formula is 0/0 the branch not taken is fed a harmless argument, so that no NaN reaches a
+derivative. Rotation vectors are axis times angle [rad]; quaternions are (w, x, y, z). [SLA21]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from ..types import Matrix
+
+_SMALL = 1e-4
+"""Squared angle below which series are used; their first dropped term is then below 1e-17."""
+
+
+def skew(w: ca.SX) -> ca.SX:
+    """[w]x with [w]x v = w x v; (3,) -> (3, 3)."""
+    return ca.skew(w)
+
+
+def exact_rotation(axis: str, angle: float) -> Matrix:
+    """The numeric rotation about "x", "y" or "z" by an angle [rad]; right angles give exact 0 and 1."""
+    c, s = _snapped(np.cos(angle)), _snapped(np.sin(angle))
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    R = np.eye(3)
+    R[i, i], R[i, j], R[j, i], R[j, j] = c, -s, s, c
+    return R
+
+
+def _snapped(value: float) -> float:
+    nearest = float(np.round(value))
+    return nearest if abs(value - nearest) < 1e-15 else float(value)
+
+
+def rotation_from_rpy(rpy: Sequence[float]) -> Matrix:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), the URDF convention; (3,) -> (3, 3)."""
+    roll, pitch, yaw = rpy
+    return exact_rotation("z", yaw) @ exact_rotation("y", pitch) @ exact_rotation("x", roll)
+
+
+def rotation_about(axis: np.ndarray, angle: ca.SX) -> ca.SX:
+    """R = c I + s [a]x + (1 - c) a a^T for a constant unit axis a (3,) and an angle [rad] -> (3, 3)."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    K = ca.SX(ca.skew(ca.DM(axis)))
+    R = ca.densify(c * ca.SX.eye(3) + s * K + (1 - c) * ca.SX(np.outer(axis, axis)))
+    for i in range(3):
+        if abs(axis[i]) == 1.0:
+            R[i, i] = 1  # c + (1 - c), which the expression graph does not simplify
+    return R
+
+
+def exp_so3(w: ca.SX) -> ca.SX:
+    """exp([w]x), (3,) -> (3, 3): I + a [w]x + b [w]x^2, a = sin t / t, b = (1 - cos t) / t^2."""
+    t2 = ca.dot(w, w)
+    small = t2 < _SMALL
+    safe = ca.if_else(small, 1, t2)
+    t = ca.sqrt(safe)
+    a = ca.if_else(small, 1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42)), ca.sin(t) / t)
+    half = ca.sin(t / 2)  # 2 sin^2(t/2) = 1 - cos t without cancellation
+    b = ca.if_else(small, 0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56)), 2 * half * half / safe)
+    K = ca.skew(w)
+    return ca.SX.eye(3) + a * K + b * (K @ K)
+
+
+def quaternion_wxyz(R: ca.SX) -> ca.SX:
+    """Unit quaternion (4,) of a rotation, w >= 0: of Shepperd's four forms the best conditioned one."""
+    r = [[R[i, j] for j in range(3)] for i in range(3)]
+    trace = r[0][0] + r[1][1] + r[2][2]
+    a, b, c = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
+    d, e, f = r[1][0] + r[0][1], r[0][2] + r[2][0], r[2][1] + r[1][2]
+    squares = [1 + trace, *(1 + 2 * r[i][i] - trace for i in range(3))]
+    rows = [[squares[0], a, b, c], [a, squares[1], d, e], [b, d, squares[2], f], [c, e, f, squares[3]]]
+    best, largest = ca.SX(4, 1), ca.SX(-1)
+    for i, row in enumerate(rows):  # the rows of 4 q q^T: the one chosen has a diagonal of at least 1
+        candidate = ca.vertcat(*row) / (2 * ca.sqrt(ca.fmax(squares[i], 0.5)))
+        best = ca.if_else(squares[i] > largest, candidate, best)
+        largest = ca.fmax(squares[i], largest)
+    return best * ca.copysign(1, best[0])
+
+
+def log_so3(R: ca.SX) -> ca.SX:
+    """Rotation vector (3,) of a rotation, angle in [0, pi]; the inverse of `exp_so3`.
+
+    Through the quaternion: 2 atan2(|v|, w) v / |v|, smooth at a half turn, where the sign of the axis is
+    chosen by w >= 0, and a series in |v|^2 at the identity.
+    """
+    quaternion = quaternion_wxyz(R)
+    w, v = quaternion[0], quaternion[1:]
+    v2 = ca.dot(v, v)
+    small = v2 < _SMALL
+    norm = ca.sqrt(ca.if_else(small, 1, v2))
+    safe_w = ca.if_else(small, w, 1)
+    z = v2 / (safe_w * safe_w)
+    series = 2 / safe_w * (1 - z / 3 * (1 - z * 3 / 5 * (1 - z * 5 / 7 * (1 - z * 7 / 9))))
+    return v * ca.if_else(small, series, 2 * ca.atan2(norm, w) / norm)
+
+
+def zyz_angles(R: ca.SX) -> ca.SX:
+    """(phi, theta, psi) with R = Rz(phi) Ry(theta) Rz(psi), theta in [0, pi]; singular at sin theta = 0."""
+    return ca.vertcat(
+        ca.atan2(R[1, 2], R[0, 2]),
+        ca.atan2(ca.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2), R[2, 2]),
+        ca.atan2(R[2, 1], -R[2, 0]),
+    )
+
+
+def rpy_angles(R: ca.SX) -> ca.SX:
+    """(roll, pitch, yaw) with R = Rz(yaw) Ry(pitch) Rx(roll); singular at cos pitch = 0."""
+    return ca.vertcat(
+        ca.atan2(R[2, 1], R[2, 2]),
+        ca.atan2(-R[2, 0], ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)),
+        ca.atan2(R[1, 0], R[0, 0]),
+    )
+
+
+def wrapped(angle: ca.SX) -> ca.SX:
+    """The same angle [rad] in (-pi, pi]; the derivative stays 1. Exactly 0 for 0."""
+    return ca.atan2(ca.sin(angle), ca.cos(angle))

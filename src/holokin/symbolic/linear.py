@@ -1,0 +1,92 @@
+"""Linear solves inside expressions, by Householder reflections: never elimination without pivoting,
+since a zero first entry is an ordinary robot posture. [GVL13, section 5.2]
+
+The reflections are written with s = copysign(1, x_0) instead of |x_0|, so that derivatives taken
+through a solve stay right when a pivot entry is exactly zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+
+@dataclass(frozen=True)
+class Factorisation:
+    """A = Q R with Q orthogonal (rows x rows, kept as reflections) and R upper triangular (columns x columns)."""
+
+    reflections: tuple[tuple[int, ca.SX, ca.SX], ...]
+    R: ca.SX
+    rows: int
+
+    def solve(self, B: ca.SX) -> ca.SX:
+        """X = A^-1 B for a square A; shapes (n, n), (n, k) -> (n, k). Least squares for a tall A."""
+        return back_substitute(self.R, self._transpose_times(B)[: self.R.shape[0], :])
+
+    def thin_q(self) -> ca.SX:
+        """The first columns of Q: an orthonormal basis (rows, columns) of range A."""
+        Q = ca.SX.eye(self.rows)[:, : self.R.shape[1]]
+        for k, v, beta in reversed(self.reflections):
+            Q[k:, :] = Q[k:, :] - (beta * v) @ (v.T @ Q[k:, :])
+        return ca.densify(Q)
+
+    def determinant(self) -> ca.SX:
+        """det A of a square A: each reflection turns the sign once."""
+        product = ca.SX(-1 if len(self.reflections) % 2 else 1)
+        for k in range(self.R.shape[0]):
+            product = product * self.R[k, k]
+        return product
+
+    def conditioning(self) -> ca.SX:
+        """min |R_kk| / max |R_kk|, in [0, 1]: a cheap estimate of 1 / cond A; 0 for a singular A."""
+        if self.R.shape[0] == 0:
+            return ca.SX(1)
+        smallest = largest = ca.fabs(self.R[0, 0])
+        for k in range(1, self.R.shape[0]):
+            smallest = ca.fmin(smallest, ca.fabs(self.R[k, k]))
+            largest = ca.fmax(largest, ca.fabs(self.R[k, k]))
+        return smallest / largest
+
+    def _transpose_times(self, B: ca.SX) -> ca.SX:
+        B = ca.densify(ca.SX(B))
+        for k, v, beta in self.reflections:
+            B[k:, :] = B[k:, :] - (beta * v) @ (v.T @ B[k:, :])
+        return B
+
+
+def factorise(A: ca.SX) -> Factorisation:
+    """A = Q R of a square or tall matrix (rows >= columns)."""
+    A = ca.densify(ca.SX(A))
+    rows, columns = A.shape
+    reflections: list[tuple[int, ca.SX, ca.SX]] = []
+    for k in range(min(columns, rows - 1)):
+        x = A[k:, k]
+        if all(x[i].is_zero() for i in range(1, rows - k)):
+            continue
+        s = ca.copysign(1, x[0])
+        norm = ca.norm_2(x)
+        v = ca.vertcat(x[0] + s * norm, x[1:])
+        beta = 1 / (norm * (norm + s * x[0]))
+        A[k:, k + 1 :] = A[k:, k + 1 :] - (beta * v) @ (v.T @ A[k:, k + 1 :])
+        A[k, k] = -s * norm
+        A[k + 1 :, k] = 0
+        reflections.append((k, v, beta))
+    return Factorisation(tuple(reflections), A[:columns, :], rows)
+
+
+def back_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
+    """X = R^-1 B for an upper triangular R."""
+    n = R.shape[0]
+    X = ca.SX(n, B.shape[1])
+    for i in reversed(range(n)):
+        total = B[i, :]
+        for j in range(i + 1, n):
+            total = total - R[i, j] * X[j, :]
+        X[i, :] = total / R[i, i]
+    return ca.densify(X)
+
+
+def solve(A: ca.SX, B: ca.SX) -> ca.SX:
+    """X = A^-1 B; shapes (n, n), (n, k) -> (n, k)."""
+    return factorise(A).solve(B)

@@ -1,0 +1,267 @@
+"""`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
+
+Rows are position first, then orientation. `twist` uses the geometric Jacobian, whose angular rows are
+not the derivative of any coordinates; the other representations have x = f(q) and J = df/dq.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .errors import ArgumentError, SingularityError, SingularityKind, TaskTooLargeError, UnknownNameError
+from .robot import Kinematics, Robot
+from .symbolic import SX, Function, cos, jacobian, norm_2, sin, symbol, vec, vertcat
+from .symbolic.geometry import log_so3, rpy_angles, skew, wrapped, zyz_angles
+from .tolerances import TOLERANCES
+from .types import Array, ArrayLike, Matrix, Vector
+
+ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector")
+_ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3, "twist": log_so3}
+_ROW_NAMES = {
+    "twist": ("wx", "wy", "wz"),
+    "zyz": ("phi", "theta", "psi"),
+    "rpy": ("roll", "pitch", "yaw"),
+    "rotation-vector": ("rx", "ry", "rz"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows.
+
+    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", or None for position only.
+    `reference` (3, 3) is the rotation that "rotation-vector" counts from: log(R reference^T).
+    Iterating strategies over rows: `task[[0, 1]]` keeps the first two.
+    """
+
+    robot: Robot
+    orientation: str | None
+    rows: tuple[int, ...]
+    reference: Matrix
+    tip: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.m > self.n:
+            raise TaskTooLargeError(self.m, self.n, self.robot.name)
+
+    def __repr__(self) -> str:
+        return f"Task({self.name}, m={self.m}, n={self.n})"
+
+    def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
+        """The task of some rows only. Raises: UnknownNameError for a row that does not exist."""
+        wanted = range(self.m)[index] if isinstance(index, slice) else np.atleast_1d(index).tolist()
+        for i in wanted:
+            if not -self.m <= i < self.m:
+                raise UnknownNameError("task row", str(i), [str(k) for k in range(self.m)])
+        if len({i % self.m for i in wanted}) != len(list(wanted)) or not len(list(wanted)):
+            raise ArgumentError("the choice of task rows", index, "name each row once, and at least one")
+        return replace(self, rows=tuple(self.rows[i] for i in wanted))
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return len(self.rows)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.robot.n
+
+    @property
+    def name(self) -> str:
+        """For instance "pose (zyz) of panda"."""
+        kind = "position" if self.orientation is None else f"pose ({self.orientation})"
+        return f"{kind} of {self.robot.name}"
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """Name of each row."""
+        names = ("x", "y", "z", *_ROW_NAMES[self.orientation or "twist"])
+        return tuple(names[i] for i in self.rows)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """"m" or "rad" of each row."""
+        return tuple("m" if i < 3 else "rad" for i in self.rows)
+
+    @property
+    def exact(self) -> bool:
+        """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
+        return self.orientation != "twist" or all(i < 3 for i in self.rows) or self.robot.planar
+
+    def __call__(self, q: ArrayLike) -> Vector:
+        """x = f(q), (n,) -> (m,) [m, rad]. The angular rows of a twist task show log(R reference^T).
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        return np.atleast_1d(self._value(self.robot.checked(q)))
+
+    def jacobian(self, q: ArrayLike) -> Matrix:
+        """Task Jacobian J, (n,) -> (m, n).
+
+        Raises:
+            SingularityError: the orientation representation is singular at q.
+        """
+        q = self.robot.checked(q)
+        J, margin = self._jacobian(q)
+        self.check_representation(q, margin)
+        return J.reshape(self.m, self.n)
+
+    def null_space(self, q: ArrayLike) -> Matrix:
+        """A basis N of ker J, (n,) -> (n, r).
+
+        r = 1: the signed minors of J, smooth in q, with |N|^2 = det(J J^T) and det [J; N^T] > 0 [ZR11, (19)].
+        r > 1: an orthonormal basis from the singular value decomposition, which may jump between postures.
+        """
+        J = self.jacobian(q)
+        N = np.linalg.svd(J)[2][self.m :].T
+        if self.n - self.m == 1:
+            sign = np.sign(np.linalg.det(np.vstack([J, N.T])))
+            N = N * sign * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))
+        return N
+
+    def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Vector:
+        """Task error (m,) from the pose at q to a target position (3,) and rotation (3, 3) [m, rad].
+
+        Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi].
+        """
+        return np.atleast_1d(self.error_function(self.robot.checked(q), position, rotation))
+
+    def value_batch(self, Q: Matrix) -> Matrix:
+        """f at postures (k, n) -> (k, m)."""
+        return self._value.batch(Q).reshape(len(Q), self.m)
+
+    def jacobian_batch(self, Q: Matrix) -> tuple[Array, Vector]:
+        """J at postures (k, n) -> (k, m, n), unchecked, with the representation's margins (k,)."""
+        J, margin = self._jacobian.batch(Q)
+        return J.reshape(len(Q), self.m, self.n), margin
+
+    def error_batch(self, Q: Matrix, position: Matrix, rotation: Array) -> Matrix:
+        """`error` at postures (k, n) to targets (k, 3), (k, 3, 3) -> (k, m)."""
+        return self.error_function.batch(Q, position, rotation).reshape(len(Q), self.m)
+
+    def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> Matrix:
+        """x' of a tool turned by R (k, 3, 3) that moves with v (k, 3), w (k, 3) -> (k, m).
+
+        Raises:
+            SingularityError: the representation is singular at one of the rotations.
+        """
+        out, margins = self._rates.batch(rotation, velocity, angular)
+        out = out.reshape(-1, self.m)
+        worst = int(np.argmin(margins))
+        self.check_representation(np.full(self.n, np.nan), margins[worst])
+        return out
+
+    def check_representation(self, q: Vector, margin: float) -> None:
+        """Raises: SingularityError when the margin of the representation is used up."""
+        if not margin > TOLERANCES.representation:
+            raise SingularityError(SingularityKind.REPRESENTATION, q, self.name, margin)
+
+    # --- expressions -----------------------------------------------------------------------------------------
+
+    def value_expression(self, k: Kinematics) -> SX:
+        """x = f(q) as an expression (m,)."""
+        return self._select(vertcat(k.position, self._angles(k.rotation)))
+
+    def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
+        """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
+        if self.orientation in (None, "twist"):
+            return self._select(k.jacobian)
+        return self._select(vertcat(k.jacobian[:3, :], jacobian(self._angles(k.rotation), q)))
+
+    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+        """`error` as an expression (m,)."""
+        if self.orientation in (None, "twist"):
+            angular = log_so3(rotation @ k.rotation.T)
+        elif self.orientation == "rotation-vector":
+            angular = self._angles(rotation) - self._angles(k.rotation)
+        else:
+            angular = wrapped(self._angles(rotation) - self._angles(k.rotation))
+        return self._select(vertcat(position - k.position, angular))
+
+    def margin_expression(self, rotation: SX) -> SX:
+        """Distance of the representation from its singularity; 1 where there is none."""
+        if self.orientation in (None, "twist") or all(i < 3 for i in self.rows):
+            return SX(1)
+        angles = self._angles(rotation)
+        if self.orientation == "zyz":
+            return sin(angles[1])
+        if self.orientation == "rpy":
+            return cos(angles[1])
+        return np.pi - norm_2(angles)
+
+    def _angles(self, R: SX) -> SX:
+        kind = self.orientation or "twist"
+        if kind in ("rotation-vector", "twist"):
+            R = R @ SX(self.reference.T)
+        return _ANGLES[kind](R)
+
+    def _select(self, six: SX) -> SX:
+        return six[list(self.rows), :]
+
+    # --- numeric functions, built once -------------------------------------------------------------------------
+
+    @cached_property
+    def _value(self) -> Function:
+        q = symbol("q", self.n)
+        return Function("task", {"q": q}, {"x": self.value_expression(self.robot.kinematics(q, self.tip))})
+
+    @cached_property
+    def _jacobian(self) -> Function:
+        q = symbol("q", self.n)
+        k = self.robot.kinematics(q, self.tip)
+        outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
+        return Function("task_jacobian", {"q": q}, outputs)
+
+    @cached_property
+    def error_function(self) -> Function:
+        """(q, p, R) -> `error`, unchecked."""
+        q, p, R = symbol("q", self.n), symbol("p", 3), symbol("R", 3, 3)
+        k = self.robot.kinematics(q, self.tip)
+        return Function("task_error", {"q": q, "p": p, "R": R}, {"e": self.error_expression(k, p, R)})
+
+    @cached_property
+    def _rates(self) -> Function:
+        R, v, w = symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
+        angular = w
+        if self.orientation not in (None, "twist"):
+            # d/dt of the coordinates along R' = [w]x R
+            turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
+            angular = jacobian(self._angles(R), R) @ turn @ w
+        outputs = {"dx": self._select(vertcat(v, angular)), "margin": self.margin_expression(R)}
+        return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def position(robot: Robot, tip: str | None = None) -> Task:
+    """The tool's position: m = 3, or m = 2 for a planar robot. Raises: TaskTooLargeError, UnknownNameError."""
+    robot.pose(np.zeros(robot.n), tip)
+    return Task(robot, None, (0, 1) if robot.planar else (0, 1, 2), np.eye(3), tip)
+
+
+def pose(
+    robot: Robot, orientation: str = "twist", *, reference: ArrayLike | None = None, tip: str | None = None
+) -> Task:
+    """The tool's pose: m = 6, or m = 3 (x, y, turn) for a planar robot.
+
+    Args:
+        orientation: "twist" (geometric Jacobian), "zyz", "rpy" (fixed axes x, y, z) or "rotation-vector".
+        reference: rotation (3, 3) that "rotation-vector" counts from; identity by default.
+
+    Raises:
+        UnknownNameError: an unknown orientation or tip. TaskTooLargeError: m > n.
+    """
+    if orientation not in ORIENTATIONS:
+        raise UnknownNameError("orientation", orientation, ORIENTATIONS)
+    robot.pose(np.zeros(robot.n), tip)
+    base = np.eye(3) if reference is None else np.asarray(reference, dtype=float)
+    if base.shape != (3, 3) or not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
+        raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
+    rows = (0, 1, 5) if robot.planar else tuple(range(6))
+    if robot.planar and orientation in ("zyz",):
+        raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
+    return Task(robot, orientation, rows, base, tip)

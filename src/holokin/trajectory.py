@@ -1,0 +1,90 @@
+"""`Trajectory`: what the joints did along a path. Data only, with residuals that it can show for itself."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from .errors import ArgumentError
+from .types import Matrix, Vector
+
+
+class Status(Enum):
+    """How a trajectory ended; the text names cause and cure."""
+
+    COMPLETE = "followed to the end"
+    LIMIT = "stopped at a joint limit: choose another start, path or strategy"
+    OUT_OF_REACH = "stopped: the path leaves the workspace; move or shrink it"
+    SINGULAR = "stopped at a singularity of the strategy: choose another constraint, leaf or path"
+    BRANCH = "stopped where the leaf folds back: choose another constraint or leaf"
+    LOST = "stopped: integration lost the path; use more samples"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Joint motion at k instants.
+
+    t (k,) [s]; q (k, n), dq (k, n) [joint units, per s]; x (k, m) task values; error (k, m) target minus
+    reached [m, rad]; sigma (k,) smallest singular value of J; residual (k,) largest |g - c|, zero for a
+    strategy without constraint; marks: indices at which cycles begin, and the last one ends.
+    """
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    row_names: tuple[str, ...]
+    row_units: tuple[str, ...]
+    t: Vector
+    q: Matrix
+    dq: Matrix
+    x: Matrix
+    error: Matrix
+    sigma: Vector
+    residual: Vector
+    marks: tuple[int, ...]
+    status: Status
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def cycles(self) -> int:
+        """Number of complete cycles."""
+        return len(self.marks) - 1
+
+    def drift(self) -> Matrix:
+        """Joint drift of each complete cycle (cycles, n): q at its end minus q at its start."""
+        return np.diff(self.q[list(self.marks)], axis=0)
+
+    def drift_since_start(self) -> Matrix:
+        """Joint drift after 1, 2, ... cycles (cycles, n): q at the end of each minus the start posture."""
+        return self.q[list(self.marks[1:])] - self.q[0]
+
+    def tracking_error(self, unit: str = "m") -> float:
+        """Largest task error over all samples: norm of the rows in "m", or of those in "rad".
+
+        Raises:
+            ArgumentError: another unit.
+        """
+        if unit not in ("m", "rad"):
+            raise ArgumentError("unit", unit, "use 'm' or 'rad'")
+        rows = [i for i, u in enumerate(self.row_units) if u == unit]
+        return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows and len(self) else 0.0
+
+    def save(self, path: str | FilePath) -> None:
+        """Write CSV: t, the joints (names as in the robot), their rates as d_NAME, the task rows as x_NAME.
+
+        Full precision, one line a sample, complete or not at all.
+        """
+        file = FilePath(path)
+        header = ["t", *self.joint_names, *(f"d_{name}" for name in self.joint_names)]
+        header += [f"x_{name}" for name in self.row_names]
+        partial = file.with_name(file.name + ".partial")
+        with partial.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(header)
+            writer.writerows(np.column_stack([self.t, self.q, self.dq, self.x]).tolist())
+        partial.replace(file)
