@@ -1,0 +1,119 @@
+"""From the tables of a job to the nouns: robot, tasks, path, strategies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from ..constraint import coupled, custom, linear, lock
+from ..errors import JobError
+from ..path import Path, arc, as_point, circle, polyline
+from ..robot import Robot, load
+from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
+from ..task import Task, pose, position
+from ..types import Vector
+from .schema import Formula, Job, StrategyTable
+
+
+def build_robot(job: Job, file: FilePath) -> Robot:
+    """The robot of a job; a path counts from the job file's folder."""
+    table = job.robot
+    name = FilePath(table.name)
+    if name.suffix and not name.is_absolute():
+        name = file.parent / name
+    return load(name, tip=table.tip, base=table.base, locked=table.locked or None)
+
+
+def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
+    """The start posture (n,) in rad and m. Raises: JobError."""
+    q = np.array(job.start.q, dtype=float)
+    if len(q) != robot.n:
+        names = ", ".join(robot.joint_names)
+        raise JobError(file, "start.q", f"has {len(q)} numbers", f"give {robot.n}, for {names}")
+    if job.start.degrees:
+        q = np.array([np.deg2rad(v) if c.unit == "rad" else v for v, c in zip(q, robot.coordinates, strict=True)])
+    return q
+
+
+def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
+    """One task, or one for each orientation of a list; rotation vectors count from the start orientation."""
+    table = job.task
+    if table.kind == "position":
+        tasks = [position(robot)]
+    else:
+        kinds = table.orientation if isinstance(table.orientation, list) else [table.orientation]
+        tasks = [pose(robot, kind, reference=robot.pose(start)[:3, :3]) for kind in kinds]
+    return tasks if table.rows is None else [task[table.rows] for task in tasks]
+
+
+def build_path(job: Job, tool: Vector) -> Path:
+    """The path, beginning at the tool's start point (3,)."""
+    table = job.path
+    origin = tool if table.relative else np.zeros(3)
+
+    def placed(point: list[float]) -> Vector:
+        return origin + as_point(point)
+
+    if table.kind == "polyline":
+        points = np.array([placed(p) for p in table.points or []])
+        turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
+        return polyline(points, turns=turns, closed=table.closed, speed=table.speed)
+    center = placed(table.center or [])
+    sign = -1.0 if table.clockwise else 1.0
+    if table.kind == "circle":
+        return circle(tool, center, table.normal, clockwise=table.clockwise, speed=table.speed)
+    return arc(tool, center, sign * np.deg2rad(table.angle_deg or 0.0), table.normal, speed=table.speed)
+
+
+def build_strategy(name: str, table: StrategyTable, task: Task) -> Strategy:
+    """A strategy of a job for one task."""
+    names = task.robot.joint_names
+    match table.kind:
+        case "moore-penrose":
+            return moore_penrose(task, name=name)
+        case "weighted":
+            return weighted(task, _matrix(table.W or [], names), name=name)
+        case "null-basis":
+            return null_basis(task, _matrix(table.N_G or [], names), name=name)
+        case "pfaffian":
+            return pfaffian(task, _matrix(table.A or [], names), name=name)
+        case "coupled-twist":
+            return coupled_twist(task, _gain(table), name=name)
+        case "custom":
+            rows = table.g or []
+            constraint = custom(_column(rows, names), len(rows))
+        case "linear":
+            constraint = linear(table.matrix or [])
+        case "lock":
+            constraint = lock(*(table.joints or []))
+        case "coupled":
+            constraint = coupled(_gain(table), table.orientation or "zyz")
+    return holonomic(task, constraint, name=name)
+
+
+def build_invariant(table: StrategyTable, robot: Robot) -> Function | None:
+    """q -> the invariants (k,) that a strategy's paths must keep, if the job names any."""
+    if not table.invariant:
+        return None
+    q = symbol("q", robot.n)
+    return Function("invariant", {"q": q}, {"value": _column(table.invariant, robot.joint_names)(q)})
+
+
+def _gain(table: StrategyTable) -> float | list[list[float]]:
+    return 1.0 if table.gain is None else table.gain
+
+
+def _names(q: SX, joints: tuple[str, ...]) -> dict[str, SX]:
+    numbered = {f"q{i + 1}": q[i] for i in range(len(joints))}
+    return numbered | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+
+
+def _column(rows: list[Formula], joints: tuple[str, ...]) -> Callable[[SX], SX]:
+    return lambda q: vertcat(*(parse(row, _names(q, joints)) for row in rows))
+
+
+def _matrix(rows: list[list[Formula]], joints: tuple[str, ...]) -> Callable[[SX], SX]:
+    return lambda q: vertcat(*(horzcat(*(parse(x, _names(q, joints)) for x in row)) for row in rows))

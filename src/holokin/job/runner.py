@@ -1,0 +1,191 @@
+"""Doing a job: every strategy round the path, both ways and for its cycles, judged and checked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib.resources import as_file, files
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from ..analysis import around, involutivity
+from ..errors import JobError, OutOfReachError, PathError, UnknownNameError
+from ..motion import follow
+from ..output.result import Check, JobResult, StrategyResult
+from ..path import Path
+from ..strategy import Strategy
+from ..symbolic import Function
+from ..trajectory import Status, Trajectory
+from ..types import Vector
+from .build import build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
+from .schema import ExpectTable, Job, read_job
+
+PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
+"""The jobs that make up the paper, under the name "paper"."""
+
+
+def packaged_jobs() -> tuple[str, ...]:
+    """Names of the jobs that come with the library."""
+    names = (entry.name for entry in files(__package__).joinpath("packaged").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+def packaged_text(name: str) -> str:
+    """The TOML text of a packaged job. Raises: UnknownNameError."""
+    if name not in packaged_jobs():
+        raise UnknownNameError("job", name, packaged_jobs())
+    return files(__package__).joinpath("packaged", f"{name}.toml").read_text("utf-8")
+
+
+def expand(names: list[str]) -> list[str]:
+    """Job names with "paper" replaced by its four jobs."""
+    return [job for name in names for job in (PAPER if name == "paper" else (name,))]
+
+
+def open_job(name: str) -> tuple[str, Job, FilePath]:
+    """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
+    if name.endswith(".toml"):
+        path = FilePath(name)
+        return path.stem, read_job(path), path
+    if name not in packaged_jobs():
+        raise UnknownNameError("job", name, [*packaged_jobs(), "paper", "or a path ending in .toml"])
+    with as_file(files(__package__).joinpath("packaged", f"{name}.toml")) as path:
+        return name, read_job(path), path
+
+
+def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
+    """Do a job. `say` hears what is going on.
+
+    Raises:
+        HolokinError: bad input; a strategy that stops at a limit or a singularity is a result, not an error.
+        OutOfReachError: the path leaves the workspace.
+    """
+    began = time.perf_counter()
+    robot = build_robot(job, file)
+    start = build_start(job, robot, file)
+    robot.check_limits(start)
+    path = build_path(job, robot.pose(start)[:3, 3])
+    tasks = build_tasks(job, robot, start)
+    results: list[StrategyResult] = []
+    for label, table in job.strategies.items():
+        invariant = build_invariant(table, robot)
+        variants = []
+        for task in tasks:
+            title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
+            say(title)
+            strategy = build_strategy(title, table, task)
+            variants.append(_run_strategy(job, strategy, path, start, table.method, invariant))
+        apart = _apart(variants)
+        expect = job.expect.get(label, ExpectTable())
+        for variant in variants:
+            figures = variant.figures | {"same_joints": apart}
+            results.append(_checked(variant, figures, expect))
+    task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
+    seconds = time.perf_counter() - began
+    return JobResult(
+        name, job.title, job.about, robot, task_name, start, path, job.path.cycles, tuple(results), seconds
+    )
+
+
+def _run_strategy(
+    job: Job, strategy: Strategy, path: Path, start: Vector, method: str | None, invariant: Function | None
+) -> StrategyResult:
+    verdict = involutivity(strategy, around(start, job.verdict.radius), samples=job.verdict.samples)
+    troubles: list[str] = []
+
+    def run(part: Path, samples: int, cycles: int) -> Trajectory:
+        try:
+            return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
+        except OutOfReachError:
+            raise
+        except PathError as problem:
+            if problem.trajectory is None:
+                raise
+            troubles.append(str(problem))
+            return problem.trajectory
+
+    cycles = run(path, job.path.samples, job.path.cycles)
+    ways = None
+    if path.closed:
+        a, b = path.ways()
+        half = max(1, job.path.samples // 2)
+        ways = (run(a, half, 1), run(b, half, 1))
+    walks = [cycles, *(ways or ())]
+    status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
+    figures = _figures(strategy, verdict.defect, cycles, ways, invariant)
+    return StrategyResult(strategy.name, verdict, ways, cycles, status, troubles[0] if troubles else "", figures)
+
+
+def _figures(
+    strategy: Strategy, defect: float, cycles: Trajectory, ways: tuple[Trajectory, Trajectory] | None,
+    invariant: Function | None,
+) -> dict[str, float]:  # fmt: skip
+    walks = [cycles, *(ways or ())]
+    figures = dict.fromkeys(("drift", "drift_mean", "drift_total", "drift_least", "drift_most", "spread"), np.nan)
+    if ways is not None and cycles.cycles:
+        each = np.abs(cycles.drift()).max(axis=1)
+        total = float(np.abs(cycles.drift_since_start()[-1]).max())
+        figures |= {
+            "drift": float(each[0]), "drift_total": total, "drift_mean": total / cycles.cycles,
+            "drift_least": float(each.min()), "drift_most": float(each.max()),
+        }  # fmt: skip
+    if ways is not None and all(w.status is Status.COMPLETE for w in ways):
+        figures["spread"] = float(np.abs(ways[0].q[-1] - ways[1].q[-1]).max())
+    J, _ = strategy.task.jacobian_batch(cycles.q)
+    least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, cycles.dq)
+    size = float(np.sqrt(np.sum(least**2)))
+    kept = np.nan
+    if invariant is not None:
+        values = [invariant.batch(w.q).reshape(len(w), -1) for w in walks]
+        kept = max(float(np.abs(v - values[0][0]).max()) for v in values)
+    return figures | {
+        "defect": defect,
+        "tracking": max(w.tracking_error(unit) for w in walks for unit in ("m", "rad")),
+        "sigma": min(float(w.sigma.min()) for w in walks),
+        "speed": float(np.sqrt(np.sum(cycles.dq**2))) / size if size > 0 else np.nan,
+        "residual": max(float(w.residual.max()) for w in walks) if strategy.constraint is not None else np.nan,
+        "invariant": kept,
+    }
+
+
+def _apart(variants: list[StrategyResult]) -> float:
+    """Largest joint difference between the same walks of different representations; NaN for a single one."""
+    if len(variants) < 2:
+        return np.nan
+    worst = 0.0
+    first = variants[0].trajectories()
+    for other in variants[1:]:
+        for key, walk in other.trajectories().items():
+            k = min(len(walk), len(first[key]))
+            worst = max(worst, float(np.abs(walk.q[:k] - first[key].q[:k]).max()))
+    return worst
+
+
+def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTable) -> StrategyResult:
+    complete = result.status is Status.COMPLETE
+    checks = [Check("completes", str(expect.completes).lower(), result.status.value, complete == expect.completes)]
+    if expect.holonomic is not None:
+        found = result.verdict.holonomic
+        checks.append(Check("holonomic", str(expect.holonomic).lower(), str(found).lower(), found == expect.holonomic))
+    for key, value in figures.items():
+        bound = getattr(expect, key)
+        if bound is not None:
+            checks.append(Check(key, str(bound), f"{value:.6g}", bound.holds(value)))
+    return StrategyResult(
+        result.name, result.verdict, result.ways, result.cycles, result.status, result.trouble, figures, tuple(checks)
+    )
+
+
+def new_job(path: FilePath, template: str) -> None:
+    """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
+    text = packaged_text(template)
+    if path.suffix != ".toml":
+        raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
+    try:
+        with path.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise JobError(path, "file", "exists already", "choose another name, or delete it first") from None
+    except OSError as problem:
+        raise JobError(path, "file", f"cannot be written ({problem.strerror})", "choose another folder") from None

@@ -1,0 +1,226 @@
+"""The form of a job file, checked by pydantic; every error names file, key, value and cure."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ..errors import JobError
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Formula = str | Number
+Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class RobotTable(_Table):
+    """[robot]: a catalogue name, or a path (.urdf, .toml) relative to the job file."""
+
+    name: str
+    tip: str | None = None
+    base: str | None = None
+    locked: dict[str, Number] = {}
+
+
+class TaskTable(_Table):
+    """[task]: position or pose; a list of orientations runs every strategy once for each."""
+
+    kind: Literal["position", "pose"] = "position"
+    orientation: Orientation | list[Orientation] = "twist"
+    rows: list[int] | None = None
+
+
+class StartTable(_Table):
+    """[start]: the posture, in joint units (rad, m), or in degrees for revolute joints."""
+
+    q: list[Number]
+    degrees: bool = False
+
+
+class PathTable(_Table):
+    """[path]: a curve that begins at the tool's start point.
+
+    `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
+    halves are the two ways to the pose half a loop away.
+    """
+
+    kind: Literal["circle", "arc", "polyline"]
+    center: Point | None = None
+    normal: Annotated[list[Number], Field(min_length=3, max_length=3)] = [0.0, 0.0, 1.0]
+    angle_deg: Number | None = None
+    points: list[Point] | None = None
+    turns_deg: list[Annotated[list[Number], Field(min_length=3, max_length=3)]] | None = None
+    closed: bool = False
+    clockwise: bool = False
+    relative: bool = False
+    speed: Positive = 0.1
+    samples: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
+    cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+
+    @model_validator(mode="after")
+    def _complete(self) -> PathTable:
+        needs = {"circle": ["center"], "arc": ["center", "angle_deg"], "polyline": ["points"]}[self.kind]
+        missing = [key for key in needs if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}")
+        if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
+            raise ValueError("several cycles need a closed path: a circle, or a polyline with closed = true")
+        return self
+
+
+class StrategyTable(_Table):
+    """[strategies.NAME]: a kind and what it needs. Formulas use q1, q2, ... or the joints' names."""
+
+    kind: Literal[
+        "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist"
+    ]
+    W: list[list[Formula]] | None = None
+    N_G: list[list[Formula]] | None = None
+    g: list[Formula] | None = None
+    A: list[list[Formula]] | None = None
+    matrix: list[list[Number]] | None = None
+    joints: list[str] | None = None
+    gain: Number | list[list[Number]] | None = None
+    orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
+    method: Literal["velocity", "leaf"] | None = None
+    invariant: list[Formula] = []
+
+    @model_validator(mode="after")
+    def _complete(self) -> StrategyTable:
+        needs = {
+            "weighted": "W", "null-basis": "N_G", "pfaffian": "A", "custom": "g", "linear": "matrix", "lock": "joints",
+            "coupled": "gain", "coupled-twist": "gain",
+        }  # fmt: skip
+        need = needs.get(self.kind)
+        if need is not None and getattr(self, need) is None:
+            raise ValueError(f"kind = {self.kind!r} needs {need}")
+        for key in set(needs.values()) - {need}:
+            if getattr(self, key) is not None:
+                raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
+        return self
+
+
+class Bound(_Table):
+    """What a number must be: below, above, or a value within a tolerance."""
+
+    below: Number | None = None
+    above: Number | None = None
+    value: Number | None = None
+    within: Positive | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Bound:
+        if (self.value is None) != (self.within is None):
+            raise ValueError("value and within go together")
+        if self.below is None and self.above is None and self.value is None:
+            raise ValueError("give below, above, or value and within")
+        return self
+
+    def holds(self, number: float) -> bool:
+        """True when the number is as wanted; never for NaN."""
+        checks = [number == number]
+        if self.below is not None:
+            checks.append(number < self.below)
+        if self.above is not None:
+            checks.append(number > self.above)
+        if self.value is not None and self.within is not None:
+            checks.append(abs(number - self.value) <= self.within)
+        return all(checks)
+
+    def __str__(self) -> str:
+        parts = []
+        if self.value is not None:
+            parts.append(f"{self.value:g} +- {self.within:g}")
+        if self.above is not None:
+            parts.append(f"> {self.above:g}")
+        if self.below is not None:
+            parts.append(f"< {self.below:g}")
+        return " and ".join(parts)
+
+
+class ExpectTable(_Table):
+    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1)."""
+
+    holonomic: bool | None = None
+    completes: bool = True
+    defect: Bound | None = None
+    drift: Bound | None = None
+    drift_mean: Bound | None = None
+    drift_total: Bound | None = None
+    drift_least: Bound | None = None
+    drift_most: Bound | None = None
+    spread: Bound | None = None
+    tracking: Bound | None = None
+    sigma: Bound | None = None
+    speed: Bound | None = None
+    residual: Bound | None = None
+    invariant: Bound | None = None
+    same_joints: Bound | None = None
+
+
+class VerdictTable(_Table):
+    """[verdict]: where involutivity is judged: a box around the start posture."""
+
+    radius: Positive = 0.2
+    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 64
+
+
+class Job(_Table):
+    """A whole job file."""
+
+    title: str
+    about: str = ""
+    robot: RobotTable
+    task: TaskTable = TaskTable()
+    start: StartTable
+    path: PathTable
+    strategies: Annotated[dict[str, StrategyTable], Field(min_length=1)]
+    expect: dict[str, ExpectTable] = {}
+    verdict: VerdictTable = VerdictTable()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Job:
+        for name in self.expect:
+            if name not in self.strategies:
+                raise ValueError(f"expect.{name}: there is no such strategy; known: {', '.join(self.strategies)}")
+        return self
+
+
+def read_job(path: Path) -> Job:
+    """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
+    try:
+        text = path.read_text("utf-8")
+    except FileNotFoundError:
+        raise JobError(path, "file", "there is no such file", "check the path; `holokin jobs` lists the packaged ones") from None
+    except (OSError, UnicodeDecodeError) as problem:
+        raise JobError(path, "file", f"cannot be read ({problem})", "give a TOML text file") from None
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise JobError(path, "file", f"is not TOML: {problem}", "mend the line it names") from None
+    try:
+        return Job.model_validate(table)
+    except ValidationError as problem:
+        raise _named(path, problem, table) from None
+
+
+def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
+    """The first fault of the file, as a sentence."""
+    fault = problem.errors()[0]
+    key = ".".join(str(part) for part in fault["loc"]) or "top level"
+    if fault["type"] == "missing":
+        return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
+    value = fault.get("input", table)
+    shown = "" if isinstance(value, dict) else f"is {value!r}: "
+    message = fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "extra_forbidden":
+        return JobError(path, key, "is an unknown key", "check its spelling; `holokin new` writes a complete example")
+    return JobError(path, key, f"{shown}{message}", "change it")

@@ -1,0 +1,107 @@
+"""What a job found: values for reports and plots to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..analysis import Verdict
+from ..path import Path
+from ..robot import Robot
+from ..trajectory import Status, Trajectory
+from ..types import Vector
+
+FIGURES: dict[str, str] = {
+    "defect": "largest curvature |F_ij| near the start",
+    "drift": "joint drift of the first cycle, largest joint",
+    "drift_mean": "mean joint drift a cycle, largest joint",
+    "drift_total": "joint drift after the last cycle, largest joint",
+    "drift_least": "least of the cycles' drifts, largest joint",
+    "drift_most": "greatest of the cycles' drifts, largest joint",
+    "spread": "difference between the two ways, largest joint",
+    "tracking": "worst tracking error [m or rad]",
+    "sigma": "smallest singular value of J",
+    "speed": "rms joint speed over Moore-Penrose's",
+    "residual": "largest change of the constraint g",
+    "invariant": "largest change of the given invariants",
+    "same_joints": "difference between orientation representations, largest joint",
+}
+"""Every figure of a strategy, and its meaning. NaN where the job has none."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One expectation: what was wanted, what was found."""
+
+    figure: str
+    wanted: str
+    found: str
+    passed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class StrategyResult:
+    """One strategy in a job: its verdict, its ways and cycles, its figures and checks."""
+
+    name: str
+    verdict: Verdict
+    ways: tuple[Trajectory, Trajectory] | None
+    cycles: Trajectory
+    status: Status
+    trouble: str
+    figures: dict[str, float]
+    checks: tuple[Check, ...] = field(default=())
+
+    @property
+    def passed(self) -> bool:
+        """True when every expectation holds."""
+        return all(check.passed for check in self.checks)
+
+    def trajectories(self) -> dict[str, Trajectory]:
+        """All trajectories by a short name."""
+        named = {"cycles": self.cycles}
+        if self.ways is not None:
+            named |= {"clockwise": self.ways[1], "counter-clockwise": self.ways[0]}
+        return named
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        v = self.verdict
+        return {
+            "name": self.name,
+            "status": self.status.name.lower(),
+            "trouble": self.trouble,
+            "holonomic": v.holonomic,
+            "defect": v.defect,
+            "defect_unit": v.unit,
+            "relative_defect": v.relative,
+            "witness": v.witness.tolist(),
+            "plane": list(v.plane),
+            "figures": {key: value if np.isfinite(value) else None for key, value in self.figures.items()},
+            "drift_each_cycle": self.cycles.drift().tolist(),
+            "checks": [vars(check) for check in self.checks],
+            "passed": self.passed,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class JobResult:
+    """A whole job's findings."""
+
+    name: str
+    title: str
+    about: str
+    robot: Robot
+    task: str
+    start: Vector
+    path: Path
+    cycles: int
+    strategies: tuple[StrategyResult, ...]
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """True when every expectation of every strategy holds."""
+        return all(result.passed for result in self.strategies)
