@@ -1,0 +1,139 @@
+"""The command line: one subcommand a verb. Exit codes: 0 as expected, 1 an expectation failed, 2 bad input."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import __version__
+from .errors import HolokinError, UnknownNameError
+
+app = typer.Typer(
+    name="holokin",
+    help="Makes redundant robots repeatable, and proves it.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"holokin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")] = False,
+) -> None:
+    """Makes redundant robots repeatable, and proves it."""
+
+
+@app.command()
+def run(
+    jobs: Annotated[list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    animate: Annotated[bool, typer.Option("--animate", help="Write GIFs of the two ways, and of the cycles.")] = False,
+) -> None:
+    """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
+
+    Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input.
+    """
+    from rich.console import Console
+
+    from .job import expand, open_job, run_job
+    from .output.animate import animate as draw
+    from .output.report import write_report
+    from .output.table import print_result
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=120)
+    progress = Console(stderr=True)
+    passed = True
+    try:
+        opened = [open_job(name) for name in expand(jobs)]
+        for name, job, file in opened:
+            with progress.status(f"{name} ...") if progress.is_terminal else _silence() as status:
+
+                def say(text: str, name: str = name, status: object = status) -> None:
+                    if hasattr(status, "update"):
+                        status.update(f"{name}: {text}")  # type: ignore[union-attr]
+
+                result = run_job(name, job, file, say)
+                say("drawing")
+                extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
+                folder = write_report(result, out, __version__, extra)
+            print_result(result, console)
+            console.print(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n", highlight=False, markup=False)
+            passed = passed and result.passed
+    except KeyboardInterrupt:
+        typer.echo("stopped; reports already named above are complete", err=True)
+        raise typer.Exit(130) from None
+    raise typer.Exit(0 if passed else 1)
+
+
+class _silence:
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, *_details: object) -> None:
+        return None
+
+
+@app.command()
+def jobs() -> None:
+    """List the packaged jobs."""
+    from .job import PAPER, open_job, packaged_jobs
+
+    for name in packaged_jobs():
+        typer.echo(f"{name:22} {open_job(name)[1].title}")
+    typer.echo(f"{'paper':22} {', '.join(PAPER)}")
+
+
+@app.command()
+def new(
+    file: Annotated[Path, typer.Argument(help="The job file to write, ending in .toml.")],
+    template: Annotated[str, typer.Option("--from", help="The packaged job to copy.")] = "panda-circle",
+) -> None:
+    """Write a job file of your own, a copy of a packaged one."""
+    from .job import new_job
+
+    new_job(file, template)
+    typer.echo(f"wrote {file}; edit it, then: holokin run {file}")
+
+
+@app.command()
+def robots(
+    urdf: Annotated[Path | None, typer.Argument(help="A URDF: list its tips and the joints that lead there.")] = None,
+) -> None:
+    """List the robots of the catalogue, or the chains of a URDF."""
+    from .robot import catalogue, load, urdf_tips
+
+    if urdf is not None:
+        for tip, joints in urdf_tips(urdf).items():
+            typer.echo(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
+        return
+    for name, source in catalogue().items():
+        typer.echo(f"{name:12} {load(name).n} joints   {source}")
+
+
+def main() -> None:
+    """Entry point: runs the command line; a HolokinError becomes one sentence and exit code 2."""
+    try:
+        app()
+    except UnknownNameError as problem:
+        hint = " (`holokin jobs` and `holokin robots` list what there is)" if problem.kind in ("job", "robot") else ""
+        typer.echo(f"error: {problem}{hint}", err=True)
+        sys.exit(2)
+    except HolokinError as problem:
+        typer.echo(f"error: {problem}", err=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

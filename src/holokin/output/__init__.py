@@ -1,0 +1,1 @@
+"""Reads results only: figures, reports, tables, animations."""

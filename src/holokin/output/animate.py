@@ -1,0 +1,102 @@
+"""GIFs: the two ways side by side, the paper's video; and the cycles, one panel a strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..trajectory import Trajectory
+from .figures import slug, tool_points
+from .plots import CLOCKWISE, COUNTER, GREY, STYLE, frame_robot, robot_stick, tool_path
+from .result import JobResult, StrategyResult
+
+FRAMES = 60
+"""Frames of a moving picture, before the last one is held."""
+
+HOLD = 18
+"""Times that the last frame is shown."""
+
+
+def animate(result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None) -> None:
+    """Write `ways-NAME.gif` for every strategy with two ways, and `cycles.gif` when there are several cycles."""
+    for strategy in result.strategies:
+        if strategy.ways is not None:
+            say(f"drawing ways-{slug(strategy.name)}.gif")
+            ways_gif(result, strategy, folder / f"ways-{slug(strategy.name)}.gif")
+    if result.cycles > 1:
+        say("drawing cycles.gif")
+        cycles_gif(result, list(result.strategies)[:3], folder / "cycles.gif")
+
+
+def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> None:
+    """Left the clockwise way, right the counter-clockwise one; at the end each shows where the other stands."""
+    if strategy.ways is None:
+        return
+    counter, clockwise = strategy.ways
+    panels = [("clockwise", clockwise, CLOCKWISE), ("counter-clockwise", counter, COUNTER)]
+    gap = float(np.abs(clockwise.q[-1] - counter.q[-1]).max())
+
+    def caption(share: float, walk: Trajectory, title: str) -> str:
+        if share < 1.0:
+            return f"{strategy.name}: {title}"
+        return f"{strategy.name}: " + ("both ways end alike" if gap < 1e-8 else f"joints end {gap:.2g} rad apart")
+
+    ghosts = [counter.q[-1], clockwise.q[-1]]
+    _write(result, [(t, w, s["color"]) for t, w, s in panels], caption, ghosts, file, late_ghosts=True)
+
+
+def cycles_gif(result: JobResult, strategies: list[StrategyResult], file: FilePath) -> None:
+    """One panel a strategy, the start posture in grey: who comes home?"""
+    colors = {True: CLOCKWISE["color"], False: COUNTER["color"]}
+    panels = [(s.name, s.cycles, colors[s.verdict.holonomic]) for s in strategies]
+
+    def caption(share: float, walk: Trajectory, title: str) -> str:
+        done = sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])
+        drift = np.abs(walk.q[walk.marks[done]] - walk.q[0]).max()
+        return f"{title}\nafter {done} cycles: " + (f"{drift:.2f} rad away" if drift > 1e-8 else "home")
+
+    _write(result, panels, caption, [result.start] * len(panels), file, frames=FRAMES * 2)
+
+
+def _write(
+    result: JobResult, panels: list[tuple[str, Trajectory, Any]], caption: Callable[[float, Trajectory, str], str],
+    ghosts: list[Any], file: FilePath, *, late_ghosts: bool = False, frames: int = FRAMES,
+) -> None:  # fmt: skip
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    robot = result.robot
+    images = []
+    with rc_context(STYLE):
+        figure = Figure(figsize=(4.2 * len(panels), 4.3), dpi=80, facecolor="white", layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        kind = {} if robot.planar else {"projection": "3d"}
+        grid = figure.subplots(1, len(panels), squeeze=False, subplot_kw=kind)[0]
+        clouds = [line for _, w, _ in panels for q in w.q[:: max(1, len(w) // 40)] for line in robot.skeleton(q)]
+        paths = [tool_points(result, walk) for _, walk, _ in panels]
+        for axes, points in zip(grid, paths, strict=True):
+            frame_robot(axes, robot, clouds)
+            tool_path(axes, robot, points, color=GREY, linewidth=1.2)
+        moving: list[Any] = []
+        for frame in range(frames + 1):
+            share = frame / frames
+            for artist in moving:
+                artist.remove()
+            moving = []
+            for axes, (title, walk, color), ghost in zip(grid, panels, ghosts, strict=True):
+                if not late_ghosts or share == 1.0:
+                    moving += robot_stick(axes, robot, ghost, GREY, width=2.4)
+                q = walk.q[round(share * (len(walk) - 1))]
+                moving += robot_stick(axes, robot, q, color, width=3.2)
+                axes.set_title(caption(share, walk, title), fontsize=11, loc="center")
+            canvas.draw()
+            images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+    palette = images[-1].quantize(64)
+    quantised = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    quantised += [quantised[-1]] * HOLD
+    quantised[0].save(file, save_all=True, append_images=quantised[1:], duration=60, loop=0, optimize=True)

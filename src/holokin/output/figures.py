@@ -1,0 +1,148 @@
+"""The figures of a job, composed of `plots`: name -> matplotlib Figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..trajectory import Trajectory
+from .plots import (
+    CLOCKWISE, COUNTER, GREY, STYLE, drift_per_cycle, frame_robot, joint_cycles, joint_ways, robot_stick, tool_path,
+)  # fmt: skip
+from .result import JobResult, StrategyResult
+
+
+def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
+    """(file stem, caption, Figure) of every figure of a job, made one at a time."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        yield "robot", "The robot at the start (grey) and where each way has led it.", robot_figure(result)
+    for strategy in result.strategies:
+        if strategy.ways is not None:
+            with rc_context(STYLE):
+                caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
+                yield f"ways-{slug(strategy.name)}", caption, ways_figure(strategy)
+    if result.cycles > 1:
+        with rc_context(STYLE):
+            yield "cycles", f"Joints, less their start values, over {result.cycles} cycles.", cycles_figure(result)
+        with rc_context(STYLE):
+            yield "drift", "Joint drift after each cycle.", drift_figure(result)
+
+
+def slug(name: str) -> str:
+    """A file name of a strategy's name."""
+    return "".join(c if c.isalnum() or c == "-" else "-" for c in name).strip("-").replace("--", "-")
+
+
+def ways_figure(strategy: StrategyResult) -> Any:
+    """Joint histories by both ways, one panel a joint. [ZR11, Figs 4, 5, 8]"""
+    from matplotlib.figure import Figure
+
+    if strategy.ways is None:
+        raise ValueError("a strategy without two ways has no such figure")
+    counter, clockwise = strategy.ways
+    n = len(clockwise.joint_names)
+    columns = 1 if n <= 3 else 2 if n <= 6 else 3
+    rows = -(-n // columns)
+    figure = Figure(figsize=(4.6 * columns if columns > 1 else 6.4, 1.9 * rows + 0.9), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    for joint in range(n):
+        joint_ways(grid.flat[joint], clockwise, counter, joint)
+    for axes in grid.flat[n:]:
+        axes.set_visible(False)
+    for column in range(columns):
+        last = max(r for r in range(rows) if r * columns + column < n)
+        grid[last, column].set_xlabel("time [s]")
+        grid[last, column].tick_params(labelbottom=True)
+    handles, labels = grid.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
+    figure.suptitle(f"{strategy.name} ({word})", fontsize=12, fontweight="bold")
+    return figure
+
+
+def cycles_figure(result: JobResult) -> Any:
+    """Joint histories over the cycles, one panel a strategy, on one scale. [ZR11, Fig. 6]"""
+    from matplotlib.figure import Figure
+
+    count = len(result.strategies)
+    figure = Figure(figsize=(3.9 * count + 1.0, 3.9), layout="constrained")
+    grid = figure.subplots(1, count, squeeze=False, sharey=True)[0]
+    for axes, strategy in zip(grid, result.strategies, strict=True):
+        joint_cycles(axes, strategy.cycles)
+        drift = _drift(strategy.cycles)
+        axes.set_title(f"{strategy.name}\n{drift}", loc="left", fontsize=10)
+    grid[0].set_ylabel("q - q(0) [rad or m]")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(7, len(labels)))
+    return figure
+
+
+def drift_figure(result: JobResult) -> Any:
+    """Drift after each cycle, all strategies in one."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    walks = {s.name: s.cycles for s in result.strategies if s.cycles.cycles}
+    axes = drift_per_cycle(figure.subplots(), walks)
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.72))
+    return figure
+
+
+def robot_figure(result: JobResult) -> Any:
+    """Stick figures, one panel a strategy: start in grey, the two ends in the colours of their ways."""
+    from matplotlib.figure import Figure
+
+    robot = result.robot
+    count = len(result.strategies)
+    columns = min(count, 4)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(4.0 * columns, 4.2 * rows), layout="constrained")
+    kind = {} if robot.planar else {"projection": "3d"}
+    grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    for axes, strategy in zip(grid.flat, result.strategies, strict=False):
+        clouds = draw_robot(axes, result, strategy)
+        frame_robot(axes, robot, clouds, f"{strategy.name}\n{_spread(strategy)}")
+    return figure
+
+
+def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[Any]:
+    """The robot at the start and at the end of each way, with the tool paths; returns the points drawn."""
+    robot = result.robot
+    clouds = list(robot.skeleton(result.start))
+    robot_stick(axes, robot, result.start, GREY, width=2.2)
+    if strategy.ways is None:
+        walks = ((strategy.cycles, CLOCKWISE),)
+    else:
+        walks = ((strategy.ways[1], CLOCKWISE), (strategy.ways[0], COUNTER))
+    for walk, style in walks:
+        points = tool_points(result, walk)
+        tool_path(axes, robot, points, **{**style, "linewidth": 1.4})
+        robot_stick(axes, robot, walk.q[-1], style["color"], style=style["linestyle"], width=2.6)
+        clouds += [points, *robot.skeleton(walk.q[-1])]
+    return clouds
+
+
+def tool_points(result: JobResult, walk: Trajectory) -> Any:
+    """Tool positions (k, 3) of at most 120 samples of a trajectory."""
+    keep = np.unique(np.linspace(0, len(walk) - 1, min(len(walk), 120)).round().astype(int))
+    return np.array([result.robot.pose(q)[:3, 3] for q in walk.q[keep]])
+
+
+def _spread(strategy: StrategyResult) -> str:
+    spread = strategy.figures["spread"]
+    if not np.isfinite(spread):
+        return strategy.status.value
+    return "both ways end alike" if spread < 1e-8 else f"the two ways end {spread:.3g} rad apart"
+
+
+def _drift(walk: Trajectory) -> str:
+    if not walk.cycles:
+        return "stopped in the first cycle"
+    total = np.abs(walk.drift_since_start()[-1]).max()
+    return f"after {walk.cycles} cycles: " + ("back home" if total < 1e-8 else f"{total:.3g} rad away")

@@ -1,0 +1,146 @@
+"""Drawing, one thing a function: each takes an Axes and returns it. As the paper draws: clockwise solid, counter-clockwise dashed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..robot import Robot
+from ..trajectory import Trajectory
+from ..types import Matrix, Vector
+
+CLOCKWISE = {"color": "#1f5fbf", "linestyle": "-", "linewidth": 1.8}
+COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
+GREY = "#9aa1ac"
+INK = "#22262e"
+PALETTE = ("#1f5fbf", "#d1352b", "#2e8b57", "#8a4fbf", "#c47f11", "#0f8b8d", "#6b7280", "#b03a7c")
+
+STYLE: dict[str, Any] = {
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#6b7280",
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": "#4b5563",
+    "ytick.color": "#4b5563",
+    "axes.grid": True,
+    "grid.color": "#e5e7eb",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "svg.hashsalt": "holokin",
+}
+
+
+def thin(count: int, most: int = 600) -> Vector:
+    """Indices of at most `most` samples, ends included: pictures need no more."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int) -> Any:
+    """One joint over the distance run, by both ways, with the gap at the end. [ZR11, Figs 4, 5, 8]"""
+    for walk, style, label in ((clockwise, CLOCKWISE, "clockwise"), (counter, COUNTER, "counter-clockwise")):
+        keep = thin(len(walk))
+        axes.plot(walk.t[keep], walk.q[keep, joint], label=label, **style)
+        axes.plot(walk.t[-1], walk.q[-1, joint], "o", color=style["color"], markersize=4)
+    gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
+    unit = clockwise.joint_units[joint]
+    low, high = axes.get_ylim()
+    least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
+    if high - low < least:
+        axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    axes.set_title(f"{clockwise.joint_names[joint]}: {_gap(gap, unit)}", loc="left", color=INK, fontsize=10)
+    axes.set_ylabel(unit)
+    return axes
+
+
+def joint_cycles(axes: Any, walk: Trajectory, colors: Sequence[str] = PALETTE) -> Any:
+    """Every joint's departure from its start over the cycles, drift of the worst joint named. [ZR11, Fig. 6]"""
+    keep = thin(len(walk), 1500)
+    shift = walk.q - walk.q[0]
+    for joint, name in enumerate(walk.joint_names):
+        axes.plot(walk.t[keep], shift[keep, joint], color=colors[joint % len(colors)], linewidth=1.4, label=name)
+    for mark in walk.marks[1:]:
+        axes.axvline(walk.t[mark], color="#e5e7eb", linewidth=0.8, zorder=0)
+    axes.set_xlabel("time [s]")
+    return axes
+
+
+def drift_per_cycle(axes: Any, walks: dict[str, Trajectory]) -> Any:
+    """Largest joint drift after 1, 2, ... cycles, on a logarithmic scale down to round-off."""
+    for i, (name, walk) in enumerate(walks.items()):
+        values = np.maximum(np.abs(walk.drift_since_start()).max(axis=1), 1e-17)
+        cycles = np.arange(1, len(values) + 1)
+        axes.semilogy(cycles, values, "o-", color=PALETTE[i % len(PALETTE)], linewidth=1.8, markersize=4, label=name)
+    axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
+    axes.text(0.99, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="right", color="#6b7280", fontsize=9)
+    axes.set_ylim(1e-17, 10)
+    axes.set_xlabel("cycles done")
+    axes.set_ylabel("joint drift, largest joint [rad or m]")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    return axes
+
+
+def robot_stick(axes: Any, robot: Robot, q: Vector, color: str, *, style: Any = "-", width: float = 3.0) -> list[Any]:
+    """The robot as a stick figure; returns the artists. In a plane for a planar robot, else in space."""
+    artists = []
+    for line in robot.skeleton(q):
+        points = _planar(line) if robot.planar else line.T
+        artists += axes.plot(
+            *points, color=color, linestyle=style, linewidth=width, marker="o", markersize=width + 1,
+            markerfacecolor="white", markeredgecolor=color, markeredgewidth=1.2, solid_capstyle="round",
+        )  # fmt: skip
+    return artists
+
+
+def tool_path(axes: Any, robot: Robot, points: Matrix, **style: Any) -> list[Any]:
+    """A tool path (k, 3) in the robot's axes; returns the artists."""
+    keep = thin(len(points))
+    shown = _planar(points[keep]) if robot.planar else points[keep].T
+    return axes.plot(*shown, **style)
+
+
+def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = "") -> Any:
+    """Equal scales round all points, a floor mark at the base, few ticks."""
+    points = np.vstack([*clouds, np.zeros((1, 3))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    center, half = (low + high) / 2, 0.56 * float((high - low).max())
+    axes.set_title(title, loc="left" if robot.planar else "center", fontsize=10, color=INK)
+    if robot.planar:
+        pad = 0.1 * (high - low)[:2].max()
+        axes.set_xlim(low[0] - pad, high[0] + pad)
+        axes.set_ylim(low[1] - pad, high[1] + pad)
+        axes.set_aspect("equal")
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        return axes
+    axes.set_xlim(center[0] - half, center[0] + half)
+    axes.set_ylim(center[1] - half, center[1] + half)
+    axes.set_zlim(max(0.0, center[2] - half) if low[2] >= -1e-9 else center[2] - half, center[2] + half)
+    axes.set_box_aspect((1, 1, (axes.get_zlim()[1] - axes.get_zlim()[0]) / (2 * half)), zoom=1.1)
+    axes.view_init(elev=20, azim=-62)
+    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
+        axis.pane.set_facecolor("#fafafa")
+        axis.set_major_locator(_few())
+        axis.set_tick_params(labelsize=7, pad=-2)
+        axis.set_label_text(f"{name} [m]", fontsize=8)
+        axis.labelpad = -6
+    return axes
+
+
+def _planar(points: Matrix) -> Matrix:
+    return points[:, :2].T
+
+
+def _few() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(4)
+
+
+def _gap(gap: float, unit: str) -> str:
+    return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
