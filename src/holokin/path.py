@@ -133,6 +133,26 @@ class Path:
         return self.segments[-1].position(np.ones(1))[0]
 
     @property
+    def area(self) -> Vector:
+        """Area vector (3,) [m^2] of a closed path, half the integral of p x dp: normal to a plane loop,
+        towards the side from which it runs counter-clockwise."""
+        total = np.zeros(3)
+        for segment in self.segments:  # exact: lines and arcs about their own centres have closed forms
+            a, b = segment.position(np.array([0.0, 1.0])) - self.start
+            if segment.angle == 0.0:
+                total += np.cross(a, b) / 2
+            else:
+                center = segment.center - self.start
+                total += (np.cross(center, b - a) + segment.angle * np.cross(segment.x, segment.y)) / 2
+        return total
+
+    @property
+    def counter_clockwise(self) -> bool:
+        """Whether a closed path runs counter-clockwise, seen against the axis (x, y or z) it winds about most."""
+        area = self.area
+        return bool(area[np.argmax(np.abs(area))] > 0)
+
+    @property
     def turned(self) -> Matrix:
         """Rotation (3, 3) between the start and the end."""
         return self._rotations[-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path as FilePath
 
@@ -75,7 +76,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
             strategy = build_strategy(title, table, task)
-            variants.append(_run_strategy(job, strategy, path, start, table.method, invariant))
+            variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
         apart = _apart(variants)
         expect = job.expect.get(label, ExpectTable())
         for variant in variants:
@@ -89,8 +90,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, strategy: Strategy, path: Path, start: Vector, method: str | None, invariant: Function | None
-) -> StrategyResult:
+    job: Job, label: str, strategy: Strategy, path: Path, start: Vector, method: str | None,
+    invariant: Function | None,
+) -> StrategyResult:  # fmt: skip
     verdict = involutivity(strategy, around(start, job.verdict.radius), samples=job.verdict.samples)
     troubles: list[str] = []
 
@@ -108,13 +110,14 @@ def _run_strategy(
     cycles = run(path, job.path.samples, job.path.cycles)
     ways = None
     if path.closed:
-        a, b = path.ways()
+        a, b = path.reversed().ways() if path.counter_clockwise else path.ways()
         half = max(1, job.path.samples // 2)
         ways = (run(a, half, 1), run(b, half, 1))
     walks = [cycles, *(ways or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
     figures = _figures(strategy, verdict.defect, cycles, ways, invariant)
-    return StrategyResult(strategy.name, verdict, ways, cycles, status, troubles[0] if troubles else "", figures)
+    trouble = troubles[0] if troubles else ""
+    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, figures)
 
 
 def _figures(
@@ -172,9 +175,7 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
         bound = getattr(expect, key)
         if bound is not None:
             checks.append(Check(key, str(bound), f"{value:.6g}", bound.holds(value)))
-    return StrategyResult(
-        result.name, result.verdict, result.ways, result.cycles, result.status, result.trouble, figures, tuple(checks)
-    )
+    return replace(result, figures=figures, checks=tuple(checks))
 
 
 def new_job(path: FilePath, template: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..trajectory import Trajectory
-from .figures import slug, tool_points
+from .figures import margins, slug, tool_points
 from .plots import CLOCKWISE, COUNTER, GREY, STYLE, frame_robot, robot_stick, tool_path
 from .result import JobResult, StrategyResult
 
@@ -22,20 +22,20 @@ HOLD = 18
 
 def animate(result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None) -> None:
     """Write `ways-NAME.gif` for every strategy with two ways, and `cycles.gif` when there are several cycles."""
-    for strategy in result.strategies:
+    for strategy in result.drawn:
         if strategy.ways is not None:
             say(f"drawing ways-{slug(strategy.name)}.gif")
             ways_gif(result, strategy, folder / f"ways-{slug(strategy.name)}.gif")
     if result.cycles > 1:
         say("drawing cycles.gif")
-        cycles_gif(result, list(result.strategies)[:3], folder / "cycles.gif")
+        cycles_gif(result, list(result.drawn)[:3], folder / "cycles.gif")
 
 
 def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> None:
     """Left the clockwise way, right the counter-clockwise one; at the end each shows where the other stands."""
     if strategy.ways is None:
         return
-    counter, clockwise = strategy.ways
+    clockwise, counter = strategy.ways
     panels = [("clockwise", clockwise, CLOCKWISE), ("counter-clockwise", counter, COUNTER)]
     gap = float(np.abs(clockwise.q[-1] - counter.q[-1]).max())
 
@@ -73,28 +73,37 @@ def _write(
     robot = result.robot
     images = []
     with rc_context(STYLE):
-        figure = Figure(figsize=(4.2 * len(panels), 4.3), dpi=80, facecolor="white", layout="constrained")
+        figure = Figure(figsize=(4.2 * len(panels), 4.3), dpi=80, facecolor="white")
+        side = 0.65 if robot.planar else 0.1
+        margins(figure, left=side, right=0.25, bottom=0.55, top=0.6, width_gap=side, grid=(1, len(panels)))
         canvas = FigureCanvasAgg(figure)
         kind = {} if robot.planar else {"projection": "3d"}
         grid = figure.subplots(1, len(panels), squeeze=False, subplot_kw=kind)[0]
         clouds = [line for _, w, _ in panels for q in w.q[:: max(1, len(w) // 40)] for line in robot.skeleton(q)]
         paths = [tool_points(result, walk) for _, walk, _ in panels]
-        for axes, points in zip(grid, paths, strict=True):
+        for axes, points, (title, walk, _) in zip(grid, paths, panels, strict=True):
             frame_robot(axes, robot, clouds)
             tool_path(axes, robot, points, color=GREY, linewidth=1.2)
-        moving: list[Any] = []
+            axes.set_title(caption(0.0, walk, title), fontsize=11, loc="center")
+        titles = [axes.title for axes in grid]
+        for title in titles:
+            title.set_animated(True)
+        canvas.draw()
+        still = canvas.copy_from_bbox(figure.bbox)  # everything that does not move is drawn once
         for frame in range(frames + 1):
             share = frame / frames
-            for artist in moving:
-                artist.remove()
-            moving = []
+            canvas.restore_region(still)
             for axes, (title, walk, color), ghost in zip(grid, panels, ghosts, strict=True):
+                moving = []
                 if not late_ghosts or share == 1.0:
                     moving += robot_stick(axes, robot, ghost, GREY, width=2.4)
                 q = walk.q[round(share * (len(walk) - 1))]
                 moving += robot_stick(axes, robot, q, color, width=3.2)
-                axes.set_title(caption(share, walk, title), fontsize=11, loc="center")
-            canvas.draw()
+                axes.title.set_text(caption(share, walk, title))
+                for artist in [*moving, axes.title]:
+                    axes.draw_artist(artist)
+                for artist in moving:
+                    artist.remove()
             images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
     palette = images[-1].quantize(64)
     quantised = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]

@@ -20,10 +20,13 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 
     with rc_context(STYLE):
         yield "robot", "The robot at the start (grey) and where each way has led it.", robot_figure(result)
-    for strategy in result.strategies:
+    for strategy in result.drawn:
         if strategy.ways is not None:
             with rc_context(STYLE):
                 caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
+                apart = strategy.figures["same_joints"]
+                if np.isfinite(apart):
+                    caption += f" The other representations of orientation lie within {apart:.1g} of it."
                 yield f"ways-{slug(strategy.name)}", caption, ways_figure(strategy)
     if result.cycles > 1:
         with rc_context(STYLE):
@@ -43,11 +46,12 @@ def ways_figure(strategy: StrategyResult) -> Any:
 
     if strategy.ways is None:
         raise ValueError("a strategy without two ways has no such figure")
-    counter, clockwise = strategy.ways
+    clockwise, counter = strategy.ways
     n = len(clockwise.joint_names)
     columns = 1 if n <= 3 else 2 if n <= 6 else 3
     rows = -(-n // columns)
-    figure = Figure(figsize=(4.6 * columns if columns > 1 else 6.4, 1.9 * rows + 0.9), layout="constrained")
+    figure = Figure(figsize=(4.4 * columns if columns > 1 else 6.4, 1.9 * rows + 1.1))
+    margins(figure, left=0.7, right=0.15, bottom=0.85, top=0.65, width_gap=0.75, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
         joint_ways(grid.flat[joint], clockwise, counter, joint)
@@ -58,9 +62,9 @@ def ways_figure(strategy: StrategyResult) -> Any:
         grid[last, column].set_xlabel("time [s]")
         grid[last, column].tick_params(labelbottom=True)
     handles, labels = grid.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(handles, labels, loc="lower center", ncols=2)
     word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
-    figure.suptitle(f"{strategy.name} ({word})", fontsize=12, fontweight="bold")
+    figure.suptitle(f"{strategy.name} ({word})", fontsize=12, fontweight="bold", y=1 - 0.08 / figure.get_figheight(), va="top")
     return figure
 
 
@@ -68,16 +72,17 @@ def cycles_figure(result: JobResult) -> Any:
     """Joint histories over the cycles, one panel a strategy, on one scale. [ZR11, Fig. 6]"""
     from matplotlib.figure import Figure
 
-    count = len(result.strategies)
-    figure = Figure(figsize=(3.9 * count + 1.0, 3.9), layout="constrained")
+    count = len(result.drawn)
+    figure = Figure(figsize=(3.9 * count + 1.0, 4.1))
+    margins(figure, left=0.75, right=0.15, bottom=0.95, top=0.55, width_gap=0.25, grid=(1, count))
     grid = figure.subplots(1, count, squeeze=False, sharey=True)[0]
-    for axes, strategy in zip(grid, result.strategies, strict=True):
+    for axes, strategy in zip(grid, result.drawn, strict=True):
         joint_cycles(axes, strategy.cycles)
         drift = _drift(strategy.cycles)
         axes.set_title(f"{strategy.name}\n{drift}", loc="left", fontsize=10)
     grid[0].set_ylabel("q - q(0) [rad or m]")
     handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(7, len(labels)))
+    figure.legend(handles, labels, loc="lower center", ncols=min(7, len(labels)))
     return figure
 
 
@@ -85,8 +90,9 @@ def drift_figure(result: JobResult) -> Any:
     """Drift after each cycle, all strategies in one."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    walks = {s.name: s.cycles for s in result.strategies if s.cycles.cycles}
+    figure = Figure(figsize=(6.4, 4.0))
+    margins(figure, left=0.85, right=0.15, bottom=0.6, top=0.2)
+    walks = {s.name: s.cycles for s in result.drawn if s.cycles.cycles}
     axes = drift_per_cycle(figure.subplots(), walks)
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.72))
     return figure
@@ -97,18 +103,38 @@ def robot_figure(result: JobResult) -> Any:
     from matplotlib.figure import Figure
 
     robot = result.robot
-    count = len(result.strategies)
+    count = len(result.drawn)
     columns = min(count, 4)
     rows = -(-count // columns)
-    figure = Figure(figsize=(4.0 * columns, 4.2 * rows), layout="constrained")
+    figure = Figure(figsize=(4.0 * columns, 4.2 * rows))
+    if robot.planar:
+        margins(figure, left=0.65, right=0.15, bottom=0.6, top=0.6, width_gap=0.6, height_gap=0.9, grid=(rows, columns))
+    else:  # 3-D axes leave room of their own, but for the last labels
+        margins(figure, left=0.05, right=0.25, bottom=0.15, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns))
     kind = {} if robot.planar else {"projection": "3d"}
     grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
     for axes in grid.flat[count:]:
         axes.set_visible(False)
-    for axes, strategy in zip(grid.flat, result.strategies, strict=False):
-        clouds = draw_robot(axes, result, strategy)
+    panels = list(zip(grid.flat, result.drawn, strict=False))
+    clouds = [points for axes, strategy in panels for points in draw_robot(axes, result, strategy)]
+    for axes, strategy in panels:
         frame_robot(axes, robot, clouds, f"{strategy.name}\n{_spread(strategy)}")
     return figure
+
+
+def margins(
+    figure: Any, *, left: float, right: float, bottom: float, top: float, width_gap: float = 0.0,
+    height_gap: float = 0.0, grid: tuple[int, int] = (1, 1),
+) -> None:  # fmt: skip
+    """Fix the margins and gaps of a grid (rows, columns) of axes [inches]; automatic layout takes longer than drawing."""
+    width, height = figure.get_size_inches()
+    rows, columns = grid
+    cell_width = (width - left - right - width_gap * (columns - 1)) / columns
+    cell_height = (height - bottom - top - height_gap * (rows - 1)) / rows
+    figure.subplots_adjust(
+        left=left / width, right=1 - right / width, bottom=bottom / height, top=1 - top / height,
+        wspace=width_gap / cell_width, hspace=height_gap / cell_height,
+    )  # fmt: skip
 
 
 def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[Any]:
@@ -119,7 +145,7 @@ def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[A
     if strategy.ways is None:
         walks = ((strategy.cycles, CLOCKWISE),)
     else:
-        walks = ((strategy.ways[1], CLOCKWISE), (strategy.ways[0], COUNTER))
+        walks = tuple(zip(strategy.ways, (CLOCKWISE, COUNTER), strict=True))
     for walk, style in walks:
         points = tool_points(result, walk)
         tool_path(axes, robot, points, **{**style, "linewidth": 1.4})

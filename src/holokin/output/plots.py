@@ -121,7 +121,7 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
     axes.set_xlim(center[0] - half, center[0] + half)
     axes.set_ylim(center[1] - half, center[1] + half)
     axes.set_zlim(max(0.0, center[2] - half) if low[2] >= -1e-9 else center[2] - half, center[2] + half)
-    axes.set_box_aspect((1, 1, (axes.get_zlim()[1] - axes.get_zlim()[0]) / (2 * half)), zoom=1.1)
+    axes.set_box_aspect((1, 1, (axes.get_zlim()[1] - axes.get_zlim()[0]) / (2 * half)), zoom=1.0)
     axes.view_init(elev=20, azim=-62)
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.pane.set_facecolor("#fafafa")

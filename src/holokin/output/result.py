@@ -43,9 +43,13 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class StrategyResult:
-    """One strategy in a job: its verdict, its ways and cycles, its figures and checks."""
+    """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, figures, checks.
+
+    `group` is its name in the job; results of one group differ in the orientation representation only.
+    """
 
     name: str
+    group: str
     verdict: Verdict
     ways: tuple[Trajectory, Trajectory] | None
     cycles: Trajectory
@@ -63,7 +67,7 @@ class StrategyResult:
         """All trajectories by a short name."""
         named = {"cycles": self.cycles}
         if self.ways is not None:
-            named |= {"clockwise": self.ways[1], "counter-clockwise": self.ways[0]}
+            named |= {"clockwise": self.ways[0], "counter-clockwise": self.ways[1]}
         return named
 
     def summary(self) -> dict[str, Any]:
@@ -100,6 +104,11 @@ class JobResult:
     cycles: int
     strategies: tuple[StrategyResult, ...]
     seconds: float
+
+    @property
+    def drawn(self) -> tuple[StrategyResult, ...]:
+        """The first result of each group: further representations would draw the same picture."""
+        return tuple({result.group: result for result in reversed(self.strategies)}.values())[::-1]
 
     @property
     def passed(self) -> bool:
