@@ -20,7 +20,7 @@ from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Vector
 
 ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector")
-_ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3, "twist": log_so3}
+_ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3}
 _ROW_NAMES = {
     "twist": ("wx", "wy", "wz"),
     "zyz": ("phi", "theta", "psi"),
@@ -188,18 +188,12 @@ class Task:
         """Distance of the representation from its singularity; 1 where there is none."""
         if self.orientation in (None, "twist") or all(i < 3 for i in self.rows):
             return SX(1)
-        angles = self._angles(rotation)
-        if self.orientation == "zyz":
-            return sin(angles[1])
-        if self.orientation == "rpy":
-            return cos(angles[1])
-        return np.pi - norm_2(angles)
+        return representation_margin(self.orientation, self._angles(rotation))
 
     def _angles(self, R: SX) -> SX:
-        kind = self.orientation or "twist"
-        if kind in ("rotation-vector", "twist"):
-            R = R @ SX(self.reference.T)
-        return _ANGLES[kind](R)
+        if self.orientation in ("zyz", "rpy"):
+            return orientation_angles(self.orientation, R)
+        return orientation_angles("rotation-vector", R @ SX(self.reference.T))
 
     def _select(self, six: SX) -> SX:
         return six[list(self.rows), :]
@@ -235,6 +229,18 @@ class Task:
             angular = jacobian(self._angles(R), R) @ turn @ w
         outputs = {"dx": self._select(vertcat(v, angular)), "margin": self.margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def orientation_angles(kind: str, R: SX) -> SX:
+    """Three angles (3,) of a rotation: "zyz", "rpy" or "rotation-vector". Raises: UnknownNameError."""
+    if kind not in _ANGLES:
+        raise UnknownNameError("representation of orientation by angles", kind, tuple(_ANGLES))
+    return _ANGLES[kind](R)
+
+
+def representation_margin(kind: str, angles: SX) -> SX:
+    """How far angles are from where their representation is singular: sin theta, cos pitch, pi - angle."""
+    return {"zyz": sin(angles[1]), "rpy": cos(angles[1]), "rotation-vector": np.pi - norm_2(angles)}[kind]
 
 
 def position(robot: Robot, tip: str | None = None) -> Task:

@@ -47,8 +47,7 @@ def _build(strategy: Strategy) -> Function:
     G, conditioning = e.rate(SX.eye(m))
     columns = _from_rows(e, G, m) if e.rows is not None else _from_frame(e, G, m)
     packed = horzcat(*columns) if columns else SX.zeros(strategy.task.n, 1)
-    outputs = {"F": packed, "G": G, "conditioning": conditioning}
-    outputs["margin"] = strategy.task.margin_expression(e.kinematics.rotation)
+    outputs = {"F": packed, "G": G, "conditioning": conditioning, "margin": strategy.margin_expression}
     return Function("curvature", {"q": e.q}, outputs)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError, ConstraintRowsError, NotFiniteError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, as_expression, vertcat
+from ..symbolic import SX, as_expression, fmin, vertcat
 from ..task import Task
 from ..types import ArrayLike
 
@@ -20,13 +20,15 @@ class Constraint:
     """g(q), written down when a task (and so a robot) is known.
 
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
-    difference g - c counts in (-pi, pi].
+    difference g - c counts in (-pi, pi]. `margin`, likewise an expression, is how far the posture is from
+    where an orientation representation that g uses is singular.
     """
 
     name: str
     rows: int
     expression: Callable[[Task, Kinematics, SX], SX]
     angular: tuple[bool, ...]
+    margin: Callable[[Task, Kinematics, SX], SX] | None = None
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
@@ -93,11 +95,20 @@ def stack(*constraints: Constraint) -> Constraint:
     """Several constraints one below the other: rows add up."""
     if not constraints:
         raise ArgumentError("the constraints to stack", constraints, "give at least one")
+    margins = [c.margin for c in constraints if c.margin is not None]
+
+    def margin(task: Task, k: Kinematics, q: SX) -> SX:
+        least = SX(np.inf)
+        for one in margins:
+            least = fmin(least, one(task, k, q))
+        return least
+
     return Constraint(
         " + ".join(c.name for c in constraints),
         sum(c.rows for c in constraints),
         lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
         tuple(flag for c in constraints for flag in c.angular),
+        margin if margins else None,
     )
 
 

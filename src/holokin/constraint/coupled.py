@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from ..errors import UnknownNameError
 from ..robot import Kinematics
 from ..symbolic import SX
-from ..symbolic.geometry import log_so3, rpy_angles, zyz_angles
-from ..task import Task
+from ..task import Task, orientation_angles, representation_margin
 from ..types import ArrayLike
 from .base import Constraint, as_gain
-
-_ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3}
 
 
 def coupled(gain: ArrayLike, orientation: str = "zyz") -> Constraint:
@@ -22,16 +18,18 @@ def coupled(gain: ArrayLike, orientation: str = "zyz") -> Constraint:
         orientation: "zyz", "rpy" or "rotation-vector".
 
     Rows: 3, so it completes a position task (m = 3) of a six-joint arm. Algorithmic singularities: every
-    singularity of the full 6-row Jacobian, the wrist's included, and the representation's (theory E5).
+    singularity of the full 6-row Jacobian, the wrist's included (theory E5); and where the angles are undefined.
 
     Raises:
         UnknownNameError: an unknown orientation. ShapeError, NotFiniteError: a bad gain.
     """
-    if orientation not in _ANGLES:
-        raise UnknownNameError("orientation of a coupled constraint", orientation, tuple(_ANGLES))
     L = as_gain(gain, (3, 3))
+    orientation_angles(orientation, SX.eye(3))
 
     def expression(_task: Task, k: Kinematics, _q: SX) -> SX:
-        return _ANGLES[orientation](k.rotation) + SX(L) @ k.position
+        return orientation_angles(orientation, k.rotation) + SX(L) @ k.position
 
-    return Constraint(f"coupled ({orientation})", 3, expression, (True, True, True))
+    def margin(_task: Task, k: Kinematics, _q: SX) -> SX:
+        return representation_margin(orientation, orientation_angles(orientation, k.rotation))
+
+    return Constraint(f"coupled ({orientation})", 3, expression, (True, True, True), margin)

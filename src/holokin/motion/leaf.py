@@ -34,14 +34,15 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
     task = strategy.task
     c = np.atleast_1d(strategy.constraint_value(q0)) if task.n > task.m else np.zeros(0)
     correct = strategy.leaf_step
-    sign = np.sign(correct(q0, *plan.first, c)[4])
+    sign = np.sign(correct(q0, *plan.first, c)[3])
 
     def newton(q: Vector, p: Vector, R: Matrix) -> Vector | None:
         before = np.inf
         for _ in range(_MOST):
-            dq, _, _, conditioning, determinant = correct(q, p, R, c)
+            dq, conditioning, margin, determinant = correct(q, p, R, c)
             size = float(np.abs(dq).max())
-            if not conditioning > TOLERANCES.singular or determinant * sign <= 0:
+            sound = conditioning > TOLERANCES.singular and margin > TOLERANCES.representation
+            if not sound or determinant * sign <= 0:
                 return None
             if before <= _ALMOST:
                 return q + dq if size <= before else q
@@ -61,22 +62,21 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
                 continue
             width /= 2
             if width < TOLERANCES.smallest_step:
-                _give_up(strategy, plan, i, q, c)
+                _give_up(strategy, plan, i, q)
         return q
 
     return step
 
 
-def _give_up(strategy: Strategy, plan: Plan, i: int, q: Vector, c: Vector) -> None:
+def _give_up(strategy: Strategy, plan: Plan, i: int, q: Vector) -> None:
     p, R = plan.target(i, 1.0)
-    _, _, _, conditioning, _ = strategy.leaf_step(q, p, R, c)
     missing = distance_to_reach(strategy.task, q, p, R)
     if missing > TOLERANCES.tracking / 10:
         raise OutOfReachError(
             f"the path is out of reach: no posture near there comes closer than {missing:.3g} (m or rad)",
             "move or shrink the path, or begin elsewhere",
         )
-    strategy.check(q, conditioning)
+    strategy(q)  # raises if it is singular already here
     raise BranchError(
         f"the leaf of {strategy.name!r} ends at q = {np.array2string(q, precision=6)}: there [J; J_g] turns "
         "singular and no nearby posture on it follows the path",

@@ -22,12 +22,10 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
     """
     rate, error = strategy.rate, strategy.task.error_function
     x0, x1, x2 = plan.rates
-    tolerance = TOLERANCES.singular
 
     def velocity(q: Vector, dx: Vector) -> Vector:
-        dq, conditioning = rate(q, dx)
-        if not conditioning > tolerance:
-            strategy.check(q, conditioning)
+        dq, conditioning, margin = rate(q, dx)
+        strategy.check(q, conditioning, margin)
         return dq
 
     def step(q: Vector, i: int) -> Vector:

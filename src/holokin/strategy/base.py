@@ -104,9 +104,10 @@ class Strategy:
         H = self.H(q)
         return H @ H.T
 
-    def check(self, q: Vector, conditioning: float, margin: float = 1.0) -> None:
-        """Raises: SingularityError, saying of which kind, unless the figures are sound."""
-        self.task.check_representation(q, margin)
+    def check(self, q: Vector, conditioning: float, margin: float) -> None:
+        """Raises: SingularityError, saying of which kind, unless the figures of `gain`, `rate` or `leaf_step` are sound."""
+        if not margin > TOLERANCES.representation:
+            raise SingularityError(SingularityKind.REPRESENTATION, q, f"{self.name} ({self.task.name})", margin)
         if conditioning > TOLERANCES.singular:
             return
         J = self.task.jacobian(q)
@@ -136,21 +137,30 @@ class Strategy:
             raise ShapeError(f"{what} of {self.name!r}", shape, value.shape, "it must fit n joints and m task rows")
         return value
 
+    @property
+    def margin_expression(self) -> SX:
+        """How far the posture is from where an orientation representation, the task's or the constraint's, is singular."""
+        e = self.expressions
+        margin = self.task.margin_expression(e.kinematics.rotation)
+        if self.constraint is not None and self.constraint.margin is not None:
+            margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
+        return margin
+
     @cached_property
     def gain(self) -> Function:
         """q -> (G, conditioning, representation margin), unchecked."""
         e = self.expressions
         G, conditioning = e.rate(SX.eye(self.task.m))
-        margin = self.task.margin_expression(e.kinematics.rotation)
-        return Function("gain", {"q": e.q}, {"G": G, "conditioning": conditioning, "margin": margin})
+        return Function("gain", {"q": e.q}, {"G": G, "conditioning": conditioning, "margin": self.margin_expression})
 
     @cached_property
     def rate(self) -> Function:
-        """(q, dx) -> (dq = G dx, conditioning), unchecked: one solve instead of m. [ZR11, (3)]"""
+        """(q, dx) -> (dq = G dx, conditioning, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         e = self.expressions
         dx = symbol("dx", self.task.m)
         dq, conditioning = e.rate(dx)
-        return Function("rate", {"q": e.q, "dx": dx}, {"dq": dq, "conditioning": conditioning})
+        outputs = {"dq": dq, "conditioning": conditioning, "margin": self.margin_expression}
+        return Function("rate", {"q": e.q, "dx": dx}, outputs)
 
     @cached_property
     def constraint_value(self) -> Function:
@@ -160,7 +170,7 @@ class Strategy:
 
     @cached_property
     def leaf_step(self) -> Function:
-        """(q, p, R, c) -> (Newton correction, task error, g - c, conditioning, det [J; J_g]).
+        """(q, p, R, c) -> (Newton correction, conditioning, margin, det [J; J_g]).
 
         One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
         """
@@ -173,9 +183,8 @@ class Strategy:
         extended = factorise(vertcat(e.J, e.rows))
         outputs = {
             "dq": extended.solve(vertcat(error, residual)),
-            "error": error,
-            "residual": residual,
             "conditioning": extended.conditioning(),
+            "margin": self.margin_expression,
             "det": extended.determinant(),
         }
         return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs)
