@@ -5,12 +5,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import IRB_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, urdf
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_paper import de_luca_g, paper_frame
 
 import holokin as hk
+from conftest import IRB_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, urdf
+from test_paper import de_luca_g, paper_frame
 
 K = PPR_RADIUS / 2  # r / l with l = 2: link 1 plus unit weight (theory E7)
 
@@ -128,7 +128,7 @@ def test_the_leaf_function_E13_has_the_planes_of_20() -> None:
     assert np.abs(exact_leaf.q[:, 2]).max() == 0.0  # E12: q3 = 0 is a leaf, where E13's g is singular
 
 
-# --- IRB 140, half of a square ---------------------------------------------------------------------------------------------
+# --- IRB 140, half of a square ---
 
 
 def square() -> hk.Path:
@@ -167,7 +167,7 @@ def test_irb140_with_the_geometric_jacobian_drifts_by_the_order_of_a_hundredth()
     assert 1e-4 < pseudo.largest[0] < 1e-2
 
 
-# --- Panda, circle of 0.1 m -------------------------------------------------------------------------------------------------
+# --- Panda, circle of 0.1 m ---
 
 
 @pytest.fixture(scope="module")

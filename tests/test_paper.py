@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import IRB_START, PANDA_START, PPR_START
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy_bridge import to_sympy
 
 import holokin as hk
+from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis.curvature import curvature_function
 from holokin.symbolic import lie_bracket
+from sympy_bridge import to_sympy
 
 Q = sp.symbols("q1 q2 q3", real=True)
 S3, C3 = sp.sin(Q[2]), sp.cos(Q[2])
@@ -54,7 +54,7 @@ def seven(J: np.ndarray, H: np.ndarray) -> np.ndarray:
     return W @ J.T @ np.linalg.inv(J @ W @ J.T)
 
 
-# --- T1: the planar arm, (18) to (25), symbolically exact ------------------------------------------------------------
+# --- T1: the planar arm, (18) to (25), symbolically exact ---
 
 
 def test_the_robot_ppr_has_the_papers_jacobian_18(ppr: hk.Robot) -> None:
@@ -162,7 +162,7 @@ def test_units_mix_in_the_pseudo_inverse_of_ppr_E7(w3: float, link: float) -> No
     assert drift_per_area == pytest.approx(1 / (link + w3 / link) ** 2, rel=1e-12)
 
 
-# --- the general form: T2, T3, Theorem III.2 ---------------------------------------------------------------------------
+# --- the general form: T2, T3, Theorem III.2 ---
 
 
 def arms() -> list[tuple[str, hk.Strategy, np.ndarray]]:
@@ -199,7 +199,7 @@ def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str, s
     """Theorem III.2, 1 => 2: from G to J_G, N_G, H and back."""
     task = strategy.task
     q_symbol = strategy.expressions.q
-    rows = ca.Function("J_G", [q_symbol], [strategy.expressions.rows])
+    rows = ca.Function("J_G", [q_symbol], [strategy.expressions.planes])
     for q in start + np.random.default_rng(4).uniform(-0.2, 0.2, (5, task.n)):
         J, G, J_G = task.jacobian(q), strategy(q), np.array(rows(q))
         assert np.abs(J_G @ G).max() < 1e-12  # (10) along dq = G dx
@@ -238,7 +238,7 @@ def test_the_frame_form_keeps_the_digits_that_seven_loses() -> None:
     assert squared > 1e3 * plain
 
 
-# --- T4, T5: geometric Jacobians ---------------------------------------------------------------------------------------
+# --- T4, T5: geometric Jacobians ---
 
 
 def geometric_brackets(robot: hk.Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -295,7 +295,9 @@ def test_the_geometric_coupling_is_found_out_and_the_euler_angle_one_is_not(irb1
     assert not verdict.holonomic
     J = irb140.jacobian(verdict.witness)
     i, j = verdict.plane
-    closed_form = np.linalg.solve(np.vstack([J[:3], J[3:] + J[:3]]), np.r_[0, 0, 0, -np.cross(np.eye(3)[i], np.eye(3)[j])])
+    closed_form = np.linalg.solve(
+        np.vstack([J[:3], J[3:] + J[:3]]), np.r_[0, 0, 0, -np.cross(np.eye(3)[i], np.eye(3)[j])]
+    )
     assert pytest.approx(closed_form, abs=1e-12) == verdict.direction
     assert hk.involutivity(hk.coupled_twist(task, 0.0), region).holonomic  # J_w alone: constant orientation
 
@@ -364,7 +366,7 @@ def test_a_jacobian_of_sub_rows_of_angular_velocity_breaks_lemma_III_1_E2(irb140
     assert not involutive(J_w[2, :])
 
 
-# --- Lemma III.1 and its proof, with the errata E1 -------------------------------------------------------------------------
+# --- Lemma III.1 and its proof, with the errata E1 ---
 
 
 def exact_jacobian() -> tuple[sp.Matrix, sp.Matrix, list[sp.Symbol]]:
@@ -391,7 +393,12 @@ def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> No
         for u in range(4):
             for s in range(4):
                 dJ, dNi, dNj = J[k, s].diff(q[u]), N[s, i].diff(q[u]), N[s, j].diff(q[u])
-                four = [N[u, j] * dJ * N[s, i], N[u, j] * J[k, s] * dNi, N[u, i] * dJ * N[s, j], N[u, i] * J[k, s] * dNj]
+                four = [
+                    N[u, j] * dJ * N[s, i],
+                    N[u, j] * J[k, s] * dNi,
+                    N[u, i] * dJ * N[s, j],
+                    N[u, i] * J[k, s] * dNj,
+                ]
                 terms[k] += [float(t.subs(point)) for t in four]
     first, second, third, fourth = terms.T
     assert first - third == pytest.approx([0, 0], abs=1e-12)  # "vanish" means: cancel each other
@@ -401,7 +408,7 @@ def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> No
     assert second - fourth == pytest.approx(np.array((J * reverse).subs(point), dtype=float)[:, 0], abs=1e-12)
 
 
-# --- Proposition 1 of [RM93], Theorem III.3 ----------------------------------------------------------------------------------
+# --- Proposition 1 of [RM93], Theorem III.3 ---
 
 
 def test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is(ppr: hk.Robot) -> None:
@@ -445,7 +452,7 @@ def test_the_planes_do_not_depend_on_the_representation_of_orientation_III_3(pan
         assert np.abs(b(q) @ T - a(q)).max() < 1e-10
 
 
-# --- T14, T16 --------------------------------------------------------------------------------------------------------------
+# --- T14, T16 ---
 
 
 @settings(max_examples=15, deadline=None)
@@ -502,7 +509,9 @@ def test_millimetres_with_the_gain_scaled_leave_the_joints_alone_T16() -> None:
         walks.append(hk.follow(strategy, path, IRB_START, samples=40).q)
     assert np.abs(walks[0] - walks[1]).max() < 1e-12
     # The paper's formula with the units forgotten is another strategy: 1 rad/mm instead of 1 rad/m.
-    plain, forgotten = (np.abs(hk.holonomic(hk.position(r), hk.coupled(1.0))(IRB_START)).max() for r in (metres, millimetres))
+    plain, forgotten = (
+        np.abs(hk.holonomic(hk.position(r), hk.coupled(1.0))(IRB_START)).max() for r in (metres, millimetres)
+    )
     assert plain < 5
     assert 1e3 * forgotten > 500
 
@@ -515,7 +524,7 @@ def test_curvature_does_not_depend_on_how_the_planes_are_written(ppr: hk.Robot) 
     assert by_rows(PPR_START) == pytest.approx(by_frame(PPR_START), abs=1e-14)
     skewed = hk.pfaffian(task, lambda q: [[ca.sin(q[2]) + q[1], 0, 1]])
     n = ca.SX.sym("q", 3)
-    rows = skewed.rows(task, ppr.kinematics(n), n)
+    rows = skewed.planes(task, ppr.kinematics(n), n)
     basis = ca.Function("b", [n], [ca.horzcat(ca.vertcat(0, 1, 0), ca.vertcat(1, 0, -rows[0]))])
     other = hk.null_basis(task, lambda q: basis(q))
     q = np.array([0.2, 0.3, 0.9])

@@ -28,14 +28,18 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    ] = False,
 ) -> None:
     """Makes redundant robots repeatable, and proves it."""
 
 
 @app.command()
 def run(
-    jobs: Annotated[list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")],
+    jobs: Annotated[
+        list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
     animate: Annotated[bool, typer.Option("--animate", help="Write GIFs of the two ways, and of the cycles.")] = False,
 ) -> None:
@@ -69,7 +73,9 @@ def run(
                 extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
                 folder = write_report(result, out, __version__, extra)
             print_result(result, console)
-            console.print(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n", highlight=False, markup=False)
+            console.print(
+                f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n", highlight=False, markup=False
+            )
             passed = passed and result.passed
     except KeyboardInterrupt:
         typer.echo("stopped; reports already named above are complete", err=True)

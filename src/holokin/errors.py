@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
 
 def _posture(q: Iterable[float]) -> str:
@@ -123,7 +123,7 @@ class SingularityKind(Enum):
 class SingularityError(HolokinError):
     """A posture at which a strategy or representation is not defined."""
 
-    _cure = {
+    _cure: ClassVar[dict[SingularityKind, str]] = {
         SingularityKind.KINEMATIC: "keep the path away from this posture, or drop task rows",
         SingularityKind.ALGORITHMIC: "choose another constraint or N_G there, or another leaf (start posture)",
         SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity",

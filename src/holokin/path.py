@@ -7,14 +7,13 @@ path serves any start orientation and constant orientation is the default.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from .errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
-from .types import Array, ArrayLike, Matrix, Vector
+from .types import Array, ArrayLike, Indices, Matrix, Vector
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
@@ -61,7 +60,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A path at k instants: t [s], position (k, 3), rotation (k, 3, 3), velocity (k, 3) [m/s], angular (k, 3) [rad/s]."""
+    """A path at k instants: t [s], position (k, 3), rotation (k, 3, 3), velocity [m/s] and angular [rad/s] (k, 3)."""
 
     t: Vector
     position: Matrix
@@ -136,14 +135,15 @@ class Path:
     def area(self) -> Vector:
         """Area vector (3,) [m^2] of a closed path, half the integral of p x dp: normal to a plane loop,
         towards the side from which it runs counter-clockwise."""
-        total = np.zeros(3)
+        total: Vector = np.zeros(3)
         for segment in self.segments:  # exact: lines and arcs about their own centres have closed forms
             a, b = segment.position(np.array([0.0, 1.0])) - self.start
             if segment.angle == 0.0:
-                total += np.cross(a, b) / 2
+                twice = np.cross(a, b)
             else:
                 center = segment.center - self.start
-                total += (np.cross(center, b - a) + segment.angle * np.cross(segment.x, segment.y)) / 2
+                twice = np.cross(center, b - a) + segment.angle * np.cross(segment.x, segment.y)
+            total += np.asarray(twice, dtype=float) / 2
         return total
 
     @property
@@ -155,7 +155,7 @@ class Path:
     @property
     def turned(self) -> Matrix:
         """Rotation (3, 3) between the start and the end."""
-        return self._rotations[-1]
+        return np.asarray(self._rotations[-1])
 
     @property
     def gap(self) -> float:
@@ -174,7 +174,7 @@ class Path:
         index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.segments) - 1)
         return self.on(index, (t - self._starts[index]) / self._durations[index])
 
-    def on(self, index: Array, u: Vector) -> Samples:
+    def on(self, index: Indices, u: Vector) -> Samples:
         """The path on the segments index (k,) at their parameter u (k,) in [0, 1]."""
         k = len(u)
         p, v, w, R = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3, 3))
@@ -190,7 +190,7 @@ class Path:
             p[last], R[last] = self.start, np.eye(3)
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)
 
-    def steps(self, samples: int) -> tuple[Array, Vector, Vector]:
+    def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """At least `samples` steps of nearly equal time that never straddle a corner: (segment, u_start, u_stop)."""
         if samples < 1:
             raise ArgumentError("samples", samples, "give at least 1")
@@ -276,9 +276,7 @@ def circle(
     return arc(start, center, -2 * np.pi if clockwise else 2 * np.pi, normal, speed=speed)
 
 
-def polyline(
-    points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1
-) -> Path:
+def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1) -> Path:
     """Straight lines through points (k, 3) or (k, 2) [m].
 
     Args:

@@ -85,7 +85,7 @@ class Task:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """"m" or "rad" of each row."""
+        """ "m" or "rad" of each row."""
         return tuple("m" if i < 3 else "rad" for i in self.rows)
 
     @property

@@ -21,5 +21,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 """A float64 array of shape (rows, columns)."""
 
+Indices = NDArray[np.intp]
+"""An integer array of any shape."""
+
 ArrayLike = NDArray[Any] | Sequence[Any] | float
 """What a caller may pass where an array is wanted."""

@@ -45,7 +45,7 @@ def pairs(m: int) -> list[tuple[int, int]]:
 def _build(strategy: Strategy) -> Function:
     e, m = strategy.expressions, strategy.task.m
     G, conditioning = e.rate(SX.eye(m))
-    columns = _from_rows(e, G, m) if e.rows is not None else _from_frame(e, G, m)
+    columns = _from_rows(e, G, m) if e.form == "kernel" else _from_frame(e, G, m)
     packed = horzcat(*columns) if columns else SX.zeros(strategy.task.n, 1)
     outputs = {"F": packed, "G": G, "conditioning": conditioning, "margin": strategy.margin_expression}
     return Function("curvature", {"q": e.q}, outputs)
@@ -53,7 +53,7 @@ def _build(strategy: Strategy) -> Function:
 
 def _from_frame(e: Expressions, G: SX, m: int) -> list[SX]:
     """G = B M: [G_i, G_j] = sum_ab M_ai M_bj [B_a, B_b] up to range G, so only B is differentiated."""
-    B = SX(e.frame)
+    B = e.planes
     M = factorise(e.J @ B).solve(SX.eye(m))
     brackets = pairwise_brackets(B, e.q)
     vertical = {ab: v - G @ (e.J @ v) for ab, v in brackets.items()}
@@ -68,7 +68,7 @@ def _from_frame(e: Expressions, G: SX, m: int) -> list[SX]:
 
 def _from_rows(e: Expressions, G: SX, m: int) -> list[SX]:
     """[J; A] F_ij = [0; -(DA[G_i] G_j - DA[G_j] G_i)]: only A is differentiated, no null-space basis (theory 5.1)."""
-    A = SX(e.rows)
+    A = e.planes
     along = [directional(A, e.q, G[:, i]) @ G for i in range(m)]
     extended = factorise(vertcat(e.J, A))
     zeros = SX.zeros(m, 1)

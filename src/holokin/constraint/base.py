@@ -44,7 +44,9 @@ class Constraint:
         return g
 
 
-def custom(expression: Callable[[SX], Any], rows: int = 1, *, name: str = "custom", angular: bool = False) -> Constraint:
+def custom(
+    expression: Callable[[SX], Any], rows: int = 1, *, name: str = "custom", angular: bool = False
+) -> Constraint:
     """g(q) of your own: a CasADi expression of q, or a list of them.
 
     Args:
@@ -116,7 +118,7 @@ def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
     """A matrix of the given shape from a scalar (times the identity) or a matrix; finite."""
     value = np.asarray(gain, dtype=float)
     if value.ndim == 0:
-        value = float(value) * np.eye(*shape)
+        value = float(value) * np.eye(shape[0], shape[1])
     if value.shape != tuple(shape):
         raise ShapeError("the gain", tuple(shape), value.shape, "give a number or a matrix, in rad/m")
     if not np.isfinite(value).all():

@@ -28,7 +28,7 @@ PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 
 def packaged_jobs() -> tuple[str, ...]:
     """Names of the jobs that come with the library."""
-    names = (entry.name for entry in files(__package__).joinpath("packaged").iterdir())
+    names = (entry.name for entry in files("holokin.job").joinpath("packaged").iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
 
@@ -36,7 +36,7 @@ def packaged_text(name: str) -> str:
     """The TOML text of a packaged job. Raises: UnknownNameError."""
     if name not in packaged_jobs():
         raise UnknownNameError("job", name, packaged_jobs())
-    return files(__package__).joinpath("packaged", f"{name}.toml").read_text("utf-8")
+    return files("holokin.job").joinpath("packaged", f"{name}.toml").read_text("utf-8")
 
 
 def expand(names: list[str]) -> list[str]:
@@ -51,7 +51,7 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
         raise UnknownNameError("job", name, [*packaged_jobs(), "paper", "or a path ending in .toml"])
-    with as_file(files(__package__).joinpath("packaged", f"{name}.toml")) as path:
+    with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
 
 

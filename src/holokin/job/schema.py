@@ -199,7 +199,9 @@ def read_job(path: Path) -> Job:
     try:
         text = path.read_text("utf-8")
     except FileNotFoundError:
-        raise JobError(path, "file", "there is no such file", "check the path; `holokin jobs` lists the packaged ones") from None
+        raise JobError(
+            path, "file", "there is no such file", "check the path; `holokin jobs` lists the packaged ones"
+        ) from None
     except (OSError, UnicodeDecodeError) as problem:
         raise JobError(path, "file", f"cannot be read ({problem})", "give a TOML text file") from None
     try:

@@ -5,8 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import (
-    ArgumentError, BranchError, JointLimitError, LimitReachedError, OpenPathError, OutOfReachError, PathError,
-    PathSingularityError, SingularityError, StartError,
+    ArgumentError,
+    BranchError,
+    JointLimitError,
+    LimitReachedError,
+    OpenPathError,
+    OutOfReachError,
+    PathError,
+    PathSingularityError,
+    SingularityError,
+    StartError,
+    TrackingError,
 )  # fmt: skip
 from ..path import Path
 from ..strategy import Strategy
@@ -16,6 +25,7 @@ from ..types import ArrayLike, Vector
 from .leaf import leaf_stepper
 from .plan import Plan, make_plan, record
 from .progress import progress
+from .reach import out_of_reach
 from .velocity import velocity_stepper
 
 METHODS = ("velocity", "leaf")
@@ -100,18 +110,24 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
                 done = step + 1
                 postures[done] = q
                 report(done)
-        except SingularityError as problem:
-            fact = f"stopped {_where(plan, done)}: {problem}"
-            cure = "see what was computed in .trajectory"
-            raise PathSingularityError(problem.kind, fact, cure, so_far(Status.SINGULAR)) from problem
         except JointLimitError as problem:
             fact = f"stopped {_where(plan, done)}: {problem}"
             raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
-        except PathError as problem:
-            ends = {OutOfReachError: Status.OUT_OF_REACH, BranchError: Status.BRANCH}
-            kind = type(problem)
-            fact = f"stopped {_where(plan, done)}: {problem.fact}"
-            raise kind(fact, problem.cure, so_far(ends.get(kind, Status.LOST))) from problem
+        except (SingularityError, BranchError, TrackingError) as problem:
+            where = _where(plan, done)
+            beyond = out_of_reach(plan, q, done % plan.steps, limits)
+            if beyond is not None:
+                fact = (
+                    f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no posture comes "
+                    f"closer than {beyond[1]:.3g} (m or rad)"
+                )
+                raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from problem
+            fact = f"stopped {where}: {problem.fact if isinstance(problem, PathError) else problem}"
+            if isinstance(problem, SingularityError):
+                walk = so_far(Status.SINGULAR)
+                raise PathSingularityError(problem.kind, fact, "what was computed is in .trajectory", walk) from problem
+            status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
+            raise type(problem)(fact, problem.cure, so_far(status)) from problem
     return so_far(Status.COMPLETE)
 
 

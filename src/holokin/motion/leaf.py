@@ -11,12 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import BranchError, OutOfReachError
+from ..errors import BranchError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from .plan import Plan
-from .reach import distance_to_reach
 
 _ALMOST = 1e-7
 """A correction this small squares to round-off in the next step."""
@@ -29,7 +28,7 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
     """(q, step) -> q after that step of the plan, on the leaf through q0.
 
     Raises (when called):
-        SingularityError: [J; J_g] is singular there. BranchError, OutOfReachError: the leaf or the workspace ends.
+        SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
     """
     task = strategy.task
     c = np.atleast_1d(strategy.constraint_value(q0)) if task.n > task.m else np.zeros(0)
@@ -62,20 +61,13 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
                 continue
             width /= 2
             if width < TOLERANCES.smallest_step:
-                _give_up(strategy, plan, i, q)
+                _give_up(strategy, q)
         return q
 
     return step
 
 
-def _give_up(strategy: Strategy, plan: Plan, i: int, q: Vector) -> None:
-    p, R = plan.target(i, 1.0)
-    missing = distance_to_reach(strategy.task, q, p, R)
-    if missing > TOLERANCES.tracking / 10:
-        raise OutOfReachError(
-            f"the path is out of reach: no posture near there comes closer than {missing:.3g} (m or rad)",
-            "move or shrink the path, or begin elsewhere",
-        )
+def _give_up(strategy: Strategy, q: Vector) -> None:
     strategy(q)  # raises if it is singular already here
     raise BranchError(
         f"the leaf of {strategy.name!r} ends at q = {np.array2string(q, precision=6)}: there [J; J_g] turns "

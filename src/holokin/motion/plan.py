@@ -10,7 +10,7 @@ from ..path import Path, Samples
 from ..strategy import Strategy
 from ..task import Task
 from ..trajectory import Status, Trajectory
-from ..types import Array, Matrix, Vector
+from ..types import Array, Indices, Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Plan:
     path: Path
     task: Task
     start_rotation: Matrix
-    segment: Array
+    segment: Indices
     u_start: Vector
     u_stop: Vector
     h: Vector
@@ -100,7 +100,7 @@ def record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Statu
         dq=strategy.rate.batch(q, dx)[0].reshape(len(q), task.n),
         x=task.value_batch(q),
         error=task.error_batch(q, p, R),
-        sigma=np.linalg.svd(J, compute_uv=False)[:, -1],
+        sigma=np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float),
         residual=residual,
         marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
         status=status,

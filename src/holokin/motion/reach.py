@@ -4,20 +4,47 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..task import Task
+from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
+from .plan import Plan
+
+TARGETS = 24
+"""Targets of the rest of the path that are tried."""
+
+RESTARTS = 8
+"""Random postures tried besides the last one before a target is called out of reach."""
 
 
-def distance_to_reach(task: Task, q: Vector, position: Vector, rotation: Matrix) -> float:
-    """Smallest largest task error [m or rad] found by least squares within the joint limits, from q."""
+def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float, float] | None:
+    """(share of the path, distance [m or rad]) of the first target from a step on that no posture reaches; else None.
+
+    Least squares within the joint limits from the last posture, then from random ones.
+    """
+    for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
+        found, missing = _nearest(plan, q, *plan.target(int(i), 1.0), limits)
+        if missing > TOLERANCES.tracking / 10:
+            return (i + 1) / plan.steps, missing
+        q = found
+    return None
+
+
+def _nearest(plan: Plan, q: Vector, position: Vector, rotation: Matrix, limits: bool) -> tuple[Vector, float]:
     from scipy.optimize import least_squares
 
-    robot = task.robot
-    inside = np.clip(q, robot.lower, robot.upper)
-
-    def error(posture: Vector) -> Vector:
-        return task.error(posture, position, rotation)
-
-    bounds = (np.where(robot.lower < robot.upper, robot.lower, -np.inf), robot.upper)
-    found = least_squares(error, inside, bounds=bounds, xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    return float(np.abs(found.fun).max())
+    robot = plan.task.robot
+    lower = robot.lower if limits else np.full(robot.n, -np.inf)
+    upper = robot.upper if limits else np.full(robot.n, np.inf)
+    span = np.clip(lower, q - np.pi, None), np.clip(upper, None, q + np.pi)
+    rng = np.random.default_rng(0)
+    best, least = q, np.inf
+    for trial in range(RESTARTS + 1):
+        guess = np.clip(q, lower, upper) if trial == 0 else rng.uniform(*span)
+        found = least_squares(
+            lambda posture: plan.task.error(posture, position, rotation), guess, bounds=(lower, upper), xtol=1e-12
+        )
+        missing = float(np.abs(found.fun).max())
+        if missing < least:
+            best, least = found.x, missing
+        if least <= TOLERANCES.tracking / 10:
+            break
+    return best, least

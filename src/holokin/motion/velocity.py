@@ -6,19 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import OutOfReachError, TrackingError
+from ..errors import TrackingError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..types import Vector
 from .plan import Plan
-from .reach import distance_to_reach
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan.
 
     Raises (when called):
-        SingularityError: G is not defined there. TrackingError, OutOfReachError: the tool lost the path.
+        SingularityError: G is not defined there. TrackingError: the tool lost the path.
     """
     rate, error = strategy.rate, strategy.task.error_function
     x0, x1, x2 = plan.rates
@@ -38,13 +37,11 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
         p, R = plan.target(i, 1.0)
         off = float(np.abs(error(new, p, R)).max())
         if not off < TOLERANCES.tracking:
-            missing = distance_to_reach(strategy.task, q, p, R)
-            if missing > TOLERANCES.tracking:
-                raise OutOfReachError(
-                    f"the path is out of reach: no posture near there comes closer than {missing:.3g} (m or rad)",
-                    "move or shrink the path, or begin elsewhere",
-                )
-            raise TrackingError(f"the tool is {off:.3g} (m or rad) off the path", "use more samples")
+            figure = strategy.gain(q)[1]
+            raise TrackingError(
+                f"the tool is {off:.3g} (m or rad) off the path, with a conditioning of {figure:.1e} (0 is singular)",
+                "use more samples, or keep the path away from singular postures",
+            )
         return new
 
     return step

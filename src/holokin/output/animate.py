@@ -10,7 +10,7 @@ import numpy as np
 
 from ..trajectory import Trajectory
 from .figures import margins, slug, tool_points
-from .plots import CLOCKWISE, COUNTER, GREY, STYLE, frame_robot, robot_stick, tool_path
+from .plots import CLOCKWISE, COUNTER, GREY, frame_robot, robot_stick, style, tool_path
 from .result import JobResult, StrategyResult
 
 FRAMES = 60
@@ -72,7 +72,7 @@ def _write(
 
     robot = result.robot
     images = []
-    with rc_context(STYLE):
+    with rc_context(style()):
         figure = Figure(figsize=(4.2 * len(panels), 4.3), dpi=80, facecolor="white")
         side = 0.65 if robot.planar else 0.1
         margins(figure, left=side, right=0.25, bottom=0.55, top=0.6, width_gap=side, grid=(1, len(panels)))

@@ -9,7 +9,16 @@ import numpy as np
 
 from ..trajectory import Trajectory
 from .plots import (
-    CLOCKWISE, COUNTER, GREY, STYLE, drift_per_cycle, frame_robot, joint_cycles, joint_ways, robot_stick, tool_path,
+    CLOCKWISE,
+    COUNTER,
+    GREY,
+    drift_per_cycle,
+    frame_robot,
+    joint_cycles,
+    joint_ways,
+    robot_stick,
+    style,
+    tool_path,
 )  # fmt: skip
 from .result import JobResult, StrategyResult
 
@@ -18,20 +27,20 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
     from matplotlib import rc_context
 
-    with rc_context(STYLE):
+    with rc_context(style()):
         yield "robot", "The robot at the start (grey) and where each way has led it.", robot_figure(result)
     for strategy in result.drawn:
         if strategy.ways is not None:
-            with rc_context(STYLE):
+            with rc_context(style()):
                 caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
                 apart = strategy.figures["same_joints"]
                 if np.isfinite(apart):
                     caption += f" The other representations of orientation lie within {apart:.1g} of it."
                 yield f"ways-{slug(strategy.name)}", caption, ways_figure(strategy)
     if result.cycles > 1:
-        with rc_context(STYLE):
+        with rc_context(style()):
             yield "cycles", f"Joints, less their start values, over {result.cycles} cycles.", cycles_figure(result)
-        with rc_context(STYLE):
+        with rc_context(style()):
             yield "drift", "Joint drift after each cycle.", drift_figure(result)
 
 
@@ -64,7 +73,9 @@ def ways_figure(strategy: StrategyResult) -> Any:
     handles, labels = grid.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=2)
     word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
-    figure.suptitle(f"{strategy.name} ({word})", fontsize=12, fontweight="bold", y=1 - 0.08 / figure.get_figheight(), va="top")
+    figure.suptitle(
+        f"{strategy.name} ({word})", fontsize=12, fontweight="bold", y=1 - 0.08 / figure.get_figheight(), va="top"
+    )
     return figure
 
 
@@ -110,7 +121,9 @@ def robot_figure(result: JobResult) -> Any:
     if robot.planar:
         margins(figure, left=0.65, right=0.15, bottom=0.6, top=0.6, width_gap=0.6, height_gap=0.9, grid=(rows, columns))
     else:  # 3-D axes leave room of their own, but for the last labels
-        margins(figure, left=0.05, right=0.25, bottom=0.15, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns))
+        margins(
+            figure, left=0.05, right=0.25, bottom=0.15, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns)
+        )
     kind = {} if robot.planar else {"projection": "3d"}
     grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
     for axes in grid.flat[count:]:
@@ -126,7 +139,7 @@ def margins(
     figure: Any, *, left: float, right: float, bottom: float, top: float, width_gap: float = 0.0,
     height_gap: float = 0.0, grid: tuple[int, int] = (1, 1),
 ) -> None:  # fmt: skip
-    """Fix the margins and gaps of a grid (rows, columns) of axes [inches]; automatic layout takes longer than drawing."""
+    """Fix the margins and gaps of a grid (rows, columns) of axes [inches]; automatic layout is slow."""
     width, height = figure.get_size_inches()
     rows, columns = grid
     cell_width = (width - left - right - width_gap * (columns - 1)) / columns
@@ -146,10 +159,10 @@ def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[A
         walks = ((strategy.cycles, CLOCKWISE),)
     else:
         walks = tuple(zip(strategy.ways, (CLOCKWISE, COUNTER), strict=True))
-    for walk, style in walks:
+    for walk, look in walks:
         points = tool_points(result, walk)
-        tool_path(axes, robot, points, **{**style, "linewidth": 1.4})
-        robot_stick(axes, robot, walk.q[-1], style["color"], style=style["linestyle"], width=2.6)
+        tool_path(axes, robot, points, **{**look, "linewidth": 1.4})
+        robot_stick(axes, robot, walk.q[-1], look["color"], style=look["linestyle"], width=2.6)
         clouds += [points, *robot.skeleton(walk.q[-1])]
     return clouds
 

@@ -1,4 +1,7 @@
-"""Drawing, one thing a function: each takes an Axes and returns it. As the paper draws: clockwise solid, counter-clockwise dashed."""
+"""Drawing, one thing a function: each takes an Axes and returns it.
+
+As the paper draws: clockwise solid blue, counter-clockwise dashed red.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 
 from ..robot import Robot
 from ..trajectory import Trajectory
-from ..types import Matrix, Vector
+from ..types import Indices, Matrix, Vector
 
 CLOCKWISE = {"color": "#1f5fbf", "linestyle": "-", "linewidth": 1.8}
 COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
@@ -17,7 +20,7 @@ GREY = "#9aa1ac"
 INK = "#22262e"
 PALETTE = ("#1f5fbf", "#d1352b", "#2e8b57", "#8a4fbf", "#c47f11", "#0f8b8d", "#6b7280", "#b03a7c")
 
-STYLE: dict[str, Any] = {
+_STYLE = {
     "font.size": 10,
     "axes.titlesize": 11,
     "axes.spines.top": False,
@@ -36,9 +39,14 @@ STYLE: dict[str, Any] = {
 }
 
 
-def thin(count: int, most: int = 600) -> Vector:
+def style() -> Any:
+    """matplotlib settings of every figure."""
+    return dict(_STYLE)
+
+
+def thin(count: int, most: int = 600) -> Indices:
     """Indices of at most `most` samples, ends included: pictures need no more."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
 
 
 def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int) -> Any:

@@ -25,7 +25,7 @@ _FRAME = ("xyz", "rpy_deg")
 def catalogue() -> dict[str, str]:
     """Names of the robots that come with the library -> where their figures are from."""
     found = {}
-    for entry in sorted(files(__package__).joinpath("data").iterdir(), key=lambda e: e.name):
+    for entry in sorted(files("holokin.robot").joinpath("data").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(".toml"):
             found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8"))["source"]
     return found
@@ -60,7 +60,7 @@ def load(
         raise RobotFileError(path, f"files of type {suffix!r} are not supported", "give a .urdf or a .toml DH table")
     if str(name) not in catalogue():
         raise UnknownNameError("robot", str(name), catalogue())
-    entry = files(__package__).joinpath("data", f"{name}.toml")
+    entry = files("holokin.robot").joinpath("data", f"{name}.toml")
     return _from_toml(entry, entry.read_text("utf-8"))
 
 

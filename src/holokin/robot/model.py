@@ -27,7 +27,7 @@ class Coordinate:
 
     @property
     def unit(self) -> str:
-        """"m" for a prismatic joint, "rad" for a revolute one."""
+        """ "m" for a prismatic joint, "rad" for a revolute one."""
         return "m" if self.kind == "prismatic" else "rad"
 
 

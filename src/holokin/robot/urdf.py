@@ -78,6 +78,7 @@ class _Builder:
         self.coordinates: dict[str, Coordinate] = {}
 
     def build(self, name: str, tips: Sequence[str]) -> Robot:
+        """The robot of the chains from the root to each tip."""
         ends = []
         for tip in tips:
             chain = _chain(tip, self.root, self.parents)
@@ -131,7 +132,9 @@ class _Builder:
             multiplier *= gain
             if joint.mimic.joint not in self.by_name or joint.mimic.joint in seen:
                 raise RobotFileError(
-                    self.path, f"joint {joint.name!r} mimics {joint.mimic.joint!r}", "mimic a joint that leads nowhere back"
+                    self.path,
+                    f"joint {joint.name!r} mimics {joint.mimic.joint!r}",
+                    "mimic a joint that leads nowhere back",
                 )
             joint = self.by_name[joint.mimic.joint]
             seen.add(joint.name)
@@ -191,7 +194,9 @@ def _wanted_tips(
     if tip is None:
         below = [leaf for leaf in _leaves(links, parents) if _chain(leaf, root, parents)]
         if len(below) != 1:
-            raise RobotFileError(path, f"branches into {len(below)} tips", f"give tip=, one or more of {', '.join(below)}")
+            raise RobotFileError(
+                path, f"branches into {len(below)} tips", f"give tip=, one or more of {', '.join(below)}"
+            )
         return below
     wanted = [tip] if isinstance(tip, str) else list(tip)
     for link in wanted:

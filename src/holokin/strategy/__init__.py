@@ -1,11 +1,12 @@
 """Strategies: right inverses of the task Jacobian."""
 
-from .base import Expressions, Field, Strategy
+from .base import Expressions, Field, Form, Strategy
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
 
 __all__ = [
     "Expressions",
     "Field",
+    "Form",
     "Strategy",
     "coupled_twist",
     "holonomic",

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -27,23 +28,27 @@ Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
 
 
+Form = Literal["span", "kernel"]
+"""How planes are given: as the span of a frame B (n, m), or as the kernel of rows A (r, n)."""
+
+
 @dataclass(frozen=True)
 class Expressions:
-    """The expressions of a strategy over its symbol q; `frame` or `rows`, never both, is the one it was given by."""
+    """The expressions of a strategy over its symbol q; `planes` is B or A, as `form` says."""
 
     q: SX
     kinematics: Kinematics
     J: SX
-    frame: SX | None
-    rows: SX | None
+    form: Form
+    planes: SX
 
     def rate(self, dx: SX) -> tuple[SX, SX]:
         """(G dx, conditioning): dx (m, k) -> (n, k), by orthogonal factorisations only."""
-        if self.rows is not None:
-            extended = factorise(vertcat(self.J, self.rows))
-            zeros = SX.zeros(self.rows.shape[0], dx.shape[1])
+        if self.form == "kernel":
+            extended = factorise(vertcat(self.J, self.planes))
+            zeros = SX.zeros(self.planes.shape[0], dx.shape[1])
             return extended.solve(vertcat(dx, zeros)), extended.conditioning()
-        frame = factorise(self.frame)
+        frame = factorise(self.planes)
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)
         return Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning())
@@ -53,13 +58,13 @@ class Expressions:
 class Strategy:
     """A right inverse of a task. Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...
 
-    Exactly one of `frame` and `rows` is given. A strategy from a constraint keeps it in `constraint`.
+    `planes` is the field of frames or rows, as `form` says. A strategy from a constraint keeps it in `constraint`.
     """
 
     name: str
     task: Task
-    frame: Field | None = None
-    rows: Field | None = None
+    form: Form
+    planes: Field
     constraint: Constraint | None = None
 
     def __repr__(self) -> str:
@@ -91,7 +96,7 @@ class Strategy:
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """N_G (n, m): the frame that the strategy was given by, or its canonical one, G itself (theory 1.4)."""
-        if self.frame is None:
+        if self.form == "kernel":
             return self(q)
         return self._frame(self.task.robot.checked(q)).reshape(self.task.n, self.task.m)
 
@@ -105,7 +110,7 @@ class Strategy:
         return H @ H.T
 
     def check(self, q: Vector, conditioning: float, margin: float) -> None:
-        """Raises: SingularityError, saying of which kind, unless the figures of `gain`, `rate` or `leaf_step` are sound."""
+        """Raises: SingularityError, saying of which kind, unless the figures, of `gain` for instance, are sound."""
         if not margin > TOLERANCES.representation:
             raise SingularityError(SingularityKind.REPRESENTATION, q, f"{self.name} ({self.task.name})", margin)
         if conditioning > TOLERANCES.singular:
@@ -125,21 +130,17 @@ class Strategy:
         q = symbol("q", task.n)
         k = task.robot.kinematics(q, task.tip)
         J = task.jacobian_expression(k, q)
-        frame = self._field(self.frame, k, q, (task.n, task.m), "the frame N_G")
-        rows = self._field(self.rows, k, q, (task.n - task.m, task.n), "the constraint rows")
-        return Expressions(q, k, J, frame, rows)
-
-    def _field(self, field: Field | None, k: Kinematics, q: SX, shape: tuple[int, int], what: str) -> SX | None:
-        if field is None:
-            return None
-        value = as_expression(field(self.task, k, q))
-        if value.shape != shape:
-            raise ShapeError(f"{what} of {self.name!r}", shape, value.shape, "it must fit n joints and m task rows")
-        return value
+        planes = as_expression(self.planes(task, k, q))
+        shape = (task.n, task.m) if self.form == "span" else (task.n - task.m, task.n)
+        if planes.shape != shape:
+            what = "the frame N_G" if self.form == "span" else "the constraint rows"
+            cure = "it must fit n joints and m task rows"
+            raise ShapeError(f"{what} of {self.name!r}", shape, planes.shape, cure)
+        return Expressions(q, k, J, self.form, planes)
 
     @property
     def margin_expression(self) -> SX:
-        """How far the posture is from where an orientation representation, the task's or the constraint's, is singular."""
+        """How far the posture is from where a representation, the task's or the constraint's, is singular."""
         e = self.expressions
         margin = self.task.margin_expression(e.kinematics.rotation)
         if self.constraint is not None and self.constraint.margin is not None:
@@ -180,7 +181,7 @@ class Strategy:
         residual = c - g.bind(self.task, e.kinematics, e.q)
         residual = vertcat(*(wrapped(residual[i]) if flag else residual[i] for i, flag in enumerate(g.angular)))
         error = self.task.error_expression(e.kinematics, p, R)
-        extended = factorise(vertcat(e.J, e.rows))
+        extended = factorise(vertcat(e.J, e.planes))
         outputs = {
             "dq": extended.solve(vertcat(error, residual)),
             "conditioning": extended.conditioning(),
@@ -192,7 +193,7 @@ class Strategy:
     @cached_property
     def _frame(self) -> Function:
         e = self.expressions
-        return Function("frame", {"q": e.q}, {"N_G": as_expression(e.frame)})
+        return Function("frame", {"q": e.q}, {"N_G": e.planes})
 
     def _constraint(self) -> Constraint:
         if self.constraint is None:

@@ -18,7 +18,7 @@ from .base import Strategy, gradient_rows
 
 def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
     """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
-    return Strategy(name, task, frame=lambda task, k, q: task.jacobian_expression(k, q).T)
+    return Strategy(name, task, "span", lambda task, k, q: task.jacobian_expression(k, q).T)
 
 
 def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
@@ -48,7 +48,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
             raise ShapeError("the weight W", (task.n, task.n), value.shape)
         return value @ task.jacobian_expression(k, q).T
 
-    return Strategy(name, task, frame=frame)
+    return Strategy(name, task, "span", frame)
 
 
 def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
@@ -62,7 +62,7 @@ def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis"
     Raises:
         ShapeError (when first used): N_G is not (n, m).
     """
-    return Strategy(name, task, frame=lambda _task, _k, q: as_expression(N_G(q)))
+    return Strategy(name, task, "span", lambda _task, _k, q: as_expression(N_G(q)))
 
 
 def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy:
@@ -71,7 +71,7 @@ def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy
     Raises:
         ConstraintRowsError: g has not r = n - m rows.
     """
-    strategy = Strategy(name or g.name, task, rows=gradient_rows(g), constraint=g)
+    strategy = Strategy(name or g.name, task, "kernel", gradient_rows(g), g)
     strategy.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
     return strategy
 
@@ -82,7 +82,7 @@ def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> S
     Args:
         A: q -> CasADi expression (r, n), r = n - m.
     """
-    return Strategy(name, task, rows=lambda _task, _k, q: as_expression(A(q)))
+    return Strategy(name, task, "kernel", lambda _task, _k, q: as_expression(A(q)))
 
 
 def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:
@@ -94,4 +94,4 @@ def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometri
         gain: Lambda in rad/m, a number or (3, 3).
     """
     L = as_gain(gain, (3, 3))
-    return Strategy(name, task, rows=lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])
+    return Strategy(name, task, "kernel", lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])

@@ -35,9 +35,12 @@ def as_expression(value: Any) -> ca.SX:
     """An SX matrix of an SX, an array, a number, or (nested) sequences of them."""
     if isinstance(value, ca.SX):
         return value
-    if isinstance(value, ca.DM | int | float | np.ndarray) and getattr(value, "dtype", float) != object:
+    if isinstance(value, ca.DM | int | float) or (isinstance(value, np.ndarray) and value.dtype.kind in "fiu"):
         return ca.SX(value)
-    rows = [as_expression(row).T if isinstance(row, Sequence | np.ndarray) else ca.SX(row) for row in value]
+    rows: list[ca.SX] = []
+    for row in value:
+        nested = isinstance(row, Sequence | np.ndarray)
+        rows.append(as_expression(row).T if nested else ca.SX(row))
     return ca.vertcat(*rows)
 
 
@@ -69,11 +72,14 @@ def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
                 try:
                     return _FUNCTIONS[name](*(ca.SX(value(a)) for a in arguments))
-                except TypeError:
+                except (TypeError, NotImplementedError):  # the latter is CasADi's word for it
                     raise ExpressionError(str(text), f"{name} takes another number of arguments", _CURE) from None
             case ast.Name(id=name):
                 raise ExpressionError(str(text), f"the name {name!r} is unknown", f"known: {', '.join(names)}, pi")
             case _:
                 raise ExpressionError(str(text), f"{ast.unparse(node)!r} is not arithmetic", _CURE)
 
-    return ca.SX(value(tree.body))
+    try:
+        return ca.SX(value(tree.body))
+    except ArithmeticError as problem:
+        raise ExpressionError(str(text), str(problem), _CURE) from None

@@ -24,16 +24,18 @@ class _Port(threading.local):
     """One thread's evaluation memory: argument and result arrays bound to a CasADi buffer."""
 
     def __init__(self, function: ca.Function, arguments: list[tuple[int, ...]], results: list[tuple[int, ...]]):
-        self._buffer, self.trigger = function.buffer()
+        buffer: Any  # CasADi's stub of FunctionBuffer asks for arguments that it does not take
+        buffer, self.trigger = function.buffer()
+        self._buffer = buffer
         # CasADi is column-major: a (rows, columns) matrix is the transpose of a C array (columns, rows).
         memory_in = [np.zeros(shape[::-1]) for shape in arguments]
         memory_out = [np.zeros(shape[::-1]) for shape in results]
         for i, array in enumerate(memory_in):
             if array.size:
-                self._buffer.set_arg(i, memoryview(array))
+                buffer.set_arg(i, array.data)
         for i, array in enumerate(memory_out):
             if array.size:
-                self._buffer.set_res(i, memoryview(array))
+                buffer.set_res(i, array.data)
         self.arguments = [array.T for array in memory_in]
         self.results = [array.T for array in memory_out]
 
@@ -55,7 +57,7 @@ class Function:
         self.input_shapes = {key: _shape(symbol) for key, symbol in inputs.items()}
         self.output_shapes = {key: _shape(value) for key, value in outputs.items()}
         dense = [ca.densify(ca.SX(value)) for value in outputs.values()]
-        self.casadi = ca.Function(name, list(inputs.values()), dense, list(inputs), list(outputs))
+        self.casadi = ca.Function(name, list(inputs.values()), dense)
         self._port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
         self._map: _Port | None = None
 

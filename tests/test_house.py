@@ -1,0 +1,149 @@
+"""The house plan: layers downhill, one door to CasADi, lazy extras, short files, a light import, docstrings, errors."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import holokin as hk
+
+ROOT = Path(hk.__file__).parent
+LAYERS = [
+    {"errors", "types", "tolerances"},
+    {"symbolic"},
+    {"robot"},
+    {"task"},
+    {"constraint"},
+    {"strategy"},
+    {"path"},
+    {"trajectory"},
+    {"analysis", "motion"},
+    {"output"},
+    {"job"},
+    {"studio"},
+    {"cli"},
+]
+HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
+MODULES = sorted(ROOT.rglob("*.py"))
+
+
+def layer_of(module: Path) -> str:
+    parts = module.relative_to(ROOT).parts
+    return parts[0].removesuffix(".py")
+
+
+def rank(layer: str) -> int:
+    return next(i for i, names in enumerate(LAYERS) if layer in names)
+
+
+def imports(module: Path) -> list[tuple[str, ast.stmt]]:
+    """(absolute dotted name, statement) of every import, relative ones resolved."""
+    package = list(module.relative_to(ROOT.parent).with_suffix("").parts)[:-1]
+    found: list[tuple[str, ast.stmt]] = []
+    for node in ast.walk(ast.parse(module.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = ".".join([*base, *([node.module] if node.module else [])])
+            found += [(f"{stem}.{alias.name}", node) for alias in node.names]
+    return found
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda m: str(m.relative_to(ROOT)))
+def test_imports_run_downhill_and_files_are_short(module: Path) -> None:
+    text = module.read_text("utf-8")
+    assert text.count("\n") <= 400
+    assert len(module.relative_to(ROOT).parts) <= 2
+    layer = layer_of(module)
+    for name, _ in imports(module):
+        if name.split(".")[0] == "casadi":
+            assert layer == "symbolic", "only symbolic/ may import CasADi"
+        if not name.startswith("holokin.") or layer == "__init__":
+            continue
+        other = name.split(".")[1]
+        if other in ("__version__",):
+            continue
+        assert rank(other) < rank(layer) or other == layer, f"{layer} imports {other}"
+
+
+def test_analysis_and_motion_do_not_know_each_other() -> None:
+    for module in MODULES:
+        others = {"analysis": "motion", "motion": "analysis"}
+        forbidden = others.get(layer_of(module))
+        assert not any(name.startswith(f"holokin.{forbidden}") for name, _ in imports(module))
+
+
+def test_there_is_no_import_cycle() -> None:
+    names = {".".join(m.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__"): m for m in MODULES}
+    graph = {
+        name: {
+            target
+            for wanted, _ in imports(module)
+            for target in (wanted, wanted.rpartition(".")[0])
+            if target in names and target != name and not name.startswith(target + ".")
+        }
+        for name, module in names.items()
+    }
+    visiting: set[str] = set()
+    done: set[str] = set()
+
+    def visit(name: str) -> None:
+        assert name not in visiting, f"import cycle through {name}"
+        if name in done:
+            return
+        visiting.add(name)
+        for target in graph[name]:
+            visit(target)
+        visiting.discard(name)
+        done.add(name)
+
+    for name in graph:
+        visit(name)
+
+
+def test_importing_holokin_loads_nothing_heavy() -> None:
+    """Why `import holokin` costs at most 0.15 s more than `import casadi`; benchmarks/startup.py times it."""
+    code = f"import sys, holokin; print([m for m in {HEAVY!r} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_every_public_name_has_a_docstring_with_substance() -> None:
+    for name in hk.__all__:
+        thing = getattr(hk, name)
+        assert thing.__doc__, name
+        assert len(thing.__doc__) > 20, name
+    for module in MODULES:
+        tree = ast.parse(module.read_text("utf-8"))
+        assert ast.get_docstring(tree), module
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                inner = any(
+                    node in ast.walk(f) and f is not node for f in ast.walk(tree) if isinstance(f, ast.FunctionDef)
+                )
+                assert inner or ast.get_docstring(node), f"{module}: {node.name}"
+
+
+def test_every_source_key_is_on_the_references_page() -> None:
+    import re
+
+    page = (Path(__file__).parents[1] / "docs" / "references.md").read_text("utf-8")
+    used = {key for m in MODULES for key in re.findall(r"\[([A-Z][A-Za-z]*\d\d)(?:,[^\]]*)?\]", m.read_text("utf-8"))}
+    assert {"ZR11", "SY88"} <= used
+    for key in sorted(used):
+        assert f"**[{key}]**" in page, key
+
+
+def test_errors_are_holokins_and_name_the_cure() -> None:
+    import holokin.errors as errors
+
+    kinds = [e for e in vars(errors).values() if isinstance(e, type) and issubclass(e, Exception)]
+    assert len(kinds) > 15
+    for kind in kinds:
+        assert issubclass(kind, hk.HolokinError)
+        assert kind.__doc__

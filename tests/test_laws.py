@@ -1,0 +1,244 @@
+"""Laws of every strategy on every robot: right inverse, curvature zero or not, coming home, derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from conftest import IRB_START, PANDA_START, PPR_START
+from holokin.task import ORIENTATIONS
+from test_paper import de_luca_g, paper_frame
+
+R3_START = np.array([0.3, 0.9, 0.7])
+IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 0.6, 0.0])  # the tool tilted, away from the zyz singularity
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    robot: str
+    start: np.ndarray
+    holonomic: bool
+
+    def strategy(self) -> hk.Strategy:
+        return _strategies()[self.name]
+
+
+def _weight(q: ca.SX) -> ca.SX:
+    """A symmetric positive definite weight that varies with the posture."""
+    n = q.shape[0]
+    v = ca.vertcat(*(0.5 * ca.sin(q[i] + i) for i in range(n)))
+    return ca.SX.eye(n) + v @ v.T
+
+
+@cache
+def _strategies() -> dict[str, hk.Strategy]:
+    ppr, r3, irb, panda, iiwa = (hk.load(n) for n in ("ppr", "planar-3r", "irb140", "panda", "iiwa14"))
+    p, t, i = hk.position(ppr), hk.position(r3), hk.position(irb)
+    out = {
+        "ppr moore-penrose": hk.moore_penrose(p),
+        "ppr weighted": hk.weighted(p, np.diag([1.0, 2.0, 0.5])),
+        "ppr paper": hk.null_basis(p, paper_frame),
+        "ppr de luca": hk.holonomic(p, hk.custom(de_luca_g)),
+        "3r moore-penrose": hk.moore_penrose(t),
+        "3r weighted q": hk.weighted(t, _weight),
+        "3r linear": hk.holonomic(t, hk.linear([0.0, 1.0, -1.0])),
+        "3r custom": hk.holonomic(t, hk.custom(lambda q: q[0] + 0.4 * ca.sin(q[1]) * q[2])),
+        "irb140 moore-penrose": hk.moore_penrose(i),
+        "irb140 coupled zyz": hk.holonomic(i, hk.coupled(1.0)),
+        "irb140 coupled rpy": hk.holonomic(i, hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")),
+        "irb140 coupled geometric": hk.coupled_twist(i, 1.0),
+        "irb140 stack": hk.holonomic(i, hk.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))),
+    }
+    for orientation in ORIENTATIONS:
+        for name, robot, start in (("panda", panda, PANDA_START), ("iiwa14", iiwa, IIWA_START)):
+            task = hk.pose(robot, orientation, reference=robot.pose(start)[:3, :3])
+            out[f"{name} {orientation} moore-penrose"] = hk.moore_penrose(task)
+            out[f"{name} {orientation} linear"] = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
+    return out
+
+
+def _cases() -> list[Case]:
+    starts = {"ppr": PPR_START, "3r": R3_START, "irb140": IRB_START, "panda": PANDA_START, "iiwa14": IIWA_START}
+    fails = ("moore-penrose", "weighted", "weighted q", "geometric")
+    out = []
+    for name in _strategies():
+        robot = name.split()[0]
+        out.append(Case(name, robot, starts[robot], not name.endswith(fails)))
+    return out
+
+
+CASES = _cases()
+every = pytest.mark.parametrize("case", CASES, ids=[c.name for c in CASES])
+
+
+def postures(case: Case, count: int, radius: float = 0.2) -> np.ndarray:
+    return case.start + np.random.default_rng(11).uniform(-radius, radius, (count, len(case.start)))
+
+
+@every
+def test_a_strategy_is_a_right_inverse(case: Case) -> None:
+    G = case.strategy()
+    for q in postures(case, 10):
+        assert np.abs(G.task.jacobian(q) @ G(q) - np.eye(G.task.m)).max() < 1e-11
+
+
+@every
+def test_holonomic_strategies_have_no_curvature_and_the_others_have(case: Case) -> None:
+    verdict = hk.involutivity(case.strategy(), hk.around(case.start, 0.2))
+    assert verdict.holonomic is case.holonomic
+    assert verdict.relative < 1e-12 if case.holonomic else verdict.relative > 1e-3
+    assert ("NOT" in str(verdict)) is not case.holonomic
+
+
+@every
+def test_curvature_is_vertical_and_meets_finite_differences(case: Case) -> None:
+    """F_ij = (1 - G J)[G_i, G_j] with [G_i, G_j] by central differences of G: no shared derivative code."""
+    G = case.strategy()
+    q, h = postures(case, 1)[0], 1e-5
+    slopes = np.stack([(G(q + h * e) - G(q - h * e)) / (2 * h) for e in np.eye(len(q))], axis=2)  # (n, m, n)
+    value = G(q)
+    brackets = np.einsum("aju,ui->aij", slopes, value) - np.einsum("aiu,uj->aij", slopes, value)
+    vertical = np.eye(len(q)) - value @ G.task.jacobian(q)
+    F = hk.curvature(G, q)
+    expected = np.einsum("ab,bij->aij", vertical, brackets)
+    assert np.abs(expected - F).max() < 1e-6 * max(1.0, np.abs(brackets).max())
+    assert np.abs(np.einsum("xa,aij->xij", G.task.jacobian(q), F)).max() < 1e-10 * max(1.0, np.abs(F).max())
+
+
+@every
+def test_a_batch_is_the_same_as_one_by_one(case: Case) -> None:
+    G = case.strategy()
+    Q = postures(case, 300)
+    batch = G.batch(Q)
+    assert batch.shape == (300, G.task.n, G.task.m)
+    for k in (0, 255, 256, 299):
+        assert np.array_equal(batch[k], G(Q[k]))
+
+
+@every
+def test_the_task_jacobian_meets_finite_differences(case: Case) -> None:
+    task = case.strategy().task
+    q, h = postures(case, 1)[0], 1e-6
+    J = task.jacobian(q)
+    for i, e in enumerate(np.eye(task.n) * h):
+        step = (task(q + e) - task(q - e)) / (2 * h)
+        if task.orientation == "twist":
+            A, B = (task.robot.pose(q + s * e)[:3, :3] for s in (1, -1))
+            step[3:] = Rotation.from_matrix(A @ B.T).as_rotvec() / (2 * h)
+        assert np.abs(J[:, i] - step).max() < 1e-8
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(CASES), st.lists(st.floats(-1, 1), min_size=12, max_size=12))
+def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: list[float]) -> None:
+    """A random closed polygon (pose tasks: with turns of the tool that cancel): home, if holonomic."""
+    strategy = case.strategy()
+    task = strategy.task
+    start = task.robot.pose(case.start)[:3, 3]
+    offsets = 0.04 * np.array([[0, 0, 0], c[0:3], c[3:6], c[6:9]])
+    if task.robot.planar:
+        offsets[:, 2] = 0.0
+    offsets[1:] += 0.03 * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    spin = 0.2 * np.array(c[9:12]) if task.m == 6 else np.zeros(3)
+    turns = [spin, spin / 2, -spin / 2, -spin]
+    path = hk.polyline(start + offsets, closed=True)
+    path = hk.polyline(start + offsets[[0, 1, 2, 3, 0]], turns=turns)
+    assert path.closed
+    walk = hk.follow(strategy, path, case.start, samples=120, limits=False)
+    away = np.abs(walk.drift()).max()
+    if case.holonomic:
+        assert away < 1e-9
+    assert walk.tracking_error() < 1e-8
+    assert walk.tracking_error("rad") < 1e-8
+
+
+@every
+def test_two_ways_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> None:
+    strategy = case.strategy()
+    start = strategy.task.robot.pose(case.start)[:3, 3]
+    circle = hk.circle(start, start - [0.08, 0, 0])
+    spread = hk.path_spread(strategy, *circle.ways(), case.start, samples=150)
+    assert spread.largest < 1e-9 if case.holonomic else spread.largest > 1e-5
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if _strategies()[c.name].constraint], ids=lambda c: c.name)
+def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
+    strategy = case.strategy()
+    start = strategy.task.robot.pose(case.start)[:3, 3]
+    circle = hk.circle(start, start - [0.08, 0, 0])
+    leaf = hk.follow(strategy, circle, case.start, samples=200, method="leaf")
+    velocity = hk.follow(strategy, circle, case.start, samples=200, method="velocity")
+    assert np.abs(leaf.q - velocity.q).max() < 1e-6
+    assert leaf.residual.max() < 1e-12
+    assert leaf.tracking_error() < 1e-13
+
+
+def test_halving_the_step_divides_the_leaf_error_by_sixteen() -> None:
+    """Theory 5.9: RK4 leaves the leaf with the fourth power of the step."""
+    strategy = _strategies()["panda twist linear"]
+    start = strategy.task.robot.pose(PANDA_START)[:3, 3]
+    # a nonlinear constraint: RK4 keeps linear ones to round-off
+    strategy = hk.holonomic(strategy.task, hk.custom(lambda q: q[0] - q[2] + 0.2 * ca.sin(q[3])))
+    circle = hk.circle(start, start - [0.1, 0, 0])
+    errors = [
+        hk.follow(strategy, circle, PANDA_START, samples=s, method="velocity").residual.max() for s in (40, 80, 160)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)
+    assert errors[1] / errors[2] == pytest.approx(16, rel=0.3)
+
+
+def test_a_constraint_means_the_same_whatever_function_of_it_is_taken(panda: hk.Robot) -> None:
+    """Leaves of g and of psi(g) are the same: G depends on the leaves only."""
+    task = hk.pose(panda)
+    one = hk.holonomic(task, hk.custom(lambda q: q[2] - 0.3 * ca.sin(q[3])))
+    other = hk.holonomic(task, hk.custom(lambda q: ca.exp(3 * (q[2] - 0.3 * ca.sin(q[3])))))
+    assert np.abs(one(PANDA_START) - other(PANDA_START)).max() < 1e-13
+
+
+def test_locking_a_joint_is_the_inverse_of_the_arm_without_it(panda: hk.Robot) -> None:
+    """Independent referee: delete the joint's column and invert."""
+    strategy = hk.holonomic(hk.pose(panda), hk.lock("panda_joint3"))
+    J = panda.jacobian(PANDA_START)
+    keep = [0, 1, 3, 4, 5, 6]
+    expected = np.zeros((7, 6))
+    expected[keep] = np.linalg.inv(J[:, keep])
+    assert np.abs(strategy(PANDA_START) - expected).max() < 1e-12
+
+
+def test_the_pseudo_inverse_is_numpys_and_the_weighted_one_is_least_in_its_norm(panda: hk.Robot) -> None:
+    task = hk.pose(panda)
+    assert np.abs(hk.moore_penrose(task)(PANDA_START) - np.linalg.pinv(task.jacobian(PANDA_START))).max() < 1e-13
+    W = np.diag([1, 2, 3, 4, 5, 6, 7.0])
+    G = hk.weighted(task, W)(PANDA_START)
+    N = task.null_space(PANDA_START)
+    assert np.abs(N.T @ np.linalg.inv(W) @ G).max() < 1e-12  # optimality: W^-1 G dx is normal to self-motions
+
+
+def test_rows_of_a_task_are_a_task(panda: hk.Robot) -> None:
+    task = hk.pose(panda, "rpy")
+    part = task[[0, 1, 5]]
+    assert part.row_names == ("x", "y", "yaw")
+    assert part.units == ("m", "m", "rad")
+    assert part(PANDA_START) == pytest.approx(task(PANDA_START)[[0, 1, 5]])
+    assert part.jacobian(PANDA_START) == pytest.approx(task.jacobian(PANDA_START)[[0, 1, 5]])
+    assert task[2].m == 1
+    assert task[:3].m == 3
+    assert part.null_space(PANDA_START).shape == (7, 4)
+    G = hk.moore_penrose(part)
+    assert np.abs(part.jacobian(PANDA_START) @ G(PANDA_START) - np.eye(3)).max() < 1e-13
+
+
+def test_a_single_row_is_always_holonomic(planar_3r: hk.Robot) -> None:
+    """m = 1: curves have no curvature (theory 2i)."""
+    strategy = hk.moore_penrose(hk.position(planar_3r)[0])
+    assert hk.involutivity(strategy, hk.around(R3_START, 0.3)).holonomic
+    assert hk.curvature(strategy, R3_START).shape == (3, 1, 1)

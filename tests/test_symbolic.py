@@ -1,0 +1,222 @@
+"""Expressions: rotations where they are 0/0, orthogonal solves, derivatives, and `Function`."""
+
+from __future__ import annotations
+
+import threading
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from holokin.errors import ExpressionError, ShapeError
+from holokin.symbolic import Function, factorise, hessian, jacobian, parse, solve, symbol
+from holokin.symbolic.geometry import exp_so3, log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
+
+w, R = symbol("w", 3), symbol("R", 3, 3)
+EXP = Function("exp", {"w": w}, {"R": exp_so3(w), "dR": jacobian(exp_so3(w), w)})
+LOG = Function("log", {"R": R}, {"w": log_so3(R), "dw": jacobian(log_so3(R), R)})
+QUATERNION = Function("quaternion", {"R": R}, {"q": quaternion_wxyz(R)})
+ROUND = Function("round", {"w": w}, {"w": log_so3(exp_so3(w)), "d": jacobian(log_so3(exp_so3(w)), w)})
+
+directions = st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1)
+angles = st.sampled_from(
+    [0.0, 1e-12, 1e-8, 1e-5, 0.009, 0.0101, 0.02, 0.5, 2.0, 3.0, 3.14159, np.pi - 1e-6, np.pi - 1e-9]
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(directions, angles)
+def test_exp_and_log_are_right_in_value_and_derivative_at_the_identity_and_near_a_half_turn(v, angle: float) -> None:
+    vector = angle * np.array(v) / np.linalg.norm(v)
+    rotation, slope = EXP(vector)
+    assert np.abs(rotation - Rotation.from_rotvec(vector).as_matrix()).max() < 1e-15
+    assert np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-15
+    h = 1e-6
+    for i, e in enumerate(np.eye(3) * h):
+        numeric = (Rotation.from_rotvec(vector + e).as_matrix() - Rotation.from_rotvec(vector - e).as_matrix()) / (
+            2 * h
+        )
+        assert np.abs(slope[:, i].reshape(3, 3, order="F") - numeric).max() < 1e-9
+    back, d = ROUND(vector)
+    assert np.abs(back - vector).max() < 1e-14
+    assert np.abs(d - np.eye(3)).max() < 1e-8
+
+
+@settings(max_examples=100, deadline=None)
+@given(directions, st.sampled_from([0.0, 1e-6, 1.0, 2.5, np.pi, np.pi - 1e-12]))
+def test_quaternions_agree_with_scipy_also_at_a_half_turn(v, angle: float) -> None:
+    rotation = Rotation.from_rotvec(angle * np.array(v) / np.linalg.norm(v))
+    q = QUATERNION(rotation.as_matrix())
+    expected = np.roll(rotation.as_quat(), 1)
+    assert min(np.abs(q - expected).max(), np.abs(q + expected).max()) < 1e-15
+    assert q[0] >= 0
+    assert np.isfinite(LOG(rotation.as_matrix())[1]).all()
+
+
+def test_euler_angles_agree_with_scipy() -> None:
+    f = Function("angles", {"R": R}, {"zyz": zyz_angles(R), "rpy": rpy_angles(R)})
+    for rotation in Rotation.random(50, rng=np.random.default_rng(0)):
+        zyz, rpy = f(rotation.as_matrix())
+        phi, theta, psi = zyz
+        rebuilt = Rotation.from_euler("ZYZ", [phi, theta, psi])
+        assert (rebuilt.inv() * rotation).magnitude() < 1e-14
+        assert 0 <= theta <= np.pi
+        assert (Rotation.from_euler("xyz", rpy).inv() * rotation).magnitude() < 1e-14
+
+
+def test_rotation_about_an_axis_is_scipys() -> None:
+    a = symbol("a", 1)
+    for axis in (np.array([0, 0, 1.0]), np.array([0, -1.0, 0]), np.array([0.6, 0.0, 0.8])):
+        f = Function("r", {"a": a}, {"R": rotation_about(axis, a)})
+        for value in (0.0, 1e-9, 1.0, np.pi, -2.0):
+            assert np.abs(f([value]) - Rotation.from_rotvec(value * axis).as_matrix()).max() < 1e-15
+
+
+def test_wrapped_angles_lie_in_a_turn_and_keep_their_derivative() -> None:
+    a = symbol("a", 1)
+    f = Function("w", {"a": a}, {"a": wrapped(a), "d": jacobian(wrapped(a), a)})
+    for value in (0.0, 3.0, 4.0, -4.0, 100.0):
+        angle, slope = f([value])
+        assert angle == pytest.approx((value + np.pi) % (2 * np.pi) - np.pi, abs=1e-13)
+        assert slope == pytest.approx(1.0, abs=1e-15)
+
+
+A, B = symbol("A", 4, 4), symbol("B", 4, 2)
+FACTORS = factorise(A)
+SOLVE = Function(
+    "solve",
+    {"A": A, "B": B},
+    {"X": solve(A, B), "det": FACTORS.determinant(), "cond": FACTORS.conditioning(), "dX": jacobian(solve(A, B), A)},
+)
+
+
+def _hard_matrices() -> list[np.ndarray]:
+    rng = np.random.default_rng(3)
+    zero_first = rng.normal(size=(4, 4))
+    zero_first[0, 0] = 0.0
+    negative_zero = zero_first.copy()
+    negative_zero[0, 0] = -0.0
+    return [zero_first, negative_zero, np.eye(4)[[1, 2, 3, 0]], np.triu(rng.normal(size=(4, 4)) + 2), -np.eye(4)]
+
+
+@pytest.mark.parametrize(
+    "matrix", _hard_matrices(), ids=["zero", "minus zero", "permutation", "triangular", "minus one"]
+)
+def test_a_zero_first_entry_is_an_ordinary_posture_in_value_and_derivative(matrix: np.ndarray) -> None:
+    b = np.random.default_rng(4).normal(size=(4, 2))
+    X, det, cond, dX = SOLVE(matrix, b)
+    assert np.abs(X - np.linalg.solve(matrix, b)).max() < 1e-13
+    assert det == pytest.approx(np.linalg.det(matrix))
+    assert 0 < cond <= 1
+    for k in range(16):  # dX = -A^-1 dA X, the implicit function theorem
+        dA = np.zeros(16)
+        dA[k] = 1
+        expected = -np.linalg.solve(matrix, dA.reshape(4, 4, order="F") @ X)
+        assert np.abs(dX[:, k].reshape(4, 2, order="F") - expected).max() < 1e-11
+
+
+def test_a_singular_matrix_has_no_conditioning() -> None:
+    f = Function("c", {"A": A}, {"c": factorise(A).conditioning()})
+    assert f(np.zeros((4, 4))) != f(np.zeros((4, 4))) or f(np.zeros((4, 4))) == 0.0
+    assert f(np.diag([1, 1, 1, 0.0])) == 0.0
+    assert f(np.ones((4, 4))) < 1e-15
+
+
+def test_the_thin_q_of_a_tall_matrix_is_an_orthonormal_basis_of_its_range() -> None:
+    tall = symbol("T", 5, 3)
+    f = Function("q", {"T": tall}, {"Q": factorise(tall).thin_q()})
+    M = np.random.default_rng(5).normal(size=(5, 3))
+    Q = f(M)
+    assert np.abs(Q.T @ Q - np.eye(3)).max() < 1e-15
+    assert np.abs(M - Q @ (Q.T @ M)).max() < 1e-14
+
+
+def test_hessians_meet_finite_differences() -> None:
+    q = symbol("q", 3)
+    y = ca.sin(q[0] * q[1]) + q[2] ** 3 * q[0]
+    f = Function("h", {"q": q}, {"g": jacobian(y, q).T, "H": hessian(y, q)})
+    x, h = np.array([0.3, -0.7, 1.1]), 1e-6
+    numeric = np.column_stack([(f(x + e)[0] - f(x - e)[0]) / (2 * h) for e in np.eye(3) * h])
+    assert np.abs(f(x)[1] - numeric).max() < 1e-9
+
+
+def test_a_function_checks_shapes_takes_names_and_returns_its_own_memory() -> None:
+    q, M = symbol("q", 3), symbol("M", 2, 3)
+    f = Function("f", {"q": q, "M": M}, {"y": M @ q, "s": ca.dot(q, q), "T": M.T})
+    matrix = np.arange(6.0).reshape(2, 3)
+    y, s, T = f([1, 2, 3], matrix)
+    assert y == pytest.approx([8, 26])
+    assert (s, type(s)) == (14.0, float)
+    assert pytest.approx(matrix.T) == T
+    again = f(q=[0, 0, 1], M=matrix)
+    assert y == pytest.approx([8, 26])  # the second call has not overwritten the first result
+    assert again[0] == pytest.approx([2, 5])
+    for arguments in (([1, 2], matrix), ([1, 2, 3], matrix.T), ([1, 2, 3],), ([1, 2, 3], matrix, 1.0)):
+        with pytest.raises(ShapeError):
+            f(*arguments)
+    with pytest.raises(ShapeError):
+        f.batch(np.zeros((4, 3)), np.zeros((5, 2, 3)))
+    with pytest.raises(ShapeError):
+        f.batch(np.zeros((4, 2)), matrix)
+
+
+@pytest.mark.parametrize("count", [0, 1, 63, 64, 255, 256, 257, 1000])
+def test_a_batch_of_any_length_equals_single_calls(count: int) -> None:
+    q, M = symbol("q", 3), symbol("M", 2, 3)
+    f = Function("f", {"q": q, "M": M}, {"y": M @ ca.sin(q), "s": ca.dot(q, q), "T": M.T * q[0]})
+    rng = np.random.default_rng(count)
+    Q, Ms = rng.normal(size=(count, 3)), rng.normal(size=(count, 2, 3))
+    for matrices in (Ms, Ms[0] if count else np.zeros((2, 3))):
+        y, s, T = f.batch(Q, matrices)
+        assert (y.shape, s.shape, T.shape) == ((count, 2), (count,), (count, 3, 2))
+        for k in range(0, count, 50):
+            single = f(Q[k], matrices[k] if matrices.ndim == 3 else matrices)
+            assert np.array_equal(y[k], single[0])
+            assert s[k] == single[1]
+            assert np.array_equal(T[k], single[2])
+
+
+def test_one_function_serves_several_threads() -> None:
+    q = symbol("q", 50)
+    f = Function("f", {"q": q}, {"y": ca.sin(q) * 2})
+    wrong = []
+
+    def work(seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        for _ in range(500):
+            x = rng.normal(size=50)
+            if np.abs(f(x) - 2 * np.sin(x)).max() > 1e-14:
+                wrong.append(seed)
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_formulas_are_arithmetic_and_nothing_else() -> None:
+    q = symbol("q", 2)
+    names = {"q1": q[0], "elbow": q[1]}
+    f = Function("f", {"q": q}, {"y": parse("-q1**2 + 2*sin(elbow)/pi - atan2(q1, 1) + 1e-3", names)})
+    x = np.array([0.4, 1.2])
+    assert f(x) == pytest.approx(-0.16 + 2 * np.sin(1.2) / np.pi - np.arctan2(0.4, 1) + 1e-3)
+    for text in (
+        "__import__('os')",
+        "q1.real",
+        "q3",
+        "q1 if q1 else 2",
+        "[1]",
+        "sin(q1, q1)",
+        "q1 +",
+        "open('x')",
+        "True",
+        "1/0",
+        "9.0**9**9",
+    ):
+        with pytest.raises(ExpressionError):
+            parse(text, names)
