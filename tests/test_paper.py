@@ -531,3 +531,13 @@ def test_curvature_does_not_depend_on_how_the_planes_are_written(ppr: hk.Robot) 
     assert hk.curvature(skewed, q) == pytest.approx(hk.curvature(other, q), abs=1e-13)
     assert np.abs(hk.curvature(other, q)).max() > 0.1
     assert curvature_function(other).name == "curvature"
+
+
+def test_a_basis_from_an_svd_jumps_and_ours_does_not_E11(planar_3r: hk.Robot) -> None:
+    """Along a short smooth joint path the SVD's null vector flips its sign; the signed minors vary smoothly."""
+    task = hk.position(planar_3r)
+    path = np.array([0.3, 0.5, 0.4]) + np.linspace(0, 1, 400)[:, None] * np.array([2.0, -2.5, 2.0])
+    raw = np.array([np.linalg.svd(task.jacobian(q))[2][2] for q in path])
+    ours = np.array([task.null_space(q)[:, 0] for q in path])
+    assert np.abs(np.diff(raw, axis=0)).max() > 0.5
+    assert np.abs(np.diff(ours, axis=0)).max() < 0.05

@@ -1,0 +1,34 @@
+"""What `import holokin` costs beyond `import casadi`: whole processes, alternating, medians.
+
+Run: python -m benchmarks.startup
+"""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+
+
+def seconds(statement: str) -> float:
+    """Wall time of one fresh interpreter that runs a statement."""
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-c", statement], check=True)
+    return time.perf_counter() - start
+
+
+def main(rounds: int = 15) -> None:
+    """Print the two medians and their difference."""
+    for statement in ("import casadi", "import holokin"):
+        seconds(statement)  # fill the file cache
+    pairs = [(seconds("import casadi"), seconds("import holokin")) for _ in range(rounds)]
+    casadi, holokin = (statistics.median(column) for column in zip(*pairs, strict=True))
+    extra = statistics.median(b - a for a, b in pairs)
+    print(
+        f"import casadi {casadi:.3f} s, import holokin {holokin:.3f} s, difference {extra:.3f} s (median of {rounds})"
+    )
+
+
+if __name__ == "__main__":
+    main()

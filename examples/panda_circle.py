@@ -1,0 +1,18 @@
+"""A Panda draws a circle: the pseudo-inverse drifts, a linear coupling of joints 1 and 3 comes home.
+
+With your own robot: robot = hk.from_urdf("my.urdf", tip="tool0").
+"""
+
+import holokin as hk
+
+robot = hk.load("panda")
+q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+task = hk.pose(robot)
+start = robot.pose(q0)[:3, 3]
+circle = hk.circle(start, center=start - [0.1, 0, 0])
+
+pseudo_inverse = hk.moore_penrose(task)
+coupled = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))  # g(q) = q1 - q3
+for G in (pseudo_inverse, coupled):
+    print(hk.involutivity(G, hk.around(q0, 0.2)))
+    print("joint drift after 1, 2, 3 cycles [rad]:", hk.drift(G, circle, q0, cycles=3))

@@ -1,0 +1,94 @@
+"""Documents tell the truth: the README's Python gives the printed numbers, examples run, paper.md names what exists."""
+
+from __future__ import annotations
+
+import ast
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from holokin.job import PAPER, open_job, packaged_jobs, run_job
+from holokin.output.table import row
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text("utf-8")
+
+
+def names_in(file: Path) -> set[str]:
+    """Every function and class of a Python file."""
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return {node.name for node in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(node, kinds)}
+
+
+def test_paper_md_names_code_tests_and_jobs_that_exist() -> None:
+    text = (ROOT / "docs" / "paper.md").read_text("utf-8")
+    found = re.findall(r"`((?:src|tests)/[^`:]+)(?:::([^`]+))?`", text)
+    assert len(found) > 60
+    for file, name in found:
+        assert (ROOT / file).is_file(), file
+        if name:
+            assert name in names_in(ROOT / file), f"{file}::{name}"
+    for job in re.findall(r"`out/([^/]+)/", text):
+        assert job in packaged_jobs()
+
+
+def test_paper_md_leaves_no_equation_out() -> None:
+    text = (ROOT / "docs" / "paper.md").read_text("utf-8")
+    covered: set[int] = set()
+    for row in re.findall(r"^\| (\(.*?) \|", text, re.MULTILINE):
+        numbers = [int(n) for n in re.findall(r"\((\d+)\)", row)]
+        covered |= set(range(numbers[0], numbers[-1] + 1)) if " to " in row else set(numbers)
+    assert covered == set(range(1, 37))
+    for figure in range(1, 9):
+        assert f"| Fig. {figure}:" in text
+
+
+def test_the_readmes_python_gives_the_printed_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    code, printed = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", README, re.DOTALL).groups()
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+    exec(compile(code, "README.md", "exec"), {})
+    shown, wanted = capsys.readouterr().out.splitlines(), printed.splitlines()
+    assert shown[0] == wanted[0]
+    assert shown[1].startswith("True")
+    assert all(float(value) < 1e-12 for value in shown[1].removeprefix("True").split(","))
+
+
+@pytest.mark.parametrize("job", PAPER)
+def test_the_readmes_tables_are_what_the_jobs_print_today(job: str) -> None:
+    """Every printed cell that is not round-off."""
+    lines = README.splitlines()
+    for strategy in run_job(*open_job(job)).drawn:
+        cells = row(strategy)
+        cells[0] = cells[0].split(" ")[0]
+        wanted = [c for c in cells if not ("e-" in c and float(c) < 1e-9)]
+        assert any(
+            all(cell in line.replace("│", " ").split("  ") or f" {cell} " in line for cell in wanted) for line in lines
+        )
+    assert f"report: out/{job}/report.html" in README
+
+
+EXAMPLES = {
+    "panda_circle.py": "0.1635, 0.3207, 0.4756",
+    "own_constraint.py": "holonomic: custom, pose (twist) of iiwa14",
+    "papers_form.py": "det H = 1.0",
+}
+
+
+def test_every_example_is_tested() -> None:
+    assert {p.name for p in (ROOT / "examples").glob("*.py")} == set(EXAMPLES)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_runs_and_gives_its_number(name: str, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(ROOT / "examples" / name))
+    assert EXAMPLES[name] in capsys.readouterr().out
+
+
+def test_the_readmes_picture_is_there_and_its_job_can_be_read() -> None:
+    for target in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / target).exists(), target
+    for job in (ROOT / "examples").glob("*.toml"):
+        assert open_job(str(job))[1].expect
