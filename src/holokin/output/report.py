@@ -91,7 +91,8 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         f"<p>{escape(' '.join(result.about.split()))}</p>",
         f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
         f"task: {escape(result.task)}; path {result.path.length:.4g} m in {result.path.duration:.4g} s, "
-        f"{result.cycles} cycle(s); start: {escape(start)} [rad, m]. holokin {escape(version)}, {result.seconds:.1f} s.</p>",
+        f"{result.cycles} cycle(s); start: {escape(start)} [rad, m]. "
+        f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
         _html_table([title for title, _ in COLUMNS], [[_cell(c) for c in row(s)] for s in result.strategies]),
         "<ul class='small'>",
