@@ -18,6 +18,7 @@ from holokin.errors import (
     NotFiniteError,
     OpenPathError,
     OutOfReachError,
+    PathError,
     PathSingularityError,
     ShapeError,
     SingularityError,
@@ -102,6 +103,26 @@ def test_leaf_following_with_few_samples_finds_the_same_joints_as_with_many() ->
     many = hk.follow(strategy, path, R3_START, samples=2000, limits=False)
     assert len(few) < 8
     assert np.abs(few.q[-1] - many.q[-1]).max() < 1e-12
+
+
+def test_one_long_step_never_lands_on_another_branch() -> None:
+    """q1 held: two elbows reach each point. Lines done in one sample end as they do in 400, for any line that can be done."""
+    strategy = r3(hk.lock("q1"))
+    start = tool(strategy, R3_START)
+    rng = np.random.default_rng(1)
+    done = 0
+    for end in start + np.column_stack([rng.uniform(-2, 2, (60, 2)), np.zeros(60)]):
+        line = hk.line(start, end)
+        try:
+            many = hk.follow(strategy, line, R3_START, samples=400, limits=False)
+        except PathError:
+            with pytest.raises(PathError):
+                hk.follow(strategy, line, R3_START, samples=1, limits=False)
+            continue
+        few = hk.follow(strategy, line, R3_START, samples=1, limits=False)
+        assert np.abs(few.q[-1] - many.q[-1]).max() < 1e-10
+        done += 1
+    assert 10 < done < 60
 
 
 def test_same_pose_same_joints_whatever_the_speed_samples_and_way() -> None:

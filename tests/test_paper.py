@@ -286,6 +286,7 @@ def test_coupling_with_the_geometric_jacobian_has_curvature_lambda_squared(irb14
             epsilon[k, i, j], epsilon[k, j, i] = 1, -1
         assert np.abs(np.einsum("kq,qij->kij", A, F) + gain**2 * epsilon).max() < 1e-11
         assert np.abs(np.einsum("kq,qij->kij", J[:3], F)).max() < 1e-12
+        assert np.abs(A @ strategy(q)).max() < 1e-12  # w + lambda v = 0
 
 
 def test_the_geometric_coupling_is_found_out_and_the_euler_angle_one_is_not(irb140: hk.Robot) -> None:
