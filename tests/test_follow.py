@@ -106,7 +106,7 @@ def test_leaf_following_with_few_samples_finds_the_same_joints_as_with_many() ->
 
 
 def test_one_long_step_never_lands_on_another_branch() -> None:
-    """q1 held: two elbows reach each point. Lines done in one sample end as they do in 400, for any line that can be done."""
+    """q1 held: two elbows reach each point. A line done in one sample ends as it does in 400, if it can be done."""
     strategy = r3(hk.lock("q1"))
     start = tool(strategy, R3_START)
     rng = np.random.default_rng(1)

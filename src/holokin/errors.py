@@ -86,7 +86,7 @@ class TaskTooLargeError(HolokinError):
         self.m, self.n = m, n
         super().__init__(
             f"the task has m = {m} rows but {robot} has n = {n} joints, so J has no right inverse; "
-            f"choose at most {n} rows, for example task[[0, 1]], or a robot with more joints"
+            f"choose at most {n} rows with rows=[...], or a robot with more joints"
         )
 
 

@@ -52,14 +52,8 @@ class Task:
         return f"Task({self.name}, m={self.m}, n={self.n})"
 
     def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
-        """The task of some rows only. Raises: UnknownNameError for a row that does not exist."""
-        wanted = range(self.m)[index] if isinstance(index, slice) else np.atleast_1d(index).tolist()
-        for i in wanted:
-            if not -self.m <= i < self.m:
-                raise UnknownNameError("task row", str(i), [str(k) for k in range(self.m)])
-        if len({i % self.m for i in wanted}) != len(list(wanted)) or not len(list(wanted)):
-            raise ArgumentError("the choice of task rows", index, "name each row once, and at least one")
-        return replace(self, rows=tuple(self.rows[i] for i in wanted))
+        """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
+        return replace(self, rows=_chosen(self.rows, index))
 
     @property
     def m(self) -> int:
@@ -243,23 +237,32 @@ def representation_margin(kind: str, angles: SX) -> SX:
     return {"zyz": sin(angles[1]), "rpy": cos(angles[1]), "rotation-vector": np.pi - norm_2(angles)}[kind]
 
 
-def position(robot: Robot, tip: str | None = None) -> Task:
-    """The tool's position: m = 3, or m = 2 for a planar robot. Raises: TaskTooLargeError, UnknownNameError."""
+def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None = None) -> Task:
+    """The tool's position: m = 3, or m = 2 for a planar robot; or some `rows` of it.
+
+    Raises: TaskTooLargeError, UnknownNameError, ArgumentError.
+    """
     robot.pose(np.zeros(robot.n), tip)
-    return Task(robot, None, (0, 1) if robot.planar else (0, 1, 2), np.eye(3), tip)
+    every = (0, 1) if robot.planar else (0, 1, 2)
+    return Task(robot, None, every if rows is None else _chosen(every, rows), np.eye(3), tip)
 
 
 def pose(
-    robot: Robot, orientation: str = "twist", *, reference: ArrayLike | None = None, tip: str | None = None
+    robot: Robot,
+    orientation: str = "twist",
+    *,
+    reference: ArrayLike | None = None,
+    tip: str | None = None,
+    rows: Sequence[int] | None = None,
 ) -> Task:
-    """The tool's pose: m = 6, or m = 3 (x, y, turn) for a planar robot.
+    """The tool's pose: m = 6, or m = 3 (x, y, turn) for a planar robot; or some `rows` of it.
 
     Args:
         orientation: "twist" (geometric Jacobian), "zyz", "rpy" (fixed axes x, y, z) or "rotation-vector".
         reference: rotation (3, 3) that "rotation-vector" counts from; identity by default.
 
     Raises:
-        UnknownNameError: an unknown orientation or tip. TaskTooLargeError: m > n.
+        UnknownNameError: an unknown orientation, tip or row. TaskTooLargeError: m > n. ArgumentError: a bad reference.
     """
     if orientation not in ORIENTATIONS:
         raise UnknownNameError("orientation", orientation, ORIENTATIONS)
@@ -267,7 +270,18 @@ def pose(
     base = np.eye(3) if reference is None else np.asarray(reference, dtype=float)
     if base.shape != (3, 3) or not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
         raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
-    rows = (0, 1, 5) if robot.planar else tuple(range(6))
-    if robot.planar and orientation in ("zyz",):
+    if robot.planar and orientation == "zyz":
         raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
-    return Task(robot, orientation, rows, base, tip)
+    every = (0, 1, 5) if robot.planar else tuple(range(6))
+    return Task(robot, orientation, every if rows is None else _chosen(every, rows), base, tip)
+
+
+def _chosen(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:
+    count = len(rows)
+    wanted = list(range(count)[index]) if isinstance(index, slice) else [int(i) for i in np.atleast_1d(index)]
+    for i in wanted:
+        if not -count <= i < count:
+            raise UnknownNameError("task row", str(i), [str(k) for k in range(count)])
+    if not wanted or len({i % count for i in wanted}) != len(wanted):
+        raise ArgumentError("the choice of task rows", index, "name each row once, and at least one")
+    return tuple(rows[i] for i in wanted)

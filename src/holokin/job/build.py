@@ -42,11 +42,9 @@ def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
     """One task, or one for each orientation of a list; rotation vectors count from the start orientation."""
     table = job.task
     if table.kind == "position":
-        tasks = [position(robot)]
-    else:
-        kinds = table.orientation if isinstance(table.orientation, list) else [table.orientation]
-        tasks = [pose(robot, kind, reference=robot.pose(start)[:3, :3]) for kind in kinds]
-    return tasks if table.rows is None else [task[table.rows] for task in tasks]
+        return [position(robot, rows=table.rows)]
+    kinds = table.orientation if isinstance(table.orientation, list) else [table.orientation]
+    return [pose(robot, kind, reference=robot.pose(start)[:3, :3], rows=table.rows) for kind in kinds]
 
 
 def build_path(job: Job, tool: Vector) -> Path:

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError, RobotFileError, UnknownNameError
 from ..symbolic.geometry import rotation_from_rpy
 from ..types import Matrix
-from .dh import CONVENTIONS, from_dh
+from .dh import from_dh
 from .model import Robot
 from .urdf import from_urdf
 
@@ -55,7 +55,11 @@ def load(
     if suffix == ".toml":
         if not path.is_file():
             raise RobotFileError(path, "there is no such file", "check the path")
-        return _from_toml(path, path.read_text("utf-8"))
+        try:
+            text = path.read_text("utf-8")
+        except (OSError, UnicodeDecodeError) as problem:
+            raise RobotFileError(path, f"cannot be read ({problem})", "give a TOML text file") from None
+        return _from_toml(path, text)
     if suffix:
         raise RobotFileError(path, f"files of type {suffix!r} are not supported", "give a .urdf or a .toml DH table")
     if str(name) not in catalogue():
@@ -73,9 +77,6 @@ def _from_toml(path: Any, text: str) -> Robot:
     for key, kind in (("joints", list), ("source", str)):
         if not isinstance(table.get(key), kind):
             raise RobotFileError(path, f"lacks {key!r}", "see the packaged robots for the form")
-    convention = table.get("convention", "standard")
-    if convention not in CONVENTIONS:
-        raise UnknownNameError("DH convention", str(convention), CONVENTIONS)
     rows = []
     for row in table["joints"]:
         _known(path, "joints", row, _ROW)
@@ -86,6 +87,7 @@ def _from_toml(path: Any, text: str) -> Robot:
     name = str(table.get("name", Path(str(path)).stem))
     try:
         frames = {key: _frame(path, key, table[key]) for key in ("base", "tool") if key in table}
+        convention = str(table.get("convention", "standard"))
         return from_dh(rows, convention, name=name, tip=table.get("tip", "tool"), source=table["source"], **frames)
     except RobotFileError:
         raise
@@ -114,12 +116,17 @@ def _dh_row(row: Mapping[str, Any]) -> dict[str, Any]:
 def _frame(path: Any, key: str, table: Mapping[str, Any]) -> Matrix:
     _known(path, key, table, _FRAME)
     T = np.eye(4)
-    T[:3, 3] = table.get("xyz", [0.0, 0.0, 0.0])
-    T[:3, :3] = rotation_from_rpy(np.deg2rad(table.get("rpy_deg", [0.0, 0.0, 0.0])).tolist())
+    try:
+        T[:3, 3] = table.get("xyz", [0.0, 0.0, 0.0])
+        T[:3, :3] = rotation_from_rpy(np.deg2rad(table.get("rpy_deg", [0.0, 0.0, 0.0])).tolist())
+    except (TypeError, ValueError):
+        raise RobotFileError(path, f"{key}: {dict(table)}", "give three numbers each for xyz and rpy_deg") from None
     return T
 
 
 def _known(path: Any, where: str, table: Mapping[str, Any], known: Sequence[str]) -> None:
+    if not isinstance(table, Mapping):
+        raise RobotFileError(path, f"{where}: {table!r} is not a table", "see the packaged robots for the form")
     for key in table:
         if key not in known:
             raise RobotFileError(path, f"{where}: unknown key {key!r}", f"known: {', '.join(known)}")

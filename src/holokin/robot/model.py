@@ -25,6 +25,12 @@ class Coordinate:
     upper: float = np.inf
     max_velocity: float = np.inf
 
+    def __post_init__(self) -> None:
+        if not self.lower <= self.upper:  # NaN included
+            raise ArgumentError(f"the range of joint {self.name!r}", (self.lower, self.upper), "give lower <= upper")
+        if not self.max_velocity > 0:
+            raise ArgumentError(f"the speed limit of joint {self.name!r}", self.max_velocity, "give a positive one")
+
     @property
     def unit(self) -> str:
         """ "m" for a prismatic joint, "rad" for a revolute one."""
@@ -79,6 +85,9 @@ class Robot:
     def __post_init__(self) -> None:
         if not self.coordinates:
             raise ArgumentError(f"the number of moving joints of {self.name!r}", 0, "choose a tip behind a joint")
+        for name in self.joint_names:
+            if self.joint_names.count(name) > 1:
+                raise ArgumentError(f"the name of two joints of {self.name!r}", name, "give each a name of its own")
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, n={self.n}, tip={self.tips[0].name!r})"
@@ -164,7 +173,7 @@ class Robot:
 
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit]."""
-        return self._numeric(tip)(self.checked(q))[2]
+        return self._numeric(tip)(self.checked(q))[2].reshape(6, self.n)
 
     def skeleton(self, q: ArrayLike) -> list[Matrix]:
         """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError
+from xml.parsers import expat
 
 import numpy as np
 
@@ -59,9 +59,12 @@ def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str,
     """Every link at which the tree ends -> the moving joints from the base to it, mimic joints included."""
     model = _read(path)
     parent_joint = {joint.child: joint for joint in model.joints}
-    root = base if base is not None else _root(path, [link.name for link in model.links], parent_joint)
+    links = [link.name for link in model.links]
+    root = base if base is not None else _root(path, links, parent_joint)
+    if root not in links:
+        raise UnknownNameError(f"link of {path}", root, links)
     tips = {}
-    for leaf in _leaves([link.name for link in model.links], parent_joint):
+    for leaf in _leaves(links, parent_joint):
         chain = _chain(leaf, root, parent_joint)
         if chain is not None:
             tips[leaf] = tuple(joint.name for joint in chain if joint.type in MOVING)
@@ -86,7 +89,10 @@ class _Builder:
                 raise RobotFileError(
                     self.path, f"link {tip!r} is not below base {self.root!r}", "choose a base that carries the tip"
                 )
-            ends.append(self._add(tip, chain))
+            try:
+                ends.append(self._add(tip, chain))
+            except ArgumentError as problem:  # of a joint's limits
+                raise RobotFileError(self.path, f"{problem.what} is {problem.value}", problem.cure) from problem
         return Robot(name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), str(self.path))
 
     def _add(self, tip: str, chain: Sequence[Any]) -> Tip:
@@ -104,8 +110,10 @@ class _Builder:
                 )
             axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
             length = np.linalg.norm(axis)
-            if not np.isfinite(length) or length == 0.0:
-                raise RobotFileError(self.path, f"joint {joint.name!r} has axis {axis}", "give it a direction")
+            if axis.shape != (3,) or not np.isfinite(length) or length == 0.0:
+                raise RobotFileError(
+                    self.path, f"joint {joint.name!r} has axis {axis}", "give it a direction, three numbers"
+                )
             master, multiplier, offset = self._master(joint)
             kind = "prismatic" if joint.type == "prismatic" else "revolute"
             if master.name in self.held:
@@ -130,13 +138,23 @@ class _Builder:
             shift = 0.0 if joint.mimic.offset is None else float(joint.mimic.offset)
             offset += multiplier * shift
             multiplier *= gain
-            if joint.mimic.joint not in self.by_name or joint.mimic.joint in seen:
+            master = self.by_name.get(joint.mimic.joint)
+            flaw = ""
+            if master is None:
+                flaw = "which the file does not have"
+            elif master.name in seen:
+                flaw = "which leads back to it"
+            elif master.type not in MOVING:
+                flaw = f"which is of type {master.type!r}"
+            elif not np.isfinite([multiplier, offset]).all():
+                flaw = f"with multiplier {gain} and offset {shift}"
+            if flaw:
                 raise RobotFileError(
                     self.path,
-                    f"joint {joint.name!r} mimics {joint.mimic.joint!r}",
-                    "mimic a joint that leads nowhere back",
+                    f"joint {joint.name!r} mimics {joint.mimic.joint!r}, {flaw}",
+                    f"mend its <mimic>, or hold it still: locked={{{joint.name!r}: value}}",
                 )
-            joint = self.by_name[joint.mimic.joint]
+            joint = master
             seen.add(joint.name)
         return joint, multiplier, offset
 
@@ -145,28 +163,56 @@ def _read(path: str | Path) -> Any:
     file = Path(path)
     if not file.is_file():
         raise RobotFileError(path, "there is no such file", "check the path; `holokin robots` lists the catalogue")
+    try:  # yourdfpy reads what it can of a broken file, which may be half an arm
+        expat.ParserCreate().Parse(file.read_bytes(), True)
+    except OSError as problem:
+        raise RobotFileError(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
+    except expat.ExpatError as problem:
+        raise RobotFileError(path, f"is not XML ({problem})", "mend the line it names") from None
     import yourdfpy
 
     logger = logging.getLogger("yourdfpy")
     level = logger.level
-    logger.setLevel(logging.ERROR)  # it warns of every mesh, and meshes are not wanted here
+    logger.setLevel(logging.CRITICAL)  # it warns of every mesh, and meshes are not wanted here
     try:
         model = yourdfpy.URDF.load(
             str(file), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
             load_collision_meshes=False,
         ).robot  # fmt: skip
-    except (ParseError, SyntaxError, ValueError, AttributeError, TypeError, KeyError, IndexError, AssertionError) as e:
+    except (SyntaxError, ValueError, AttributeError, TypeError, KeyError, IndexError, AssertionError) as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
     finally:
         logger.setLevel(level)
     if not model.joints:
         raise RobotFileError(path, "has no joints", "give a URDF of a robot; xacro files must be expanded first")
+    _check_tree(path, model)
     return model
+
+
+def _check_tree(path: str | Path, model: Any) -> None:
+    """What yourdfpy lets pass. Raises: RobotFileError."""
+    links = {link.name for link in model.links}
+    seen: set[tuple[str, str]] = set()
+    for kind, name in [("link", link.name) for link in model.links] + [
+        pair for joint in model.joints for pair in (("joint", joint.name), ("child link", joint.child))
+    ]:
+        if (kind, name) in seen:
+            fact = f"link {name!r} hangs on two joints" if kind == "child link" else f"has two {kind}s named {name!r}"
+            raise RobotFileError(path, fact, "mend the file: links and joints must form a tree")
+        seen.add((kind, name))
+    for joint in model.joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise RobotFileError(path, f"joint {joint.name!r} joins link {link!r}, which is not there", "add it")
+        if joint.origin is not None and not np.isfinite(joint.origin).all():
+            raise RobotFileError(path, f"joint {joint.name!r} has an origin that is not finite", "give plain numbers")
 
 
 def _root(path: str | Path, links: Sequence[str], parent_joint: Mapping[str, Any]) -> str:
     roots = [link for link in links if link not in parent_joint]
+    if not roots:
+        raise RobotFileError(path, "has joints that form a loop", "cut the loop: links and joints must form a tree")
     if len(roots) != 1:
         raise RobotFileError(path, f"has {len(roots)} roots: {', '.join(roots)}", "give base=")
     return roots[0]
@@ -193,6 +239,8 @@ def _wanted_tips(
 ) -> list[str]:
     if tip is None:
         below = [leaf for leaf in _leaves(links, parents) if _chain(leaf, root, parents)]
+        if not below:
+            raise RobotFileError(path, f"has no tip below base {root!r}", "choose another base=")
         if len(below) != 1:
             raise RobotFileError(
                 path, f"branches into {len(below)} tips", f"give tip=, one or more of {', '.join(below)}"
