@@ -210,3 +210,11 @@ def test_a_malformed_robot_file_is_named_with_its_fault(tmp_path: Path, text: st
     with pytest.raises(hk.HolokinError, match=said) as caught:
         hk.load(file)
     assert "mine.toml" in str(caught.value) or said == "odd"
+
+
+def test_a_single_joint_can_follow_a_path() -> None:
+    robot = hk.from_dh([{"a": 0.5}])
+    strategy = hk.moore_penrose(hk.position(robot, rows=[1]))
+    start = robot.pose([0.1])[:3, 3]
+    walk = hk.follow(strategy, hk.line(start, [start[0], 0.4, 0.0]), [0.1], samples=200)
+    assert 0.5 * np.sin(walk.q[-1, 0]) == pytest.approx(0.4, abs=1e-9)

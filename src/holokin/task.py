@@ -104,7 +104,7 @@ class Task:
         q = self.robot.checked(q)
         J, margin = self._jacobian(q)
         self.check_representation(q, margin)
-        return J.reshape(self.m, self.n)
+        return np.reshape(J, (self.m, self.n))
 
     def null_space(self, q: ArrayLike) -> Matrix:
         """A basis N of ker J, (n,) -> (n, r).

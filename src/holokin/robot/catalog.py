@@ -83,12 +83,12 @@ def _from_toml(path: Any, text: str) -> Robot:
         try:
             rows.append(_dh_row(row))
         except (TypeError, ValueError) as problem:
-            raise RobotFileError(path, f"joint {row.get('joint')!r}: {problem}", "give plain numbers") from None
+            raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
     name = str(table.get("name", Path(str(path)).stem))
     try:
         frames = {key: _frame(path, key, table[key]) for key in ("base", "tool") if key in table}
         convention = str(table.get("convention", "standard"))
-        return from_dh(rows, convention, name=name, tip=table.get("tip", "tool"), source=table["source"], **frames)
+        return from_dh(rows, convention, name=name, tip=str(table.get("tip", "tool")), source=table["source"], **frames)
     except RobotFileError:
         raise
     except HolokinError as problem:
@@ -98,6 +98,8 @@ def _from_toml(path: Any, text: str) -> Robot:
 def _dh_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """Angles of a revolute joint's limits and speed are in degrees when `degrees = true`."""
     kind = row.get("kind", "revolute")
+    if not isinstance(row.get("degrees", False), bool):
+        raise TypeError("degrees must be true or false")
     scale = np.pi / 180 if row.get("degrees", False) and kind == "revolute" else 1.0
     out: dict[str, Any] = {
         "joint": str(row.get("joint", "")),

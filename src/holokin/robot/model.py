@@ -188,8 +188,11 @@ class Robot:
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:
-        """q as (n,) finite floats. Raises: ShapeError, NotFiniteError."""
-        array = np.asarray(q, dtype=float)
+        """q as (n,) finite floats. Raises: ShapeError, NotFiniteError, ArgumentError if they are not numbers."""
+        try:
+            array = np.asarray(q, dtype=float)
+        except (TypeError, ValueError):
+            raise ArgumentError(what, q, f"give {self.n} numbers, for {', '.join(self.joint_names)}") from None
         if array.shape != (self.n,):
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
         if not np.isfinite(array).all():

@@ -163,12 +163,17 @@ def _read(path: str | Path) -> Any:
     file = Path(path)
     if not file.is_file():
         raise RobotFileError(path, "there is no such file", "check the path; `holokin robots` lists the catalogue")
+    tags: list[str] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, _: tags.append(tag)
     try:  # yourdfpy reads what it can of a broken file, which may be half an arm
-        expat.ParserCreate().Parse(file.read_bytes(), True)
+        parser.Parse(file.read_bytes(), True)
     except OSError as problem:
         raise RobotFileError(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
     except expat.ExpatError as problem:
         raise RobotFileError(path, f"is not XML ({problem})", "mend the line it names") from None
+    if tags[0] != "robot":
+        raise RobotFileError(path, f"is not a URDF, its root is <{tags[0]}>", "give a URDF of a robot")
     import yourdfpy
 
     logger = logging.getLogger("yourdfpy")
@@ -181,6 +186,10 @@ def _read(path: str | Path) -> Any:
         ).robot  # fmt: skip
     except (SyntaxError, ValueError, AttributeError, TypeError, KeyError, IndexError, AssertionError) as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
+        if isinstance(e, KeyError):
+            fact = f"an element lacks its {e}"
+        elif isinstance(e, AttributeError):
+            fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
     finally:
         logger.setLevel(level)

@@ -80,7 +80,7 @@ class Strategy:
         q = self.task.robot.checked(q)
         G, conditioning, margin = self.gain(q)
         self.check(q, conditioning, margin)
-        return G.reshape(self.task.n, self.task.m)
+        return np.reshape(G, (self.task.n, self.task.m))
 
     def batch(self, Q: ArrayLike) -> Array:
         """G at many postures, (k, n) -> (k, n, m). Raises: SingularityError naming the first singular one."""
@@ -98,7 +98,7 @@ class Strategy:
         """N_G (n, m): the frame that the strategy was given by, or its canonical one, G itself (theory 1.4)."""
         if self.form == "kernel":
             return self(q)
-        return self._frame(self.task.robot.checked(q)).reshape(self.task.n, self.task.m)
+        return np.reshape(self._frame(self.task.robot.checked(q)), (self.task.n, self.task.m))
 
     def H(self, q: ArrayLike) -> Matrix:
         """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""
