@@ -30,7 +30,7 @@ def test_paper_md_names_code_tests_and_jobs_that_exist() -> None:
         assert (ROOT / file).is_file(), file
         if name:
             assert name in names_in(ROOT / file), f"{file}::{name}"
-    for job in re.findall(r"`out/([^/]+)/", text):
+    for job in re.findall(r"`out/([^/`]+)/", text):
         assert job in packaged_jobs()
 
 

@@ -10,12 +10,26 @@ are tangent to leaves g(q) = const; then a closed tool path gives a closed joint
 """
 
 from .analysis import Region, Verdict, around, box, curvature, involutivity, involutivity_of
-from .constraint import Constraint, coupled, custom, linear, lock, stack
+from .constraint import (
+    Constraint,
+    Cost,
+    arm_angle,
+    centring_cost,
+    coupled,
+    custom,
+    height,
+    linear,
+    lock,
+    manipulability_cost,
+    posture_cost,
+    stack,
+    stationary,
+)
 from .errors import HolokinError
 from .motion import Drift, Spread, drift, follow, path_spread
 from .path import Path, arc, circle, join, line, polyline
 from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, urdf_tips
-from .strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from .strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
 
@@ -23,6 +37,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Constraint",
+    "Cost",
     "DHRow",
     "Drift",
     "HolokinError",
@@ -36,9 +51,11 @@ __all__ = [
     "Trajectory",
     "Verdict",
     "arc",
+    "arm_angle",
     "around",
     "box",
     "catalogue",
+    "centring_cost",
     "circle",
     "coupled",
     "coupled_twist",
@@ -48,6 +65,7 @@ __all__ = [
     "follow",
     "from_dh",
     "from_urdf",
+    "height",
     "holonomic",
     "involutivity",
     "involutivity_of",
@@ -56,6 +74,7 @@ __all__ = [
     "linear",
     "load",
     "lock",
+    "manipulability_cost",
     "moore_penrose",
     "null_basis",
     "path_spread",
@@ -63,7 +82,10 @@ __all__ = [
     "polyline",
     "pose",
     "position",
+    "posture_cost",
+    "radial",
     "stack",
+    "stationary",
     "urdf_tips",
     "weighted",
 ]

@@ -1,6 +1,23 @@
 """Constraints g(q) that complete a task to r + m = n rows."""
 
+from .arm import arm_angle, height
 from .base import Constraint, as_gain, custom, linear, lock, stack
 from .coupled import coupled
+from .stationary import Cost, centring_cost, manipulability_cost, posture_cost, stationary
 
-__all__ = ["Constraint", "as_gain", "coupled", "custom", "linear", "lock", "stack"]
+__all__ = [
+    "Constraint",
+    "Cost",
+    "arm_angle",
+    "as_gain",
+    "centring_cost",
+    "coupled",
+    "custom",
+    "height",
+    "linear",
+    "lock",
+    "manipulability_cost",
+    "posture_cost",
+    "stack",
+    "stationary",
+]

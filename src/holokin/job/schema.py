@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..errors import JobError
 
@@ -34,7 +35,7 @@ class TaskTable(_Table):
     """[task]: position or pose; a list of orientations runs every strategy once for each."""
 
     kind: Literal["position", "pose"] = "position"
-    orientation: Orientation | list[Orientation] = "twist"
+    orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
     rows: list[int] | None = None
 
 
@@ -70,9 +71,9 @@ class PathTable(_Table):
         needs = {"circle": ["center"], "arc": ["center", "angle_deg"], "polyline": ["points"]}[self.kind]
         missing = [key for key in needs if getattr(self, key) is None]
         if missing:
-            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}")
+            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
         if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
-            raise ValueError("several cycles need a closed path: a circle, or a polyline with closed = true")
+            raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
         return self
 
 
@@ -93,6 +94,13 @@ class StrategyTable(_Table):
     method: Literal["velocity", "leaf"] | None = None
     invariant: list[Formula] = []
 
+    @field_validator("W", "N_G", "A", "matrix", "gain")
+    @classmethod
+    def _rectangular(cls, rows: Any) -> Any:
+        if isinstance(rows, list) and len({len(row) for row in rows}) != 1:
+            raise ValueError("a matrix needs rows, all of one length; mend them")
+        return rows
+
     @model_validator(mode="after")
     def _complete(self) -> StrategyTable:
         needs = {
@@ -101,7 +109,7 @@ class StrategyTable(_Table):
         }  # fmt: skip
         need = needs.get(self.kind)
         if need is not None and getattr(self, need) is None:
-            raise ValueError(f"kind = {self.kind!r} needs {need}")
+            raise ValueError(f"kind = {self.kind!r} needs {need}; add it")
         for key in set(needs.values()) - {need}:
             if getattr(self, key) is not None:
                 raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
@@ -119,9 +127,9 @@ class Bound(_Table):
     @model_validator(mode="after")
     def _complete(self) -> Bound:
         if (self.value is None) != (self.within is None):
-            raise ValueError("value and within go together")
+            raise ValueError("value and within go together; give both, or neither")
         if self.below is None and self.above is None and self.value is None:
-            raise ValueError("give below, above, or value and within")
+            raise ValueError("it holds no bound; give below, above, or value and within")
         return self
 
     def holds(self, number: float) -> bool:
@@ -190,7 +198,7 @@ class Job(_Table):
     def _consistent(self) -> Job:
         for name in self.expect:
             if name not in self.strategies:
-                raise ValueError(f"expect.{name}: there is no such strategy; known: {', '.join(self.strategies)}")
+                raise ValueError(f"expect.{name}: is for no strategy of this job; known: {', '.join(self.strategies)}")
         return self
 
 
@@ -217,12 +225,26 @@ def read_job(path: Path) -> Job:
 def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
     """The first fault of the file, as a sentence."""
     fault = problem.errors()[0]
-    key = ".".join(str(part) for part in fault["loc"]) or "top level"
+    key = _key(fault["loc"], table)
     if fault["type"] == "missing":
         return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
-    value = fault.get("input", table)
-    shown = "" if isinstance(value, dict) else f"is {value!r}: "
-    message = fault["msg"].removeprefix("Value error, ")
     if fault["type"] == "extra_forbidden":
         return JobError(path, key, "is an unknown key", "check its spelling; `holokin new` writes a complete example")
-    return JobError(path, key, f"{shown}{message}", "change it")
+    value = fault.get("input", table)
+    if isinstance(value, float) and not isfinite(value):
+        return JobError(path, key, f"is {value}", "give a finite number")
+    shown = "" if isinstance(value, dict) else f"is {value!r}: "
+    message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
+    if not key:  # of the whole job: the message begins with the key
+        key, _, message = message.partition(": ")
+    return JobError(path, key, f"{shown}{message}", cure or "change it")
+
+
+def _key(loc: tuple[int | str, ...], table: Any) -> str:
+    """The key of a fault, without pydantic's names for the types that a value may have."""
+    parts: list[str] = []
+    for part in loc:
+        if isinstance(table, dict) or (isinstance(table, list) and isinstance(part, int)):
+            parts.append(str(part))
+            table = table.get(part) if isinstance(table, dict) else table[int(part)]
+    return ".".join(parts)

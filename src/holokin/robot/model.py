@@ -62,11 +62,15 @@ class Tip:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first."""
+    """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first.
+
+    `origins` holds the origin (3,) of every joint's frame by the joint's name.
+    """
 
     position: SX
     rotation: SX
     jacobian: SX
+    origins: dict[str, SX]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +163,8 @@ class Robot:
                 )
             columns[joint.coordinate] = columns[joint.coordinate] + joint.multiplier * column
             index = joint.parent
-        return Kinematics(p, R, horzcat(*columns))
+        origins = {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
+        return Kinematics(p, R, horzcat(*columns), origins)
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,).

@@ -2,6 +2,7 @@
 
 from .base import Expressions, Field, Form, Strategy
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from .radial import radial
 
 __all__ = [
     "Expressions",
@@ -13,5 +14,6 @@ __all__ = [
     "moore_penrose",
     "null_basis",
     "pfaffian",
+    "radial",
     "weighted",
 ]

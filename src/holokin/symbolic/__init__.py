@@ -1,9 +1,9 @@
 """The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`."""
 
-from casadi import SX, cos, densify, fmin, horzcat, norm_2, sin, vec, vertcat
+from casadi import SX, atan2, copysign, cos, cross, densify, dot, fmin, horzcat, log, norm_2, sin, sumsqr, vec, vertcat
 
 from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
-from .expression import as_expression, parse, symbol
+from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .linear import Factorisation, factorise, solve
 
@@ -12,20 +12,27 @@ __all__ = [
     "Factorisation",
     "Function",
     "as_expression",
+    "as_map",
+    "atan2",
+    "copysign",
     "cos",
+    "cross",
     "densify",
     "directional",
+    "dot",
     "factorise",
     "fmin",
     "hessian",
     "horzcat",
     "jacobian",
     "lie_bracket",
+    "log",
     "norm_2",
     "pairwise_brackets",
     "parse",
     "sin",
     "solve",
+    "sumsqr",
     "symbol",
     "vec",
     "vertcat",

@@ -44,6 +44,12 @@ def as_expression(value: Any) -> ca.SX:
     return ca.vertcat(*rows)
 
 
+def as_map(inputs: Sequence[ca.SX], output: ca.SX) -> Callable[..., ca.SX]:
+    """The expression as a map of its symbols, to be applied to other expressions of the same shapes."""
+    function = ca.Function("map", list(inputs), [output])
+    return lambda *values: function(*values)
+
+
 def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
     """The expression that a formula means, for instance "q1 + sin(q3)**2"; nothing is executed.
 

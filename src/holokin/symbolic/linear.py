@@ -26,7 +26,13 @@ class Factorisation:
 
     def thin_q(self) -> ca.SX:
         """The first columns of Q: an orthonormal basis (rows, columns) of range A."""
-        Q = ca.SX.eye(self.rows)[:, : self.R.shape[1]]
+        return self._q(ca.SX.eye(self.rows)[:, : self.R.shape[1]])
+
+    def complement(self) -> ca.SX:
+        """The other columns of Q: an orthonormal basis (rows, rows - columns) of what is normal to range A."""
+        return self._q(ca.SX.eye(self.rows)[:, self.R.shape[1] :])
+
+    def _q(self, Q: ca.SX) -> ca.SX:
         for k, v, beta in reversed(self.reflections):
             Q[k:, :] = Q[k:, :] - (beta * v) @ (v.T @ Q[k:, :])
         return ca.densify(Q)

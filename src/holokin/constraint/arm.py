@@ -1,0 +1,103 @@
+"""Constraints that name what people see: the arm angle (shoulder, elbow, wrist), and the height of a joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import ArgumentError, UnknownNameError
+from ..robot import Kinematics
+from ..symbolic import SX, atan2, cross, dot, fmin, norm_2
+from ..task import Task
+from ..types import ArrayLike, Vector
+from .base import Constraint
+
+
+def arm_angle(
+    *,
+    kind: str = "stereographic",
+    joints: tuple[str, str, str] | None = None,
+    reference: ArrayLike = (0.0, 0.0, 1.0),
+    pole: ArrayLike | None = None,
+) -> Constraint:
+    """g(q) = psi, the angle of the plane shoulder-elbow-wrist about the line from shoulder to wrist [rad]. [EW23]
+
+    With E, W the elbow and wrist seen from the shoulder and w = W/|W|:
+    psi = atan2(n_sew . (w x n_ref), n_sew . n_ref), n_sew = W x E,
+    n_ref = w x V ("conventional") or (w - R) x V ("stereographic"), V = `reference`, R = `pole`.
+
+    Args:
+        kind: "stereographic" or "conventional".
+        joints: names of the joints whose origins are shoulder, elbow, wrist; by default the 2nd, 4th and 6th.
+        reference: the direction V (3,), the base's z axis by default.
+        pole: the direction R (3,) of the stereographic kind, perpendicular to V; by default a horizontal one, -x.
+
+    Singular (REPRESENTATION) where the arm is stretched, and where n_ref vanishes: conventional, w along V or -V;
+    stereographic, w along R only. Some such direction must exist, whatever the definition (a vector field on a
+    sphere). Rows: 1.
+
+    Raises:
+        UnknownNameError: an unknown kind; when bound, an unknown joint. ArgumentError: R not perpendicular to V.
+    """
+    if kind not in ("stereographic", "conventional"):
+        raise UnknownNameError("kind of arm angle", kind, ("stereographic", "conventional"))
+    V = _direction("reference", reference)
+    R = _pole(V) if pole is None else _direction("pole", pole)
+    if kind == "stereographic" and abs(float(R @ V)) > 1e-9:
+        raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
+
+    def vectors(task: Task, k: Kinematics) -> tuple[SX, SX, SX, SX]:
+        S, elbow, wrist = (_origin(k, name) for name in _three(task, joints))
+        E, W = elbow - S, wrist - S
+        w = W / norm_2(W)
+        return E, W, w, cross(w if kind == "conventional" else w - SX(R), SX(V))
+
+    def expression(task: Task, k: Kinematics, _q: SX) -> SX:
+        E, W, w, n_ref = vectors(task, k)
+        n_sew = cross(W, E)
+        return atan2(dot(n_sew, cross(w, n_ref)), dot(n_sew, n_ref))
+
+    def margin(task: Task, k: Kinematics, _q: SX) -> SX:
+        E, W, _, n_ref = vectors(task, k)
+        return fmin(norm_2(cross(W, E)) / (norm_2(W) * norm_2(E)), norm_2(n_ref))
+
+    return Constraint(f"arm angle ({kind})", 1, expression, (True,), margin)
+
+
+def height(joint: str) -> Constraint:
+    """g(q) = z of the origin of a joint's frame in the base frame [m]: an elbow that stays level. Rows: 1.
+
+    Singular (ALGORITHMIC) where the self-motion does not raise the joint: at the top and bottom of its circle.
+
+    Raises:
+        UnknownNameError (when bound): the robot has no such joint.
+    """
+    return Constraint(f"height of {joint}", 1, lambda _task, k, _q: _origin(k, joint)[2], (False,))
+
+
+def _origin(k: Kinematics, name: str) -> SX:
+    if name not in k.origins:
+        raise UnknownNameError("joint", name, tuple(k.origins))
+    return k.origins[name]
+
+
+def _three(task: Task, joints: tuple[str, str, str] | None) -> tuple[str, ...]:
+    if joints is not None:
+        return tuple(joints)
+    names = tuple(joint.name for joint in task.robot.joints)
+    if len(names) < 6:
+        raise ArgumentError("the number of joints for an arm angle", len(names), "name joints=(shoulder, elbow, wrist)")
+    return names[1], names[3], names[5]
+
+
+def _direction(what: str, value: ArrayLike) -> Vector:
+    v = np.asarray(value, dtype=float)
+    if v.shape != (3,) or not np.isfinite(v).all() or np.linalg.norm(v) == 0:
+        raise ArgumentError(what, v.tolist(), "give a direction (3,) that is not zero")
+    return v / np.linalg.norm(v)
+
+
+def _pole(V: Vector) -> Vector:
+    """A direction perpendicular to V: -x, or, if V is along x, -y."""
+    axis = np.array([-1.0, 0.0, 0.0]) if abs(V[0]) < 0.9 else np.array([0.0, -1.0, 0.0])
+    R = axis - (axis @ V) * V
+    return R / np.linalg.norm(R)

@@ -1,0 +1,119 @@
+"""Constraints from a cost: the tool's pose given, the joints stand where the cost is stationary. [Bai85], [Cha87]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..robot import Kinematics
+from ..symbolic import SX, as_expression, copysign, factorise, jacobian, log, solve, sumsqr, vertcat
+from ..task import Task
+from ..types import ArrayLike
+from .base import Constraint
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """A scalar U of the posture, written down when a task is known: `expression(task, kinematics, q)` -> (1,)."""
+
+    name: str
+    expression: Callable[[Task, Kinematics, SX], SX]
+
+
+def stationary(
+    cost: Cost | Callable[[SX], Any], *, free: tuple[str, ...] | None = None, name: str | None = None
+) -> Constraint:
+    """g(q) = N^T grad U: zero where the cost U is stationary under self-motions, the tool held.
+
+    r = 1: N is the unit null vector with det [J; N^T] > 0, smooth wherever J has full rank; g is the
+    self-motion's share of grad U.  `free` given (r joints): Chang's N = [-J_a^-1 J_b; 1] with J_b the columns
+    of the free joints; singular (REPRESENTATION) where det J_a = 0. Off the leaf g = 0 the two have different
+    leaves, since the leaves depend on the scaling of N.
+
+    Args:
+        cost: `posture_cost`, `centring_cost`, `manipulability_cost`, or q -> CasADi expression.
+        free: names of r joints for Chang's basis; needed when r > 1.
+
+    Raises (when bound):
+        ConstraintRowsError: r > 1 without `free`, or `free` has not r joints. ShapeError: the cost is not a scalar.
+    """
+    rows = 1 if free is None else len(free)
+    U = cost if isinstance(cost, Cost) else Cost("custom cost", lambda _task, _k, q: as_expression(cost(q)))
+    label = name or f"stationary {U.name}"
+
+    def gradient(task: Task, k: Kinematics, q: SX) -> SX:
+        value = U.expression(task, k, q)
+        if value.shape != (1, 1):
+            raise ShapeError(f"the cost of {label!r}", (1, 1), value.shape, "give a scalar")
+        return jacobian(value, q).T
+
+    def split(task: Task) -> tuple[list[int], list[int]]:
+        b = [task.robot.joint_index(joint) for joint in free or ()]
+        return [i for i in range(task.n) if i not in b], b
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        J, slope = task.jacobian_expression(k, q), gradient(task, k, q)
+        if free is None:
+            return unit_null_vector(J).T @ slope
+        a, b = split(task)
+        return slope[b] - solve(J[:, a], J[:, b]).T @ slope[a]
+
+    def margin(task: Task, k: Kinematics, q: SX) -> SX:
+        a, _ = split(task)
+        return factorise(task.jacobian_expression(k, q)[:, a]).conditioning()
+
+    return Constraint(label, rows, expression, (False,) * rows, margin if free is not None else None)
+
+
+def unit_null_vector(J: SX) -> SX:
+    """The unit n (n,) with J n = 0 and det [J; n^T] > 0 of a J (n - 1, n): smooth wherever J has full rank."""
+    last = factorise(J.T).complement()
+    return last * copysign(1, factorise(vertcat(J, last.T)).determinant())
+
+
+def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:
+    """U = 1/2 sum_i k_i (q_i - preferred_i)^2. Raises: NotFiniteError, ShapeError (when bound)."""
+    target, k = np.asarray(preferred, dtype=float), np.asarray(stiffness, dtype=float)
+    if not (np.isfinite(target).all() and np.isfinite(k).all()):
+        raise NotFiniteError("the preferred posture or its stiffness", (target.tolist(), k.tolist()))
+
+    def cost(task: Task, _k: Kinematics, q: SX) -> SX:
+        if target.shape != (task.n,) or k.shape not in ((), (task.n,)):
+            raise ShapeError("the preferred posture and its stiffness", (task.n,), (target.shape, k.shape))
+        return 0.5 * sumsqr(SX(np.sqrt(np.broadcast_to(k, target.shape))) * (q - SX(target)))
+
+    return Cost("posture", cost)
+
+
+def centring_cost() -> Cost:
+    """U = 1/2 sum_i ((q_i - middle_i) / range_i)^2 over the joints with finite limits. [Lie77]
+
+    Raises (when bound): ArgumentError when no joint has limits.
+    """
+
+    def cost(task: Task, _k: Kinematics, q: SX) -> SX:
+        lower, upper = task.robot.lower, task.robot.upper
+        finite = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
+        if not len(finite):
+            raise ArgumentError("the joints with finite limits", 0, "give limits in the robot description")
+        middle, span = (lower + upper)[finite] / 2, (upper - lower)[finite]
+        return 0.5 * sumsqr((q[finite.tolist()] - SX(middle)) / SX(span))
+
+    return Cost("joint centring", cost)
+
+
+def manipulability_cost() -> Cost:
+    """U = -log sqrt(det J J^T): stationary where the manipulability is. [Yos85]"""
+
+    def cost(task: Task, k: Kinematics, q: SX) -> SX:
+        R = factorise(task.jacobian_expression(k, q).T).R
+        total = SX(0)
+        for i in range(task.m):
+            total = total - 0.5 * log(R[i, i] ** 2)
+        return total
+
+    return Cost("manipulability", cost)
