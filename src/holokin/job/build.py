@@ -7,11 +7,24 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ..constraint import coupled, custom, linear, lock
-from ..errors import JobError
+from ..constraint import (
+    Cost,
+    arm_angle,
+    centring_cost,
+    coupled,
+    custom,
+    height,
+    linear,
+    lock,
+    manipulability_cost,
+    posture_cost,
+    stack,
+    stationary,
+)
+from ..errors import ArgumentError, JobError
 from ..path import Path, arc, as_point, circle, polyline
 from ..robot import Robot, load
-from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
 from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
 from ..task import Task, pose, position
 from ..types import Vector
@@ -66,8 +79,8 @@ def build_path(job: Job, tool: Vector) -> Path:
     return arc(tool, center, sign * np.deg2rad(table.angle_deg or 0.0), table.normal, speed=table.speed)
 
 
-def build_strategy(name: str, table: StrategyTable, task: Task) -> Strategy:
-    """A strategy of a job for one task."""
+def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -> Strategy:
+    """A strategy of a job for one task; `start` is the centre of a radial twin."""
     names = task.robot.joint_names
     match table.kind:
         case "moore-penrose":
@@ -89,6 +102,15 @@ def build_strategy(name: str, table: StrategyTable, task: Task) -> Strategy:
             constraint = lock(*(table.joints or []))
         case "coupled":
             constraint = coupled(_gain(table), table.orientation or "zyz")
+        case "arm-angle":
+            constraint = arm_angle(kind=table.arm or "stereographic", joints=_three(table.joints))
+        case "height":
+            constraint = stack(*(height(joint) for joint in table.joints or []))
+        case "stationary":
+            constraint = stationary(_cost(table), free=tuple(table.free) if table.free else None)
+        case "radial":
+            given = moore_penrose(task) if table.W is None else weighted(task, _matrix(table.W, names))
+            return radial(given, start, steps=table.steps or 4, name=name)
     return holonomic(task, constraint, name=name)
 
 
@@ -98,6 +120,24 @@ def build_invariant(table: StrategyTable, robot: Robot) -> Function | None:
         return None
     q = symbol("q", robot.n)
     return Function("invariant", {"q": q}, {"value": _column(table.invariant, robot.joint_names)(q)})
+
+
+def _three(joints: list[str] | None) -> tuple[str, str, str] | None:
+    if joints is None:
+        return None
+    if len(joints) != 3:
+        raise ArgumentError("the joints of an arm angle", joints, "name three: shoulder, elbow, wrist")
+    return joints[0], joints[1], joints[2]
+
+
+def _cost(table: StrategyTable) -> Cost:
+    match table.cost:
+        case "centring":
+            return centring_cost()
+        case "manipulability":
+            return manipulability_cost()
+        case _:
+            return posture_cost(table.preferred or [])
 
 
 def _gain(table: StrategyTable) -> float | list[list[float]]:

@@ -75,7 +75,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
-            strategy = build_strategy(title, table, task)
+            strategy = build_strategy(title, table, task, start)
             variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
         apart = _apart(variants)
         expect = job.expect.get(label, ExpectTable())

@@ -15,6 +15,27 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Formula = str | Number
+Kind = Literal[
+    "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist",
+    "arm-angle", "height", "stationary", "radial",
+]  # fmt: skip
+_USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "moore-penrose": ((), ()),
+    "weighted": (("W",), ()),
+    "null-basis": (("N_G",), ()),
+    "pfaffian": (("A",), ()),
+    "custom": (("g",), ()),
+    "linear": (("matrix",), ()),
+    "lock": (("joints",), ()),
+    "coupled": (("gain",), ("orientation",)),
+    "coupled-twist": (("gain",), ()),
+    "arm-angle": ((), ("arm", "joints")),
+    "height": (("joints",), ()),
+    "stationary": (("cost",), ("preferred", "free")),
+    "radial": ((), ("W", "steps")),
+}
+"""For each kind of strategy the keys that it needs, and those that it may have."""
+
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
@@ -80,9 +101,7 @@ class PathTable(_Table):
 class StrategyTable(_Table):
     """[strategies.NAME]: a kind and what it needs. Formulas use q1, q2, ... or the joints' names."""
 
-    kind: Literal[
-        "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist"
-    ]
+    kind: Kind
     W: list[list[Formula]] | None = None
     N_G: list[list[Formula]] | None = None
     g: list[Formula] | None = None
@@ -91,6 +110,11 @@ class StrategyTable(_Table):
     joints: list[str] | None = None
     gain: Number | list[list[Number]] | None = None
     orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
+    arm: Literal["stereographic", "conventional"] | None = None
+    cost: Literal["posture", "centring", "manipulability"] | None = None
+    preferred: list[Number] | None = None
+    free: list[str] | None = None
+    steps: Annotated[int, Field(ge=1, le=1000)] | None = None
     method: Literal["velocity", "leaf"] | None = None
     invariant: list[Formula] = []
 
@@ -103,16 +127,16 @@ class StrategyTable(_Table):
 
     @model_validator(mode="after")
     def _complete(self) -> StrategyTable:
-        needs = {
-            "weighted": "W", "null-basis": "N_G", "pfaffian": "A", "custom": "g", "linear": "matrix", "lock": "joints",
-            "coupled": "gain", "coupled-twist": "gain",
-        }  # fmt: skip
-        need = needs.get(self.kind)
-        if need is not None and getattr(self, need) is None:
-            raise ValueError(f"kind = {self.kind!r} needs {need}; add it")
-        for key in set(needs.values()) - {need}:
+        needed, optional = _USES[self.kind]
+        for key in needed:
+            if getattr(self, key) is None:
+                raise ValueError(f"kind = {self.kind!r} needs {key}; add it")
+        every = {key for pair in _USES.values() for keys in pair for key in keys}
+        for key in sorted(every - {*needed, *optional}):
             if getattr(self, key) is not None:
                 raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
+        if self.kind == "stationary" and (self.cost == "posture") != (self.preferred is not None):
+            raise ValueError("cost = 'posture' and preferred go together; add or leave out preferred")
         return self
 
 
