@@ -121,6 +121,34 @@ def test_the_ppr_jacobian_has_exact_zeros_and_ones(ppr: hk.Robot) -> None:
     assert np.array_equal(J, [[1, 0, -np.sin(0.9)], [0, 1, np.cos(0.9)]])
 
 
+def test_the_ppr_is_equation_18_and_its_arm_is_one_metre(ppr: hk.Robot) -> None:
+    for q in np.random.default_rng(18).uniform(-3, 3, (20, 3)):
+        c, s = np.cos(q[2]), np.sin(q[2])
+        assert np.array_equal(hk.position(ppr).jacobian(q), [[1, 0, -s], [0, 1, c]])
+        assert np.array_equal(ppr.jacobian(q), [[1, 0, -s], [0, 1, c], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1]])
+        assert ppr.pose(q)[:3, 3] == pytest.approx([q[0] + c, q[1] + s, 0], abs=1e-15)
+        assert hk.position(ppr).null_space(q)[:, 0] == pytest.approx([s, -c, 1], abs=1e-15)  # (19)
+
+
+def test_the_planar_3rs_self_motion_is_the_theorys(planar_3r: hk.Robot) -> None:
+    """Theory 2a: n = J_1 x J_2 = (s3, -(s23 + s3), s2 + s23) for unit links."""
+    task = hk.position(planar_3r)
+    for q in np.random.default_rng(3).uniform(-2.5, 2.5, (20, 3)):
+        s2, s3, s23 = np.sin(q[1]), np.sin(q[2]), np.sin(q[1] + q[2])
+        n = np.array([s3, -(s23 + s3), s2 + s23])
+        J = task.jacobian(q)
+        assert np.abs(np.cross(J[0], J[1]) - n).max() < 1e-14
+        assert np.abs(task.null_space(q)[:, 0] - n).max() < 1e-13
+        turns = np.cumsum(q)
+        assert task(q) == pytest.approx([np.cos(turns).sum(), np.sin(turns).sum()], abs=1e-14)
+
+
+def test_the_irb140_turns_as_far_as_the_data_sheet_says(irb140: hk.Robot) -> None:
+    assert np.rad2deg(irb140.lower) == pytest.approx([-180, -20, -50, -200, -115, -400])
+    assert np.rad2deg(irb140.upper) == pytest.approx([180, 180, 230, 200, 115, 400])
+    assert np.rad2deg(irb140.max_velocity) == pytest.approx([200, 200, 260, 360, 360, 450])
+
+
 def test_the_iiwa14_has_kukas_lengths() -> None:
     robot = hk.load("iiwa14")
     assert robot.pose(np.zeros(7))[:3, 3] == pytest.approx([0, 0, 1.306])
@@ -162,6 +190,14 @@ def test_more_rows_than_joints_are_refused() -> None:
     ("call", "error"),
     [
         (lambda r: r.pose([0.0, 0.0]), ShapeError),
+        (lambda r: r.pose(np.zeros((3, 1))), ShapeError),
+        (lambda r: r.pose(0.0), ShapeError),
+        (lambda r: r.pose(None), ShapeError),
+        (lambda r: r.pose("abc"), ArgumentError),
+        (lambda r: r.jacobian([[0.0], [0.0, 0.0]]), ArgumentError),
+        (lambda r: r.skeleton([0.0, np.nan, 0.0]), NotFiniteError),
+        (lambda r: r.check_limits([0.0, np.nan, 0.0]), NotFiniteError),
+        (lambda r: r.joint_index("q4"), UnknownNameError),
         (lambda r: r.pose([0, 0, np.inf]), NotFiniteError),
         (lambda r: r.jacobian(np.full(3, np.nan)), NotFiniteError),
         (lambda r: r.check_limits([0, 9.0, 0]), JointLimitError),
@@ -181,12 +217,37 @@ def test_more_rows_than_joints_are_refused() -> None:
         (lambda r: hk.from_dh([{"a": np.nan}]), NotFiniteError),
         (lambda r: hk.from_dh([{"kind": "spherical"}]), ArgumentError),
         (lambda r: hk.from_dh([]), ArgumentError),
+        (lambda r: hk.from_dh([{"d": np.inf, "kind": "prismatic"}]), NotFiniteError),
+        (lambda r: hk.from_dh([{"lower": np.nan}]), ArgumentError),
+        (lambda r: hk.from_dh([{"lower": 1.0, "upper": -1.0}]), ArgumentError),
+        (lambda r: hk.from_dh([{"max_velocity": 0.0}]), ArgumentError),
+        (lambda r: hk.from_dh([{"max_velocity": np.nan}]), ArgumentError),
+        (lambda r: hk.from_dh([{"joint": "elbow"}, {"joint": "elbow"}]), ArgumentError),
+        (lambda r: hk.from_dh([{"a": 1.0}], tool=np.diag([1.0, 1.0, -1.0, 1.0])), ArgumentError),
+        (lambda r: hk.from_dh([{"a": 1.0}], tool=np.full((4, 4), np.nan)), ArgumentError),
+        (lambda r: hk.from_dh([{"a": 1.0}], base=np.eye(3)), ArgumentError),
         (lambda r: hk.from_dh([{"a": 1.0}], base=np.zeros((4, 4))), ArgumentError),
     ],
 )
 def test_what_makes_no_sense_is_refused(planar_3r: hk.Robot, call, error: type[Exception]) -> None:
-    with pytest.raises(error):
+    with pytest.raises(error) as caught:
         call(planar_3r)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_posture_outside_the_limits_is_named_with_joint_and_range(panda: hk.Robot) -> None:
+    panda.check_limits(PANDA_START)
+    panda.check_limits(panda.lower)
+    panda.check_limits(panda.upper)
+    panda.check_limits(panda.upper + 1e-10)  # round-off
+    for i, name in enumerate(panda.joint_names):
+        for bound, beyond in ((panda.lower[i], -1e-6), (panda.upper[i], 1e-6)):
+            q = PANDA_START.copy()
+            q[i] = bound + beyond
+            with pytest.raises(JointLimitError, match=f"joint '{name}' is at") as caught:
+                panda.check_limits(q)
+            error = caught.value
+            assert (error.joint, error.value, error.lower, error.upper) == (name, q[i], panda.lower[i], panda.upper[i])
 
 
 @pytest.mark.parametrize(
@@ -201,15 +262,50 @@ def test_what_makes_no_sense_is_refused(planar_3r: hk.Robot, call, error: type[E
         ("source = 'y'\n[[joints]]\na = nan\n", "NaN"),
         ("source = [", "not TOML"),
         ("source = 'y'\njoints = [1]\n", "table"),
+        ("source = 'y'\n[joints]\na = 1\n", "lacks 'joints'"),
+        ("source = 'y'\njoints = []\n", "number of moving joints"),
+        ("source = 'y'\n[[joints]]\nkind = 'helical'\n", "'helical'"),
+        ("source = 'y'\n[[joints]]\na = 1\n[[joints]]\na = [1]\n", "joint 2"),
+        ("source = 'y'\n[[joints]]\nlower = nan\n", "range"),
+        ("source = 'y'\n[[joints]]\nlower = 2\nupper = 1\n", "range"),
+        ("source = 'y'\n[[joints]]\nmax_velocity = -1\n", "speed limit"),
+        ("source = 'y'\n[[joints]]\ndegrees = 'no'\n", "degrees must be true or false"),
+        ("source = 'y'\n[[joints]]\njoint = 'j'\n[[joints]]\njoint = 'j'\n", "'j'"),
+        ("source = 'y'\nbase = 3\n[[joints]]\na = 1\n", "table"),
+        ("source = 'y'\n[base]\nrpy_deg = ['a', 0, 0]\n[[joints]]\na = 1\n", "three numbers"),
+        ("source = 'y'\n[tool]\nxyz = [nan, 0, 0]\n[[joints]]\na = 1\n", "tool"),
+        ("source = 'y'\n[tool]\npose = 1\n[[joints]]\na = 1\n", "tool: unknown key 'pose'"),
+        ("source = '\xe9'\n[[joints]]\na = 1\n", "cannot be read"),
         ("source = 'y'\n[base]\nxyz = [1, 2]\n[[joints]]\na = 1\n", "xyz"),
     ],
 )
 def test_a_malformed_robot_file_is_named_with_its_fault(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(text)
-    with pytest.raises(hk.HolokinError, match=said) as caught:
+    file.write_text(text, "latin-1")
+    with pytest.raises(RobotFileError, match=said) as caught:
         hk.load(file)
-    assert "mine.toml" in str(caught.value) or said == "odd"
+    assert str(caught.value).startswith(f"{file}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_robot_of_ones_own_is_a_file(tmp_path: Path) -> None:
+    """A frame of the file is Rz(yaw) Ry(pitch) Rx(roll) in degrees, limits in degrees only where it says so."""
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        "source = 'y'\nconvention = 'modified'\ntip = 'pen'\n[base]\nxyz = [1, 2, 3]\nrpy_deg = [10, 20, 30]\n"
+        "[[joints]]\na = 0.5\nalpha_deg = 90\ntheta_deg = 30\nlower = -90\nupper = 90\ndegrees = true\n"
+        "[[joints]]\nkind = 'prismatic'\nd = 0.2\nlower = -1\nupper = 2\ndegrees = true\nmax_velocity = 3\n"
+    )
+    robot = hk.load(file)
+    assert (robot.name, robot.tips[0].name, robot.joint_names) == ("mine", "pen", ("q1", "q2"))
+    assert robot.lower.tolist() == [-np.pi / 2, -1.0]
+    assert robot.upper.tolist() == [np.pi / 2, 2.0]
+    assert robot.max_velocity.tolist() == [np.inf, 3.0]
+    base = np.eye(4)
+    base[:3, :3] = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix()
+    base[:3, 3] = [1, 2, 3]
+    expected = base @ Rx(np.pi / 2) @ T(0.5, 0) @ Rz(np.deg2rad(30) + 0.4) @ T(0, 0.2 + 0.7)
+    assert np.abs(robot.pose([0.4, 0.7]) - expected).max() < 1e-15
 
 
 def test_a_single_joint_can_follow_a_path() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -12,14 +14,34 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, urdf, urdf_files
 from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
-from holokin.robot.urdf import MOVING, _read
 
 TOLERANCE = 1e-12
+POSTURES = 3
+MOVING = ("revolute", "continuous", "prismatic")
+NOTHING_TO_COMPARE = {
+    "quadrotor_base.urdf": "has no joints",
+    "ur3.urdf": "lacks its 'name'",
+    "iris_simple.urdf": "none of its joints moves",
+}
+"""Files of the package without a moving chain, and why; Pinocchio finds no joint in them either."""
+
+MIMIC_OF_NOTHING = "alex_psyonic_hands.urdf"
+"""A file whose finger tips mimic joints that it does not have: Pinocchio makes them independent, holokin refuses."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The chains of one file: largest differences of pose and Jacobian by tip, chains refused, mimics folded."""
+
+    pose: dict[str, float]
+    jacobian: dict[str, float]
+    refused: dict[str, str]
+    mimics: int
 
 
 @cache
-def readable(path: Path) -> dict[str, tuple[str, ...]] | str:
-    """Tips with a moving joint of a file, or why it cannot be compared."""
+def moving_chains(path: Path) -> dict[str, tuple[str, ...]] | str:
+    """Tips with a moving joint of a file, or why there is nothing to compare."""
     try:
         tips = hk.urdf_tips(path)
     except RobotFileError as problem:
@@ -28,91 +50,164 @@ def readable(path: Path) -> dict[str, tuple[str, ...]] | str:
     return moving or "none of its joints moves"
 
 
-@cache
-def pinocchio_model(path: Path) -> pin.Model:
-    return pin.buildModelFromUrdf(str(path))  # mimic joints as joints of their own: values are set below
+def elements_of(path: Path) -> dict[str, ET.Element]:
+    """The XML elements of the moving joints, read without yourdfpy."""
+    joints = ET.parse(path).getroot().findall("joint")
+    return {joint.get("name", ""): joint for joint in joints if joint.get("type") in MOVING}
 
 
-def values(path: Path, robot: hk.Robot, q: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """The value of every moving joint of the file: ours from q, mimics from their masters, others at random."""
-    joints = {j.name: j for j in _read(path).joints if j.type in MOVING}
-    known = dict(zip(robot.joint_names, q, strict=True))
+def masters_of(path: Path) -> dict[str, tuple[str, float, float]]:
+    """Every moving joint -> (joint it follows in the end, multiplier, offset)."""
+    joints = elements_of(path)
+    out = {}
+    for name in joints:
+        master, gain, shift = name, 1.0, 0.0
+        while (mimic := joints[master].find("mimic")) is not None and mimic.get("joint") in joints:
+            shift += gain * float(mimic.get("offset", "0"))
+            gain *= float(mimic.get("multiplier", "1"))
+            master = mimic.get("joint", "")
+        out[name] = (master, gain, shift)
+    return out
 
-    def value(name: str) -> float:
-        mimic = joints[name].mimic
-        if mimic is not None and mimic.joint in joints:
-            gain = 1.0 if mimic.multiplier is None else mimic.multiplier
-            return gain * value(mimic.joint) + (mimic.offset or 0.0)
-        return known.setdefault(name, float(rng.uniform(-1, 1)))
 
-    return {name: value(name) for name in joints}
-
-
-def pinocchio_posture(model: pin.Model, joint_values: dict[str, float]) -> np.ndarray:
+def neutral_with(model: pin.Model, values: dict[str, float]) -> np.ndarray:
+    """Pinocchio's posture with the given joint values; an unlimited hinge is a cosine and a sine there."""
     q = pin.neutral(model)
-    for name, value in joint_values.items():
+    for name, value in values.items():
         joint = model.joints[model.getJointId(name)]
         q[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
     return q
 
 
-def robot_of(path: Path, tip: str) -> hk.Robot | None:
-    """The robot, or None for a chain that mimics a joint which the file does not have (there is one such file)."""
-    try:
-        return hk.from_urdf(path, tip=tip)
-    except RobotFileError as problem:
-        assert "mimics" in str(problem)
-        assert path.name == "alex_psyonic_hands.urdf"
-        return None
+@cache
+def compared(path: Path) -> Comparison:
+    """Every moving chain of a file against Pinocchio, at random postures."""
+    model = pin.buildModelFromUrdf(str(path))  # mimics are joints of their own there: set and folded here
+    data = model.createData()
+    masters = masters_of(path)
+    assert set(masters) == set(model.names) - {"universe"}
+    rng = np.random.default_rng(2011)
+    pose, jacobian, refused, mimics = {}, {}, {}, 0
+    for tip, chain in moving_chains(path).items():
+        try:
+            robot = hk.from_urdf(path, tip=tip)
+        except RobotFileError as problem:
+            refused[tip] = str(problem)
+            continue
+        assert set(robot.joint_names) == {masters[name][0] for name in chain}
+        frame = model.getFrameId(tip, pin.BODY)
+        fold = np.zeros((model.nv, robot.n))
+        for name, (master, gain, _) in masters.items():
+            if master in robot.joint_names:
+                fold[model.joints[model.getJointId(name)].idx_v, robot.joint_index(master)] = gain
+        mimics += sum(masters[name][0] != name for name in chain)
+        worst = [0.0, 0.0]
+        for _ in range(POSTURES):
+            q = rng.uniform(-np.pi, np.pi, robot.n)
+            free = dict.fromkeys(masters, 0.0) | {name: float(rng.uniform(-1, 1)) for name in masters}
+            free |= dict(zip(robot.joint_names, q, strict=True))
+            posture = neutral_with(model, {n: gain * free[m] + shift for n, (m, gain, shift) in masters.items()})
+            pin.framesForwardKinematics(model, data, posture)
+            T = data.oMf[frame].homogeneous
+            J = pin.computeFrameJacobian(model, data, posture, frame, pin.LOCAL_WORLD_ALIGNED)
+            others = [i for i in range(model.nv) if not fold[i].any()]
+            assert not J[:, others].any()  # our coordinates are all that move the tip
+            worst[0] = max(worst[0], float(np.abs(robot.pose(q) - T).max()))
+            worst[1] = max(worst[1], float(np.abs(robot.jacobian(q) - J @ fold).max()))
+        pose[tip], jacobian[tip] = worst
+    return Comparison(pose, jacobian, refused, mimics)
 
 
-def compare(path: Path, tip: str) -> float:
-    """Largest difference of pose and Jacobian (columns of mimics folded into their masters') over three postures."""
-    robot = robot_of(path, tip)
-    if robot is None:
-        return 0.0
-    model = pinocchio_model(path)
-    data, frame = model.createData(), model.getFrameId(tip, pin.BODY)
-    rng = np.random.default_rng(len(tip))
-    worst = 0.0
-    for _ in range(3):
-        q = rng.uniform(-1.5, 1.5, robot.n)
-        posture = pinocchio_posture(model, values(path, robot, q, rng))
-        J = pin.computeFrameJacobian(model, data, posture, frame, pin.LOCAL_WORLD_ALIGNED)
-        pin.framesForwardKinematics(model, data, posture)
-        folded = np.zeros((6, robot.n))
-        for joint in robot.joints:
-            column = J[:, model.joints[model.getJointId(joint.name)].idx_v]
-            folded[:, joint.coordinate] += joint.multiplier * column
-        differences = (robot.pose(q) - data.oMf[frame].homogeneous, robot.jacobian(q) - folded)
-        worst = max(worst, *(float(np.abs(d).max()) for d in differences))
-    return worst
-
-
-@pytest.mark.parametrize("path", urdf_files(), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", urdf_files(), ids=lambda p: f"{p.parent.parent.name}-{p.stem}")
 def test_every_moving_chain_agrees_with_pinocchio(path: Path) -> None:
-    tips = readable(path)
-    if isinstance(tips, str):
-        pytest.skip(f"{path.name}: {tips}")
+    chains = moving_chains(path)
+    if isinstance(chains, str):
+        assert NOTHING_TO_COMPARE[path.name] in chains
+        pytest.skip(f"{path.name}: {chains}")
+    found = compared(path)
+    assert max(found.pose.values()) < TOLERANCE, found.pose
+    assert max(found.jacobian.values()) < TOLERANCE, found.jacobian
+    assert len(found.pose) + len(found.refused) == len(chains)
+    assert all("mimics" in problem and path.name == MIMIC_OF_NOTHING for problem in found.refused.values())
+
+
+def test_what_was_compared_is_not_little() -> None:
+    files = [path for path in urdf_files() if not isinstance(moving_chains(path), str)]
+    found = [compared(path) for path in files]
+    assert len(urdf_files()) - len(files) <= len(NOTHING_TO_COMPARE)
+    assert len(files) >= 66
+    assert sum(len(c.pose) for c in found) >= 577
+    assert sum(len(c.refused) for c in found) == 8
+    assert sum(c.mimics for c in found) >= 60
+
+
+@pytest.mark.parametrize("name", ["panda.urdf", "baxter.urdf", "pr2.urdf", "tiago_pro.urdf"])
+def test_mimic_joints_agree_with_pinocchios_own(name: str) -> None:
+    path = urdf(name)
+    model = pin.buildModelFromUrdf(str(path), mimic=True)
+    data, rng = model.createData(), np.random.default_rng(4)
+    mimicked = [n for n, (master, _, _) in masters_of(path).items() if master != n]
+    tips = [tip for tip, joints in hk.urdf_tips(path).items() if set(joints) & set(mimicked)]
     assert tips
     for tip in tips:
-        assert compare(path, tip) < TOLERANCE, tip
+        robot = hk.from_urdf(path, tip=tip)
+        q = rng.uniform(-1, 1, robot.n)
+        posture = neutral_with(model, dict(zip(robot.joint_names, q, strict=True)))
+        frame = model.getFrameId(tip, pin.BODY)
+        pin.framesForwardKinematics(model, data, posture)
+        assert np.abs(robot.pose(q) - data.oMf[frame].homogeneous).max() < TOLERANCE
+        J = pin.computeFrameJacobian(model, data, posture, frame, pin.LOCAL_WORLD_ALIGNED)
+        columns = [model.joints[model.getJointId(n)].idx_v for n in robot.joint_names]
+        assert np.abs(robot.jacobian(q) - J[:, columns]).max() < TOLERANCE
 
 
-def test_the_comparison_above_is_not_empty() -> None:
-    found = [readable(path) for path in urdf_files()]
-    chains = [tip for tips in found if not isinstance(tips, str) for tip in tips]
-    assert len(found) >= 60
-    assert sum(isinstance(tips, str) for tips in found) <= 4
-    assert len(chains) > 500
-    hands = urdf("alex_psyonic_hands.urdf")
-    assert sum(robot_of(hands, tip) is None for tip in readable(hands)) <= 10
+def test_the_base_is_pinocchios_root() -> None:
+    for path in urdf_files():
+        if isinstance(moving_chains(path), str):
+            continue
+        file = ET.parse(path).getroot()
+        parents, children = ({e.get("link") for e in file.iterfind(f"joint/{side}")} for side in ("parent", "child"))
+        (root,) = parents - children
+        model = pin.buildModelFromUrdf(str(path))
+        frame = model.frames[model.getFrameId(root, pin.BODY)]
+        assert frame.parentJoint == 0
+        assert np.array_equal(frame.placement.homogeneous, np.eye(4))
+
+
+def test_limits_and_speeds_are_pinocchios() -> None:
+    """Where the file gives them; where it leaves a limit out, URDF means 0 and holokin means none."""
+    counts = {"given": 0, "left out": 0, "unlimited": 0}
+    for path in urdf_files():
+        chains = moving_chains(path)
+        if isinstance(chains, str):
+            continue
+        model, elements = pin.buildModelFromUrdf(str(path)), elements_of(path)
+        robot = hk.from_urdf(path, tip=[tip for tip in chains if tip not in compared(path).refused])
+        for c in robot.coordinates:
+            joint, element = model.joints[model.getJointId(c.name)], elements[c.name]
+            limit = element.find("limit")
+            speed = model.velocityLimit[joint.idx_v]
+            assert c.max_velocity == (speed if speed > 0 else np.inf)
+            assert c.unit == ("m" if element.get("type") == "prismatic" else "rad")
+            if joint.nq == 2:
+                assert (c.lower, c.upper) == (-np.inf, np.inf)
+                counts["unlimited"] += 1
+            elif limit is None or limit.get("lower") is None:
+                assert c.lower == -np.inf
+                counts["left out"] += 1
+            else:
+                assert c.lower == model.lowerPositionLimit[joint.idx_q]
+                assert c.upper == model.upperPositionLimit[joint.idx_q]
+                counts["given"] += 1
+    assert counts["given"] > 1000
+    assert counts["unlimited"] > 20
+    assert counts["left out"] > 0
 
 
 def test_a_robot_may_have_several_tips() -> None:
     path = urdf("panda.urdf")
     both = hk.from_urdf(path, tip=["panda_leftfinger", "panda_rightfinger"])
-    assert both.n == 8 or both.n == 9
+    assert both.n == 8  # the right finger mimics the left
     q = np.concatenate([PANDA_START, np.full(both.n - 7, 0.01)])
     for tip in ("panda_leftfinger", "panda_rightfinger"):
         alone = hk.from_urdf(path, tip=tip)
@@ -189,33 +284,123 @@ def test_a_mimic_whose_master_is_elsewhere_brings_the_master_along(tmp_path: Pat
     assert held.pose([0.2]) == pytest.approx(T)
 
 
+def test_every_locked_posture_of_a_chain_is_the_free_chains(tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        joint("slide", "prismatic", "a", "b")
+        + joint("turn", "continuous", "b", "c")
+        + joint("follow", "revolute", "c", "d", '<mimic joint="turn" multiplier="-2" offset="0.5"/>'),
+    )
+    free = hk.from_urdf(file)
+    slid, turned = hk.from_urdf(file, locked={"slide": 0.7}), hk.from_urdf(file, locked={"turn": -0.4})
+    assert (slid.joint_names, turned.joint_names) == (("turn",), ("slide",))
+    assert slid.pose([0.3]) == pytest.approx(free.pose([0.7, 0.3]), abs=1e-15)
+    assert turned.pose([0.3]) == pytest.approx(free.pose([0.3, -0.4]), abs=1e-15)
+    assert slid.jacobian([0.3]) == pytest.approx(free.jacobian([0.7, 0.3])[:, 1:], abs=1e-15)
+    assert turned.jacobian([0.3])[:, 0].tolist() == [0, 0, 1, 0, 0, 0]
+    loosed = hk.from_urdf(file, locked={"follow": 0.2})  # a held mimic follows no more
+    assert loosed.jacobian([0.7, 0.3])[5].tolist() == [0, 1]
+    assert np.arctan2(*loosed.pose([0.7, 0.3])[1::-1, 0]) == pytest.approx(0.5)
+    with pytest.raises(ArgumentError, match="moving joints"):
+        hk.from_urdf(file, locked={"slide": 0, "turn": 0})
+
+
+def test_a_joint_without_limit_or_axis_is_unlimited_and_about_x(tmp_path: Path) -> None:
+    bare = '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>'
+    robot = hk.from_urdf(write(tmp_path, bare, "ab"))
+    assert (robot.lower[0], robot.upper[0], robot.max_velocity[0]) == (-np.inf, np.inf, np.inf)
+    assert robot.jacobian([0.4])[:, 0].tolist() == [0, 0, 0, 1, 0, 0]
+
+
+def test_a_branching_tree_without_tip_is_refused_with_its_tips() -> None:
+    with pytest.raises(RobotFileError, match="branches into 3 tips") as caught:
+        hk.from_urdf(urdf("panda.urdf"))
+    tips = hk.urdf_tips(urdf("panda.urdf"))
+    assert set(tips) == {"panda_leftfinger", "panda_rightfinger", "panda_hand_tcp"}
+    assert all(tip in str(caught.value) for tip in (*tips, "tip=", "panda.urdf"))
+
+
+X = joint("x", "revolute", "a", "b")
+Y = joint("y", "revolute", "b", "c")
+
+
 @pytest.mark.parametrize(
-    ("joints", "tip", "said"),
+    ("joints", "links", "said"),
     [
-        (joint("x", "revolute", "a", "b") + joint("y", "revolute", "a", "c"), None, "give tip="),
-        (joint("x", "floating", "a", "b"), "b", "floating"),
-        (joint("x", "revolute", "a", "b").replace('xyz="0 0 2"', 'xyz="0 0 0"'), "b", "axis"),
-        (joint("x", "revolute", "a", "b", '<mimic joint="x"/>'), "b", "mimics"),
-        (joint("x", "revolute", "a", "b", '<mimic joint="nowhere"/>'), "b", "mimics"),
+        (X + joint("y", "revolute", "a", "c"), "abc", "give tip=, one or more of b, c"),
+        (joint("x", "floating", "a", "b"), "ab", "joint 'x' is of type 'floating'"),
+        (joint("x", "planar", "a", "b"), "ab", "joint 'x' is of type 'planar'"),
+        (joint("x", "hinge", "a", "b"), "ab", "joint 'x' is of type 'hinge'"),
+        (X.replace(' type="revolute"', ""), "ab", "joint 'x' is of type None"),
+        (X.replace("0 0 2", "0 0 0"), "ab", "joint 'x' has axis"),
+        (X.replace("0 0 2", "nan 0 1"), "ab", "joint 'x' has axis"),
+        (X.replace("0 0 2", "0 1"), "ab", "joint 'x' has axis"),
+        (X.replace('xyz="0 0 1"', 'xyz="0 nan 1"'), "ab", "joint 'x' has an origin that is not finite"),
+        (X.replace('xyz="0 0 1"', 'xyz="0 one 1"'), "ab", "could not convert string to float: 'one'"),
+        (X.replace('lower="-1"', 'lower="nan"'), "ab", r"range of joint 'x' is \(nan, 2.0\)"),
+        (X.replace('lower="-1"', 'lower="3"'), "ab", r"range of joint 'x' is \(3.0, 2.0\)"),
+        (X.replace('velocity="3"', 'velocity="-3"'), "ab", "speed limit of joint 'x'"),
+        (X.replace("<parent", "<parents"), "ab", "lacks a part"),
+        (joint("x", "revolute", "a", "b", '<mimic joint="x"/>'), "ab", "mimics 'x', which leads back"),
+        (joint("x", "revolute", "a", "b", '<mimic joint="no"/>'), "ab", "mimics 'no', which the file does not have"),
+        (joint("x", "revolute", "a", "b", '<mimic joint="y"/>') + Y.replace("revolute", "fixed"), "abc", "'fixed'"),
+        (X + joint("y", "revolute", "b", "c", '<mimic joint="x" multiplier="nan"/>'), "abc", "multiplier nan"),
+        (X + joint("y", "revolute", "b", "c", '<mimic joint="x"/>') + X, "abc", "two joints named 'x'"),
+        (X + Y + joint("z", "revolute", "a", "c"), "abc", "link 'c' hangs on two joints"),
+        (X + joint("y", "revolute", "b", "a"), "ab", "loop"),
+        (X + Y, "abcc", "two links named 'c'"),
+        (X + Y, "ab", "joint 'y' joins link 'c', which is not there"),
+        (X, "abc", "2 roots: a, c"),
         ("", "a", "no joints"),
     ],
 )
-def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, joints: str, tip: str | None, said: str) -> None:
-    links = "abc" if 'child link="c"' in joints else "ab"
+def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, joints: str, links: str, said: str) -> None:
     file = write(tmp_path, joints, links)
     with pytest.raises(RobotFileError, match=said) as caught:
-        hk.from_urdf(file, tip=tip)
-    assert "robot.urdf" in str(caught.value)
+        hk.from_urdf(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "not xml <", "<html></html>", "<robot></robot>", "\x00\x01"])
-def test_what_is_not_a_urdf_is_named(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is not XML"),
+        (b"not xml <", "is not XML"),
+        (b"\x00\x01\xff", "is not XML"),
+        (b"<robot name='r'><link name='a'>", "is not XML"),
+        (b"<html></html>", "root is <html>"),
+        (b"<robot></robot>", "lacks its 'name'"),
+        (b"<robot name='r'><link/></robot>", "lacks its 'name'"),
+        (b"<robot name='r'><xacro:include filename='x'/></robot>", "xacro files must be expanded first"),
+    ],
+)
+def test_what_is_not_a_urdf_is_named(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], content: bytes, said: str
+) -> None:
     file = tmp_path / "wrong.urdf"
-    file.write_text(text)
-    with pytest.raises(RobotFileError, match=r"wrong\.urdf"):
-        hk.from_urdf(file, tip="x")
-    with pytest.raises(RobotFileError, match="no such file"):
-        hk.load(tmp_path / "missing.urdf", tip="x")
+    file.write_bytes(content)
+    for read in (hk.from_urdf, hk.load, hk.urdf_tips):
+        with pytest.raises(RobotFileError, match=said) as caught:
+            read(file)
+        assert str(caught.value).startswith(f"{file}: ")
+    assert capfd.readouterr() == ("", "")  # the reader below does not talk over it
+    for missing in (tmp_path / "missing.urdf", tmp_path):
+        with pytest.raises(RobotFileError, match="no such file"):
+            hk.from_urdf(missing, tip="x")
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9, 0.999])
+def test_half_a_file_is_not_half_an_arm(tmp_path: Path, share: float) -> None:
+    text = urdf("panda.urdf").read_text()
+    (tmp_path / "half.urdf").write_text(text[: int(share * len(text.rstrip()))])
+    with pytest.raises(RobotFileError, match=r"half\.urdf: is not XML"):
+        hk.from_urdf(tmp_path / "half.urdf", tip="panda_link2")
+
+
+def test_an_undeclared_prefix_such_as_gazebos_does_no_harm(tmp_path: Path) -> None:
+    file = write(tmp_path, X + "<sensor:camera/>", "ab")
+    assert hk.from_urdf(file).n == 1
 
 
 def test_unknown_links_and_joints_are_named_with_what_there_is() -> None:
@@ -224,6 +409,7 @@ def test_unknown_links_and_joints_are_named_with_what_there_is() -> None:
         {"tip": "panda_hand_tpc"},
         {"tip": "panda_link7", "base": "x"},
         {"tip": "panda_link7", "locked": {"x": 0}},
+        {"tip": ["panda_link7", "y"]},
     ):
         with pytest.raises(UnknownNameError, match="known:"):
             hk.from_urdf(path, **arguments)
@@ -235,3 +421,5 @@ def test_unknown_links_and_joints_are_named_with_what_there_is() -> None:
         hk.from_urdf(path, tip="panda_link2", base="panda_link3")
     with pytest.raises(UnknownNameError):
         hk.from_urdf(path, tip="panda_link7").pose(np.zeros(7), "elsewhere")
+    with pytest.raises(UnknownNameError, match="unknown link"):
+        hk.urdf_tips(path, base="x")
