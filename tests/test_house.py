@@ -21,6 +21,7 @@ LAYERS = [
     {"strategy"},
     {"path"},
     {"trajectory"},
+    {"control"},
     {"analysis", "motion"},
     {"output"},
     {"job"},

@@ -17,6 +17,7 @@ from .constraint import (
     centring_cost,
     coupled,
     custom,
+    gravity_cost,
     height,
     linear,
     lock,
@@ -24,12 +25,36 @@ from .constraint import (
     posture_cost,
     stack,
     stationary,
+    tilted,
+    total,
+)
+from .control import (
+    Controller,
+    asymptotically_cyclic,
+    closed_loop,
+    damped,
+    drive,
+    gradient_projection,
+    impedance_with_memory,
+    repetitive_motion,
 )
 from .errors import HolokinError
 from .motion import Drift, Spread, drift, follow, path_spread
 from .path import Path, arc, circle, join, line, polyline
-from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, urdf_tips
-from .strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
+from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, mass_matrix, urdf_tips
+from .strategy import (
+    Strategy,
+    coupled_twist,
+    holonomic,
+    impedance,
+    inertia_weighted,
+    moore_penrose,
+    null_basis,
+    pfaffian,
+    radial,
+    right_inverse,
+    weighted,
+)
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
 
@@ -37,6 +62,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Constraint",
+    "Controller",
     "Cost",
     "DHRow",
     "Drift",
@@ -53,20 +79,29 @@ __all__ = [
     "arc",
     "arm_angle",
     "around",
+    "asymptotically_cyclic",
     "box",
     "catalogue",
     "centring_cost",
     "circle",
+    "closed_loop",
     "coupled",
     "coupled_twist",
     "curvature",
     "custom",
+    "damped",
     "drift",
+    "drive",
     "follow",
     "from_dh",
     "from_urdf",
+    "gradient_projection",
+    "gravity_cost",
     "height",
     "holonomic",
+    "impedance",
+    "impedance_with_memory",
+    "inertia_weighted",
     "involutivity",
     "involutivity_of",
     "join",
@@ -75,6 +110,7 @@ __all__ = [
     "load",
     "lock",
     "manipulability_cost",
+    "mass_matrix",
     "moore_penrose",
     "null_basis",
     "path_spread",
@@ -84,8 +120,12 @@ __all__ = [
     "position",
     "posture_cost",
     "radial",
+    "repetitive_motion",
+    "right_inverse",
     "stack",
     "stationary",
+    "tilted",
+    "total",
     "urdf_tips",
     "weighted",
 ]

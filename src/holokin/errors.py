@@ -71,6 +71,13 @@ class ExpressionError(HolokinError):
         super().__init__(f"cannot read the formula {text!r}: {fact}; {cure}")
 
 
+class MassError(HolokinError):
+    """A robot whose description lacks masses, or has senseless ones, where they are needed."""
+
+    def __init__(self, robot: str, fact: str) -> None:
+        super().__init__(f"the description of {robot!r} {fact}; load a URDF with sound <inertial> elements")
+
+
 class ArgumentError(HolokinError):
     """A value that makes no sense where it stands."""
 
@@ -191,6 +198,15 @@ class BranchError(PathError):
 
 class LimitReachedError(PathError):
     """A joint ran into its limit along the path."""
+
+
+class ControllerError(PathError):
+    """A controller that threw, blocked, or answered with something that is not n finite joint rates."""
+
+    def __init__(self, name: str, fact: str, trajectory: Any = None) -> None:
+        self.name = name
+        cure = "a law takes (q, pose, twist, dt) and returns n finite joint rates; what was computed is in .trajectory"
+        super().__init__(f"{name} stopped {fact}", cure, trajectory)
 
 
 class EmptyRegionError(HolokinError):

@@ -178,6 +178,15 @@ class Task:
             angular = wrapped(self._angles(rotation) - self._angles(k.rotation))
         return self._select(vertcat(position - k.position, angular))
 
+    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+        """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
+        angular = w
+        if self.orientation not in (None, "twist"):
+            # d/dt of the coordinates along R' = [w]x R
+            turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
+            angular = jacobian(self._angles(R), R) @ turn @ w
+        return self._select(vertcat(v, angular))
+
     def margin_expression(self, rotation: SX) -> SX:
         """Distance of the representation from its singularity; 1 where there is none."""
         if self.orientation in (None, "twist") or all(i < 3 for i in self.rows):
@@ -216,12 +225,7 @@ class Task:
     @cached_property
     def _rates(self) -> Function:
         R, v, w = symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
-        angular = w
-        if self.orientation not in (None, "twist"):
-            # d/dt of the coordinates along R' = [w]x R
-            turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
-            angular = jacobian(self._angles(R), R) @ turn @ w
-        outputs = {"dx": self._select(vertcat(v, angular)), "margin": self.margin_expression(R)}
+        outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
 
 

@@ -1,9 +1,9 @@
 """Constraints g(q) that complete a task to r + m = n rows."""
 
 from .arm import arm_angle, height
-from .base import Constraint, as_gain, custom, linear, lock, stack
+from .base import Constraint, as_gain, custom, linear, lock, stack, tilted, total
 from .coupled import coupled
-from .stationary import Cost, centring_cost, manipulability_cost, posture_cost, stationary
+from .stationary import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
 
 __all__ = [
     "Constraint",
@@ -13,6 +13,7 @@ __all__ = [
     "centring_cost",
     "coupled",
     "custom",
+    "gravity_cost",
     "height",
     "linear",
     "lock",
@@ -20,4 +21,6 @@ __all__ = [
     "posture_cost",
     "stack",
     "stationary",
+    "tilted",
+    "total",
 ]

@@ -97,6 +97,65 @@ def stack(*constraints: Constraint) -> Constraint:
     """Several constraints one below the other: rows add up."""
     if not constraints:
         raise ArgumentError("the constraints to stack", constraints, "give at least one")
+    return Constraint(
+        " over ".join(c.name for c in constraints),
+        sum(c.rows for c in constraints),
+        lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
+        tuple(flag for c in constraints for flag in c.angular),
+        _least_margin(constraints),
+    )
+
+
+def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> Constraint:
+    """g(q) = sum_i w_i g_i(q), row by row, of constraints with the same number of rows.
+
+    Args:
+        weights: w_i, ones by default. Rows that are angles take whole numbers, so that a full turn stays one.
+
+    Raises:
+        ArgumentError: nothing to add, rows or weights that do not match, a broken weight on an angle.
+    """
+    factors = [1.0] * len(constraints) if weights is None else [float(w) for w in weights]
+    rows = {c.rows for c in constraints}
+    if len(rows) != 1 or len(factors) != len(constraints) or not np.isfinite(factors).all():
+        facts = ([c.rows for c in constraints], factors)
+        raise ArgumentError("the rows and weights of a sum", facts, "give constraints of equal rows, a weight for each")
+    for c, w in zip(constraints, factors, strict=True):
+        if any(c.angular) and w != round(w):
+            raise ArgumentError(f"the weight of {c.name!r}", w, "its rows are angles: give a whole number")
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        terms = [w * c.expand(task, k, q) for c, w in zip(constraints, factors, strict=True)]
+        return sum(terms[1:], terms[0])
+
+    angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
+    name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
+    return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints))
+
+
+def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None = None) -> Constraint:
+    """g(q) = a(q) - rho(f(q)): the leaves of a constraint a, tilted by a function of the tool's pose.
+
+    det [J; J_a - rho' J] = det [J; J_a]: the tilt never changes algorithmic singularities (theory 2e). With one
+    redundant joint every holonomic strategy near a leaf of a is of this form.
+
+    Args:
+        rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad).
+
+    Raises (when bound): ShapeError: rho has another number of rows.
+    """
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        tilt = as_expression(rho(task.value_expression(k)))
+        if tilt.shape != (constraint.rows, 1):
+            raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), tilt.shape)
+        return constraint.expand(task, k, q) - tilt
+
+    margin = constraint.margin
+    return Constraint(name or f"tilted {constraint.name}", constraint.rows, expression, constraint.angular, margin)
+
+
+def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinematics, SX], SX] | None:
     margins = [c.margin for c in constraints if c.margin is not None]
 
     def margin(task: Task, k: Kinematics, q: SX) -> SX:
@@ -105,13 +164,7 @@ def stack(*constraints: Constraint) -> Constraint:
             least = fmin(least, one(task, k, q))
         return least
 
-    return Constraint(
-        " + ".join(c.name for c in constraints),
-        sum(c.rows for c in constraints),
-        lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
-        tuple(flag for c in constraints for flag in c.angular),
-        margin if margins else None,
-    )
+    return margin if margins else None
 
 
 def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:

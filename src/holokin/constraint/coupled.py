@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX
 from ..task import Task, orientation_angles, representation_margin
@@ -9,27 +12,31 @@ from ..types import ArrayLike
 from .base import Constraint, as_gain
 
 
-def coupled(gain: ArrayLike, orientation: str = "zyz") -> Constraint:
+def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = (0, 1, 2)) -> Constraint:
     """g(q) = phi(q) + Lambda p(q): orientation angles phi (3,) follow the position p (3,). [ZR11, (28)]
 
     Args:
-        gain: Lambda in rad/m, a number (times the identity) or a matrix (3, 3). The paper adds rad and m,
-            which is a hidden gain of 1 rad/m (theory E6).
+        gain: Lambda in rad/m, a number (times the identity) or a matrix (rows, 3); which angle goes with which
+            direction is up to it. The paper adds rad and m, a hidden gain of 1 rad/m (theory E6).
         orientation: "zyz", "rpy" or "rotation-vector".
+        rows: which of the three angles are coupled; all by default.
 
-    Rows: 3, so it completes a position task (m = 3) of a six-joint arm. Algorithmic singularities: every
+    Rows: 3 as a rule, so that it completes a position task (m = 3) of a six-joint arm. Algorithmic singularities: every
     singularity of the full 6-row Jacobian, the wrist's included (theory E5); and where the angles are undefined.
 
     Raises:
-        UnknownNameError: an unknown orientation. ShapeError, NotFiniteError: a bad gain.
+        UnknownNameError: an unknown orientation. ShapeError, NotFiniteError: a bad gain. ArgumentError: bad rows.
     """
-    L = as_gain(gain, (3, 3))
+    chosen = list(rows)
+    if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= {0, 1, 2}:
+        raise ArgumentError("the rows of a coupling", chosen, "name each of 0, 1, 2 at most once")
+    L = as_gain(gain, (len(chosen), 3))
     orientation_angles(orientation, SX.eye(3))
 
     def expression(_task: Task, k: Kinematics, _q: SX) -> SX:
-        return orientation_angles(orientation, k.rotation) + SX(L) @ k.position
+        return orientation_angles(orientation, k.rotation)[chosen] + SX(L) @ k.position
 
     def margin(_task: Task, k: Kinematics, _q: SX) -> SX:
         return representation_margin(orientation, orientation_angles(orientation, k.rotation))
 
-    return Constraint(f"coupled ({orientation})", 3, expression, (True, True, True), margin)
+    return Constraint(f"coupled ({orientation})", len(chosen), expression, (True,) * len(chosen), margin)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError, NotFiniteError, ShapeError
-from ..robot import Kinematics
+from ..robot import Kinematics, potential_expression
 from ..symbolic import SX, as_expression, copysign, factorise, jacobian, log, solve, sumsqr, vertcat
 from ..task import Task
 from ..types import ArrayLike
@@ -35,7 +35,7 @@ def stationary(
     leaves, since the leaves depend on the scaling of N.
 
     Args:
-        cost: `posture_cost`, `centring_cost`, `manipulability_cost`, or q -> CasADi expression.
+        cost: `posture_cost`, `centring_cost`, `manipulability_cost`, `gravity_cost`, or q -> CasADi expression.
         free: names of r joints for Chang's basis; needed when r > 1.
 
     Raises (when bound):
@@ -104,6 +104,19 @@ def centring_cost() -> Cost:
         return 0.5 * sumsqr((q[finite.tolist()] - SX(middle)) / SX(span))
 
     return Cost("joint centring", cost)
+
+
+def gravity_cost(gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Cost:
+    """U = - sum_b m_b g . c_b [J]: stationary where the self-motion carries no weight. Masses of the URDF's inertials.
+
+    Raises: ShapeError, NotFiniteError; when bound, MassError if the description has no masses.
+    """
+    g = np.asarray(gravity, dtype=float)
+    if g.shape != (3,):
+        raise ShapeError("gravity", (3,), g.shape)
+    if not np.isfinite(g).all():
+        raise NotFiniteError("gravity", g.tolist())
+    return Cost("gravity", lambda task, _k, q: potential_expression(task.robot, q, g))
 
 
 def manipulability_cost() -> Cost:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..control import Plan, make_plan, progress, record
 from ..errors import (
     ArgumentError,
     BranchError,
@@ -21,10 +22,8 @@ from ..path import Path
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Matrix, Vector
 from .leaf import leaf_stepper
-from .plan import Plan, make_plan, record
-from .progress import progress
 from .reach import out_of_reach
 from .velocity import velocity_stepper
 
@@ -99,7 +98,7 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
     done = 0
 
     def so_far(status: Status) -> Trajectory:
-        return record(strategy, plan, postures[: done + 1], cycles, status)
+        return _record(strategy, plan, postures[: done + 1], cycles, status)
 
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
@@ -129,6 +128,21 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
             status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
             raise type(problem)(fact, problem.cure, so_far(status)) from problem
     return so_far(Status.COMPLETE)
+
+
+def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
+    task = strategy.task
+    index = np.arange(len(q) - 1) % plan.steps
+    dx = np.vstack([plan.rates[0][:1], plan.rates[2][index]])
+    residual = np.zeros(len(q))
+    if strategy.constraint is not None and task.n > task.m:
+        values = strategy.constraint_value.batch(q).reshape(len(q), -1)
+        gap = values - values[0]
+        angular = np.array(strategy.constraint.angular)
+        gap[:, angular] = np.arctan2(np.sin(gap[:, angular]), np.cos(gap[:, angular]))
+        residual = np.abs(gap).max(axis=1)
+    dq = strategy.rate.batch(q, dx)[0].reshape(len(q), task.n)
+    return record(task, plan, q, dq, cycles, status, residual)
 
 
 def _where(plan: Plan, done: int) -> str:

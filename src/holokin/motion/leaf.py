@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..control.plan import Plan
 from ..errors import BranchError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
-from .plan import Plan
 
 _ALMOST = 1e-7
 """A correction this small squares to round-off in the next step."""

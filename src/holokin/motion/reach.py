@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..control.plan import Plan
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
-from .plan import Plan
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

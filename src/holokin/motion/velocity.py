@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..control.plan import Plan
 from ..errors import TrackingError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..types import Vector
-from .plan import Plan
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:

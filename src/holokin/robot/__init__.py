@@ -2,10 +2,12 @@
 
 from .catalog import catalogue, load
 from .dh import DHRow, from_dh
-from .model import Coordinate, Joint, Kinematics, Robot, Tip
+from .inertia import mass_matrix, mass_matrix_expression, potential_expression
+from .model import Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .urdf import from_urdf, urdf_tips
 
 __all__ = [
+    "Body",
     "Coordinate",
     "DHRow",
     "Joint",
@@ -16,5 +18,8 @@ __all__ = [
     "from_dh",
     "from_urdf",
     "load",
+    "mass_matrix",
+    "mass_matrix_expression",
+    "potential_expression",
     "urdf_tips",
 ]

@@ -60,6 +60,19 @@ class Tip:
     placement: Matrix
 
 
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid mass on a joint's moving side (joint -1: the base, where it weighs nothing to us).
+
+    mass [kg], center of mass (3,) [m] and inertia (3, 3) about it [kg m^2], in that joint's frame.
+    """
+
+    joint: int
+    mass: float
+    center: Vector
+    inertia: Matrix
+
+
 @dataclass(frozen=True)
 class Kinematics:
     """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first.
@@ -85,6 +98,7 @@ class Robot:
     joints: tuple[Joint, ...]
     tips: tuple[Tip, ...]
     source: str = ""
+    bodies: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.coordinates:
@@ -143,16 +157,20 @@ class Robot:
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
         chosen = self._tip(tip)
+        return self.kinematics_at(q, chosen.joint, chosen.placement)
+
+    def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
+        """The same for any frame (4, 4) on a joint's moving side."""
         frames = self._frames(q)
-        p, R = _compose(frames, chosen.joint, chosen.placement)
+        p, R = _compose(frames, joint, placement)
         columns: list[SX] = [SX.zeros(6, 1) for _ in range(self.n)]
-        index = chosen.joint
+        index = joint
         while index >= 0:
-            joint = self.joints[index]
+            moving = self.joints[index]
             origin, rotation = frames[index]
-            axis = rotation @ SX(joint.axis)
+            axis = rotation @ SX(moving.axis)
             lever = p - origin
-            if joint.kind == "prismatic":
+            if moving.kind == "prismatic":
                 column = vertcat(axis, SX.zeros(3, 1))
             else:
                 column = vertcat(
@@ -161,8 +179,8 @@ class Robot:
                     axis[0] * lever[1] - axis[1] * lever[0],
                     axis,
                 )
-            columns[joint.coordinate] = columns[joint.coordinate] + joint.multiplier * column
-            index = joint.parent
+            columns[moving.coordinate] = columns[moving.coordinate] + moving.multiplier * column
+            index = moving.parent
         origins = {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
         return Kinematics(p, R, horzcat(*columns), origins)
 

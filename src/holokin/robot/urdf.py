@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from ..types import Matrix
-from .model import Coordinate, Joint, Robot, Tip
+from .model import Body, Coordinate, Joint, Robot, Tip
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -50,9 +50,8 @@ def from_urdf(
         if not np.isfinite(value):
             raise ArgumentError(f"locked joint {joint!r}", value, "give a finite value in m or rad")
     wanted_tips = _wanted_tips(path, tip, links, parent_joint, root)
-    return _Builder(path, {joint.name: joint for joint in model.joints}, parent_joint, root, held).build(
-        str(model.name or Path(path).stem), wanted_tips
-    )
+    builder = _Builder(path, {joint.name: joint for joint in model.joints}, parent_joint, root, held)
+    return builder.build(str(model.name or Path(path).stem), wanted_tips, model.links)
 
 
 def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
@@ -80,8 +79,8 @@ class _Builder:
         self.index: dict[str, int] = {}
         self.coordinates: dict[str, Coordinate] = {}
 
-    def build(self, name: str, tips: Sequence[str]) -> Robot:
-        """The robot of the chains from the root to each tip."""
+    def build(self, name: str, tips: Sequence[str], links: Sequence[Any]) -> Robot:
+        """The robot of the chains from the root to each tip, with the masses of everything that they carry."""
         ends = []
         for tip in tips:
             chain = _chain(tip, self.root, self.parents)
@@ -93,7 +92,44 @@ class _Builder:
                 ends.append(self._add(tip, chain))
             except ArgumentError as problem:  # of a joint's limits
                 raise RobotFileError(self.path, f"{problem.what} is {problem.value}", problem.cure) from problem
-        return Robot(name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), str(self.path))
+        bodies = tuple(self._bodies({link.name: link for link in links}))
+        return Robot(name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), str(self.path), bodies)
+
+    def _bodies(self, links: dict[str, Any]) -> list[Body]:
+        """Masses below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+        bodies: list[Body] = []
+        waiting = [(self.root, -1, np.eye(4))]
+        below: dict[str, list[Any]] = {}
+        for joint in self.by_name.values():
+            below.setdefault(joint.parent, []).append(joint)
+        while waiting:
+            name, index, placement = waiting.pop()
+            mass = getattr(links[name].inertial, "mass", None)
+            if mass:
+                bodies.append(_body(index, placement, links[name].inertial))
+            for joint in below.get(name, []):
+                waiting.append((joint.child, *self._carried(joint, index, placement)))
+        return bodies
+
+    def _carried(self, joint: Any, parent: int, placement: Matrix) -> tuple[int, Matrix]:
+        """(index of the joint that moves a joint's child link, placement there)."""
+        if joint.name in self.index:
+            return self.index[joint.name], np.eye(4)
+        placement = placement if joint.origin is None else placement @ np.asarray(joint.origin, dtype=float)
+        if joint.type not in MOVING:
+            return parent, placement
+        kind = "prismatic" if joint.type == "prismatic" else "revolute"
+        try:
+            axis = _axis(self.path, joint)
+            master, multiplier, offset = self._master(joint)
+        except RobotFileError:
+            return parent, placement  # beside the chains, so it must not hinder them
+        if master.name in self.coordinates and master.name not in self.held:
+            number = list(self.coordinates).index(master.name)
+            self.index[joint.name] = len(self.joints)
+            self.joints.append(Joint(joint.name, kind, parent, placement, axis, number, multiplier, offset))
+            return self.index[joint.name], np.eye(4)
+        return parent, placement @ _motion(kind, axis, multiplier * self.held.get(master.name, 0.0) + offset)
 
     def _add(self, tip: str, chain: Sequence[Any]) -> Tip:
         parent, placement = -1, np.eye(4)
@@ -108,25 +144,18 @@ class _Builder:
                     f"joint {joint.name!r} is of type {joint.type!r}",
                     "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported",
                 )
-            axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
-            length = np.linalg.norm(axis)
-            if axis.shape != (3,) or not np.isfinite(length) or length == 0.0:
-                raise RobotFileError(
-                    self.path, f"joint {joint.name!r} has axis {axis}", "give it a direction, three numbers"
-                )
+            axis = _axis(self.path, joint)
             master, multiplier, offset = self._master(joint)
             kind = "prismatic" if joint.type == "prismatic" else "revolute"
             if master.name in self.held:
                 value = multiplier * self.held[master.name] + offset
-                placement = placement @ _motion(kind, axis / length, value)
+                placement = placement @ _motion(kind, axis, value)
                 continue
             if joint.name not in self.index:
                 self.coordinates.setdefault(master.name, _coordinate(master))
                 number = list(self.coordinates).index(master.name)
                 self.index[joint.name] = len(self.joints)
-                self.joints.append(
-                    Joint(joint.name, kind, parent, placement, axis / length, number, multiplier, offset)
-                )
+                self.joints.append(Joint(joint.name, kind, parent, placement, axis, number, multiplier, offset))
             parent, placement = self.index[joint.name], np.eye(4)
         return Tip(tip, parent, placement)
 
@@ -274,6 +303,21 @@ def _coordinate(joint: Any) -> Coordinate:
         return Coordinate(joint.name, kind, max_velocity=figure("velocity", np.inf) or np.inf)
     lower, upper = figure("lower", -np.inf), figure("upper", np.inf)
     return Coordinate(joint.name, kind, lower, upper, figure("velocity", np.inf) or np.inf)
+
+
+def _axis(path: str | Path, joint: Any) -> np.ndarray:
+    """Unit axis (3,) of a joint; x where the file has none."""
+    axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
+    length = np.linalg.norm(axis)
+    if axis.shape != (3,) or not np.isfinite(length) or length == 0.0:
+        raise RobotFileError(path, f"joint {joint.name!r} has axis {axis}", "give it a direction, three numbers")
+    return axis / length
+
+
+def _body(joint: int, placement: Matrix, inertial: Any) -> Body:
+    T = placement if inertial.origin is None else placement @ np.asarray(inertial.origin, dtype=float)
+    given = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, dtype=float)
+    return Body(joint, float(inertial.mass), T[:3, 3], T[:3, :3] @ given @ T[:3, :3].T)
 
 
 def _motion(kind: str, axis: np.ndarray, value: float) -> Matrix:

@@ -1,7 +1,8 @@
 """Strategies: right inverses of the task Jacobian."""
 
-from .base import Expressions, Field, Form, Strategy
-from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, weighted
+from .base import Expressions, Field, Form, Strategy, check_regular
+from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
+from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted, null_basis_expression
 from .radial import radial
 
 __all__ = [
@@ -9,11 +10,18 @@ __all__ = [
     "Field",
     "Form",
     "Strategy",
+    "check_regular",
     "coupled_twist",
+    "geometric_stiffness",
+    "gradient_and_stiffness",
     "holonomic",
+    "impedance",
+    "inertia_weighted",
     "moore_penrose",
     "null_basis",
+    "null_basis_expression",
     "pfaffian",
     "radial",
+    "right_inverse",
     "weighted",
 ]

@@ -111,15 +111,7 @@ class Strategy:
 
     def check(self, q: Vector, conditioning: float, margin: float) -> None:
         """Raises: SingularityError, saying of which kind, unless the figures, of `gain` for instance, are sound."""
-        if not margin > TOLERANCES.representation:
-            raise SingularityError(SingularityKind.REPRESENTATION, q, f"{self.name} ({self.task.name})", margin)
-        if conditioning > TOLERANCES.singular:
-            return
-        J = self.task.jacobian(q)
-        s = np.linalg.svd(J, compute_uv=False)
-        kinematic = s[-1] <= np.sqrt(TOLERANCES.singular) * s[0] * 1e-3
-        kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
-        raise SingularityError(kind, q, f"{self.name} ({self.task.name})", s[-1] if kinematic else conditioning)
+        check_regular(self.task, self.name, q, conditioning, margin)
 
     # --- expressions and the functions built from them, once --------------------------------------------------
 
@@ -204,3 +196,16 @@ class Strategy:
 def gradient_rows(constraint: Constraint) -> Field:
     """J_g = dg/dq of a constraint, as a field of rows (r, n)."""
     return lambda task, k, q: jacobian(constraint.bind(task, k, q), q)
+
+
+def check_regular(task: Task, name: str, q: Vector, conditioning: float, margin: float) -> None:
+    """Raises: SingularityError of a law at q, saying of which kind, unless its figures are sound."""
+    what = f"{name} ({task.name})"
+    if not margin > TOLERANCES.representation:
+        raise SingularityError(SingularityKind.REPRESENTATION, q, what, margin)
+    if conditioning > TOLERANCES.singular:
+        return
+    s = np.linalg.svd(task.jacobian(q), compute_uv=False)
+    kinematic = s[-1] <= np.sqrt(TOLERANCES.singular) * s[0] * 1e-3
+    kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
+    raise SingularityError(kind, q, what, s[-1] if kinematic else conditioning)

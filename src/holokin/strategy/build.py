@@ -1,4 +1,4 @@
-"""The strategies: Moore-Penrose, weighted, null-basis, holonomic, and rows that need not be a gradient."""
+"""The strategies: Moore-Penrose, weighted, null-basis, any given G, holonomic, rows that need not be a gradient."""
 
 from __future__ import annotations
 
@@ -83,6 +83,25 @@ def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> S
         A: q -> CasADi expression (r, n), r = n - m.
     """
     return Strategy(name, task, "kernel", lambda _task, _k, q: as_expression(A(q)))
+
+
+def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") -> Strategy:
+    """Any right inverse that is given as a matrix: q -> G (n, m) with J G = 1.
+
+    Unlike `null_basis`, which takes any frame of the planes and makes J G = 1 true, this one checks it.
+
+    Raises:
+        ShapeError: G is not (n, m). ArgumentError: J G is not 1, with the posture that shows it.
+    """
+    strategy = null_basis(task, G, name=name)
+    rng = np.random.default_rng(0)
+    low, high = np.clip(task.robot.lower, -1.0, None), np.clip(task.robot.upper, None, 1.0)
+    for q in rng.uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n)):
+        off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
+        if not off < 1e-6:
+            at = np.array2string(q, precision=3)
+            raise ArgumentError(f"|J G - 1| of {name!r} at q = {at}", float(off), "give a right inverse, or null_basis")
+    return strategy
 
 
 def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:

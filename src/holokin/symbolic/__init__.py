@@ -5,6 +5,7 @@ from casadi import SX, atan2, copysign, cos, cross, densify, dot, fmin, horzcat,
 from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
+from .geometry import wrapped
 from .linear import Factorisation, factorise, solve
 
 __all__ = [
@@ -36,4 +37,5 @@ __all__ = [
     "symbol",
     "vec",
     "vertcat",
+    "wrapped",
 ]

@@ -1,4 +1,4 @@
-"""What `follow` walks along: the targets and task rates of one cycle, and the record of a walk."""
+"""What `follow` and `drive` walk along: the targets and task rates of one cycle, and the record of a walk."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..path import Path, Samples
-from ..strategy import Strategy
 from ..task import Task
 from ..trajectory import Status, Trajectory
 from ..types import Array, Indices, Matrix, Vector
@@ -72,24 +71,18 @@ def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> P
     )
 
 
-def record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
-    """The trajectory of postures q (k + 1, n) that were reached at the plan's samples."""
-    task, robot = strategy.task, strategy.task.robot
+def record(
+    task: Task, plan: Plan, q: Matrix, dq: Matrix, cycles: int, status: Status, residual: Vector | None = None
+) -> Trajectory:
+    """The trajectory of postures q (k + 1, n) and rates dq (k + 1, n) at the start and the plan's samples."""
+    robot = task.robot
     count, steps = len(q) - 1, plan.steps
     index = np.arange(count) % steps
     lap = np.arange(count) // steps
     t = np.concatenate([[0.0], plan.t[index] + lap * plan.path.duration])
     p = np.vstack([plan.first[0][None], plan.position[index]])
     R = np.concatenate([plan.first[1][None], plan.rotation[index]])
-    dx = np.vstack([plan.rates[0][:1], plan.rates[2][index]])
     J, _ = task.jacobian_batch(q)
-    residual = np.zeros(len(q))
-    if strategy.constraint is not None and task.n > task.m:
-        values = strategy.constraint_value.batch(q).reshape(len(q), -1)
-        gap = values - values[0]
-        angular = np.array(strategy.constraint.angular)
-        gap[:, angular] = np.arctan2(np.sin(gap[:, angular]), np.cos(gap[:, angular]))
-        residual = np.abs(gap).max(axis=1)
     return Trajectory(
         joint_names=robot.joint_names,
         joint_units=tuple(c.unit for c in robot.coordinates),
@@ -97,11 +90,11 @@ def record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Statu
         row_units=task.units,
         t=t,
         q=q,
-        dq=strategy.rate.batch(q, dx)[0].reshape(len(q), task.n),
+        dq=dq,
         x=task.value_batch(q),
         error=task.error_batch(q, p, R),
         sigma=np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float),
-        residual=residual,
+        residual=np.zeros(len(q)) if residual is None else residual,
         marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
         status=status,
     )

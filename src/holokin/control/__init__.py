@@ -1,0 +1,26 @@
+"""Control: laws that run in a loop, and the loop."""
+
+from .controller import Controller, Law, as_controller, open_loop
+from .drive import drive
+from .memory import impedance_with_memory
+from .plan import Plan, make_plan, record
+from .progress import progress
+from .textbook import asymptotically_cyclic, closed_loop, damped, gradient_projection, repetitive_motion
+
+__all__ = [
+    "Controller",
+    "Law",
+    "Plan",
+    "as_controller",
+    "asymptotically_cyclic",
+    "closed_loop",
+    "damped",
+    "drive",
+    "gradient_projection",
+    "impedance_with_memory",
+    "make_plan",
+    "open_loop",
+    "progress",
+    "record",
+    "repetitive_motion",
+]

@@ -1,0 +1,138 @@
+"""The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
+
+All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the pose wanted now.
+With gain 1/dt a step goes all the way to the pose wanted at its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..constraint import Constraint, Cost
+from ..errors import ArgumentError, ShapeError
+from ..strategy import Strategy, holonomic, null_basis_expression
+from ..symbolic import SX, factorise, jacobian, vertcat, wrapped
+from ..task import Task
+from ..types import ArrayLike
+from .controller import Controller, Symbols, compiled
+
+GAIN = 10.0
+"""Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
+
+
+def closed_loop(strategy: Strategy, gain: float = GAIN) -> Controller:
+    """dq = G (x' + K e): closed-loop inverse kinematics of any strategy. [Sic90]"""
+    K = _positive("gain", gain)
+    name = f"closed loop, {strategy.name}"
+    return compiled(name, strategy.task, lambda s: strategy.expressions.rate(s.dx + K * s.error), strategy)
+
+
+def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str = "damped least squares") -> Controller:
+    """dq = J^T (J J^T + damping^2)^-1 (x' + K e): bounded at singularities, where the tool lags. [NH86], [Wam86]
+
+    Args:
+        damping: in the units of J's singular values; against which metres and radians count alike.
+    """
+    K, size = _positive("gain", gain), _positive("damping", damping)
+
+    def rate(s: Symbols) -> tuple[SX, SX]:
+        # least squares of [J; damping] dq = [u; 0], without squaring J
+        tall = factorise(vertcat(s.J, size * SX.eye(task.n)))
+        return tall.solve(vertcat(s.dx + K * s.error, SX.zeros(task.n, 1))), SX(1)
+
+    return compiled(name, task, rate)
+
+
+def gradient_projection(
+    task: Task, cost: Cost, weight: float = 1.0, gain: float = GAIN, *, name: str = "gradient projection"
+) -> Controller:
+    """dq = J^+ (x' + K e) - weight (1 - J^+ J) grad U: the posture task of most libraries. [Lie77]
+
+    It repeats after a while, but which joints belong to a pose depends on the way and the speed.
+
+    Args:
+        cost: U, for instance `posture_cost(q_preferred)`.
+        weight: [1/s] of a cost in joint units squared.
+    """
+    K = _positive("gain", gain)
+
+    def rate(s: Symbols) -> tuple[SX, SX]:
+        U = cost.expression(task, s.kinematics, s.q)
+        if U.shape != (1, 1):
+            raise ShapeError(f"the cost {cost.name!r}", (1, 1), U.shape, "give a scalar")
+        return _projected(s, K, -weight * jacobian(U, s.q).T)
+
+    return compiled(name, task, rate)
+
+
+def repetitive_motion(
+    task: Task, rate: float = 1.0, gain: float = GAIN, *, name: str = "repetitive motion"
+) -> Controller:
+    """dq = J^+ (x' + K e) - rate (1 - J^+ J)(q - q(0)): repetitive motion planning without its limits. [ZZ11]
+
+    The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: gradient projection on the posture that the run
+    began with. The error of closing a loop falls with rate^-2 (theory 2g).
+    """
+    K, pull = _positive("gain", gain), _positive("rate", rate)
+    return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
+
+
+def asymptotically_cyclic(
+    task: Task,
+    g: Constraint,
+    leaf: ArrayLike,
+    leaf_gain: float = 1.0,
+    gain: float = GAIN,
+    *,
+    exact: bool = True,
+    name: str = "asymptotically cyclic",
+) -> Controller:
+    """[J; J_g] dq = [x' + K e; -K_g (g(q) - leaf)]: cyclic once on the leaf, which it nears as e^(-K_g t). [DLO92]
+
+    Args:
+        g: constraint of r = n - m rows. leaf: the value (r,) of g to settle on.
+        leaf_gain: K_g [1/s].
+        exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which settles only to O(1/K_g).
+
+    Raises:
+        ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
+    """
+    K, pull = _positive("gain", gain), _positive("leaf_gain", leaf_gain)
+    strategy = holonomic(task, g)
+    c = np.atleast_1d(np.asarray(leaf, dtype=float))
+    if c.shape != (g.rows,) or not np.isfinite(c).all():
+        raise ShapeError("the leaf", (g.rows,), c.shape, "give a finite value for each row of g")
+
+    def rate(s: Symbols) -> tuple[SX, SX]:
+        e = strategy.expressions
+        gap = g.bind(task, e.kinematics, e.q) - SX(c)
+        gap = vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular)))
+        u = s.dx + K * s.error
+        extended = factorise(vertcat(e.J, e.planes))
+        if exact:
+            return extended.solve(vertcat(u, -pull * gap)), extended.conditioning()
+        N = null_basis_expression(task, e.kinematics, e.q)
+        dq, conditioning = _least_norm(s, u)
+        return dq - pull * N @ factorise(e.planes @ N).solve(gap), conditioning
+
+    return compiled(name, task, rate, strategy)
+
+
+def _least_norm(s: Symbols, u: SX) -> tuple[SX, SX]:
+    """(J^+ u, conditioning) by J^T = Q R: J^+ = Q R^-T."""
+    frame = factorise(s.J.T)
+    Q = frame.thin_q()
+    inner = factorise(s.J @ Q)
+    return Q @ inner.solve(u), inner.conditioning()
+
+
+def _projected(s: Symbols, K: float, z: SX) -> tuple[SX, SX]:
+    """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
+    dq, conditioning = _least_norm(s, s.dx + K * s.error - s.J @ z)
+    return dq + z, conditioning
+
+
+def _positive(what: str, value: float) -> float:
+    if not (np.isfinite(value) and value >= 0):
+        raise ArgumentError(what, value, "give a number that is not negative")
+    return float(value)
