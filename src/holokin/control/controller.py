@@ -110,7 +110,7 @@ def compiled(
         step = function()
 
         def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            dq, conditioning, margin = step(q, pose[:3, 3], pose[:3, :3], twist, dt, q0)
+            dq, conditioning, margin = step(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
             check_regular(task, name, q, conditioning, margin)
             return dq
 

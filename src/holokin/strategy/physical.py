@@ -45,8 +45,8 @@ def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", n
 
     Three variants stand in the literature under one name (theory 2d), and differ off equilibrium:
     (i) held at equilibrium, N^T grad U = 0, it is `holonomic(task, stationary(U))`;
-    (ii) this one, with F from q: the same on that leaf; with one redundant joint and force "pseudo-inverse" it is
-    holonomic everywhere, with g = n^T grad U / |n|, with more it is not;
+    (ii) this one, with F from q: the same on that leaf; with one redundant joint it is holonomic everywhere, with
+    g = n^T grad U / |n| (by "stiffness", K constant: / sqrt(n^T K n)), with more joints it is not;
     (iii) with F as a state: `impedance_with_memory`.
 
     Singular (ALGORITHMIC) where N^T (K - Gamma) N is: the arm buckles.
