@@ -1,7 +1,11 @@
-"""What the tests share: robots, start postures, and the URDFs of the example-robot-data package."""
+"""What the tests share: robots, start postures, the URDFs of example-robot-data, the command line, a job to spoil."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import files
 from pathlib import Path
 
@@ -9,6 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin import cli
 
 PANDA_START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 IRB_START = np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
@@ -16,6 +21,17 @@ IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])
 PPR_START = np.array([0.9022932188134525, -0.3035067811865475, np.pi / 4])
 PPR_CENTER = np.array([1.2070, 0.4036, 0.0])
 PPR_RADIUS = 0.4024
+
+SOUND = {
+    "title": 'title = "a circle"\n',
+    "robot": '[robot]\nname = "ppr"\n',
+    "task": "",
+    "start": f"[start]\nq = {PPR_START.tolist()}\n",
+    "path": '[path]\nkind = "circle"\ncenter = [1.2070, 0.4036]\nsamples = 20\n',
+    "strategies": '[strategies.moore-penrose]\nkind = "moore-penrose"\n',
+    "expect": "",
+}
+"""A job that runs; the tests spoil one table of it."""
 
 
 def urdf_files() -> list[Path]:
@@ -52,3 +68,71 @@ def iiwa14() -> hk.Robot:
 @pytest.fixture(scope="session")
 def planar_3r() -> hk.Robot:
     return hk.load("planar-3r")
+
+
+# --- the command line and what it may leave behind ---
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left behind: exit code and the two streams."""
+
+    code: object
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def holokin(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command line, in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["holokin", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        streams = capsys.readouterr()
+        return Outcome(0 if end.value.code is None else end.value.code, streams.out, streams.err)
+
+    return run
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """A folder for results in which somebody keeps something already."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("keep me")
+    return folder
+
+
+def shell(*arguments: object) -> Outcome:
+    """The command line, in a process of its own."""
+    command = [sys.executable, "-m", "holokin.cli", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+def write_job(folder: Path, name: str = "job.toml", **spoilt: str) -> Path:
+    file = folder / name
+    file.write_text("".join((SOUND | spoilt).values()), "utf-8")
+    return file
+
+
+def assert_refused(outcome: Outcome, *words: str) -> None:
+    """Exit code 2 and one sentence on stderr that says all the words, and nothing else anywhere."""
+    assert "Traceback" not in outcome.err + outcome.out
+    assert outcome.err.startswith("error: ")
+    assert outcome.err.count("\n") == 1 and outcome.err.endswith("\n")
+    for word in words:
+        assert word in outcome.err
+    assert outcome.out == ""
+    assert outcome.code == 2
+
+
+def assert_untouched(out: Path) -> None:
+    """No new entries, hidden ones included, and the old one as it was."""
+    assert [entry.name for entry in out.iterdir()] == ["mine.txt"]
+    assert (out / "mine.txt").read_text() == "keep me"

@@ -72,6 +72,13 @@ def test_imports_run_downhill_and_files_are_short(module: Path) -> None:
         assert rank(other) < rank(layer) or other == layer, f"{layer} imports {other}"
 
 
+@pytest.mark.parametrize("folder", ["tests", "benchmarks", "examples"])
+def test_files_outside_the_package_are_short_too(folder: str) -> None:
+    lengths = {str(f): f.read_text("utf-8").count("\n") for f in (Path(__file__).parents[1] / folder).rglob("*.py")}
+    assert lengths
+    assert {file: lines for file, lines in lengths.items() if lines > 400} == {}
+
+
 def test_analysis_and_motion_do_not_know_each_other() -> None:
     for module in MODULES:
         others = {"analysis": "motion", "motion": "analysis"}

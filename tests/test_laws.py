@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.task import ORIENTATIONS
-from test_paper import de_luca_g, paper_frame
+from papers_arm import de_luca_g, paper_frame
 
 R3_START = np.array([0.3, 0.9, 0.7])
 IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 0.6, 0.0])  # the tool tilted, away from the zyz singularity

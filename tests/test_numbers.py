@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, urdf
-from test_paper import de_luca_g, paper_frame
+from papers_arm import de_luca_g, paper_frame
 
 K = PPR_RADIUS / 2  # r / l with l = 2: link 1 plus unit weight (theory E7)
 

@@ -1,0 +1,191 @@
+"""Lemma III.1, Proposition 1 and Theorem III.3, every transport, units and bases. Sources: [ZR11] and theory.md."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import holokin as hk
+from conftest import IRB_START, PANDA_START, PPR_START
+from holokin.analysis.curvature import curvature_function
+from papers_arm import G22, N19, S3, paper_frame
+
+# --- Lemma III.1 and its proof, with the errata E1 ---
+
+
+def exact_jacobian() -> tuple[sp.Matrix, sp.Matrix, list[sp.Symbol]]:
+    """A random exact J (2 x 4) = df/dq and a smooth basis N = [-J_a^-1 J_b; 1]."""
+    q = list(sp.symbols("u1:5", real=True))
+    f = sp.Matrix([q[0] + q[1] * q[2] + sp.sin(q[3]), q[1] + q[0] * q[3] + q[2] ** 2])
+    J = f.jacobian(q)
+    N = (-J[:, :2].inv() * J[:, 2:]).col_join(sp.eye(2))
+    return J, N, q
+
+
+def test_a_null_space_basis_is_involutive_lemma_III_1_36() -> None:
+    J, N, q = exact_jacobian()
+    value = N[:, 1].jacobian(q) * N[:, 0] - N[:, 0].jacobian(q) * N[:, 1]
+    assert (J * value).applyfunc(sp.simplify) == sp.zeros(2, 1)
+
+
+def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> None:
+    J, N, q = exact_jacobian()
+    point = dict(zip(q, (0.3, -0.2, 0.5, 0.7), strict=True))
+    i, j = 0, 1
+    terms = np.zeros((2, 4))
+    for k in range(2):
+        for u in range(4):
+            for s in range(4):
+                dJ, dNi, dNj = J[k, s].diff(q[u]), N[s, i].diff(q[u]), N[s, j].diff(q[u])
+                four = [
+                    N[u, j] * dJ * N[s, i],
+                    N[u, j] * J[k, s] * dNi,
+                    N[u, i] * dJ * N[s, j],
+                    N[u, i] * J[k, s] * dNj,
+                ]
+                terms[k] += [float(t.subs(point)) for t in four]
+    first, second, third, fourth = terms.T
+    assert first - third == pytest.approx([0, 0], abs=1e-12)  # "vanish" means: cancel each other
+    assert first + second - third - fourth == pytest.approx([0, 0], abs=1e-12)
+    assert np.abs(first + second - third + fourth).max() > 0.1  # (34) as printed
+    reverse = N[:, i].jacobian(q) * N[:, j] - N[:, j].jacobian(q) * N[:, i]  # [N_j, N_i]
+    assert second - fourth == pytest.approx(np.array((J * reverse).subs(point), dtype=float)[:, 0], abs=1e-12)
+
+
+# --- Proposition 1 of [RM93], Theorem III.3 ---
+
+
+def test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is(ppr: hk.Robot) -> None:
+    """Proposition 1, on which the paper's proofs rest."""
+    task, region = hk.position(ppr), hk.around(PPR_START, 0.4)
+
+    def J(q: ca.SX) -> ca.SX:
+        return task.jacobian_expression(ppr.kinematics(q), q)
+
+    def involutive_weight(q: ca.SX) -> ca.SX:
+        H = ca.horzcat(hk.symbolic.as_expression(paper_frame(q)), ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1))
+        return H @ H.T
+
+    for weight, expected in ((lambda q: ca.SX.eye(3), False), (involutive_weight, True)):
+        strategy = hk.weighted(task, weight)
+        assert hk.involutivity(strategy, region).holonomic is expected
+        assert hk.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic is expected
+
+
+@pytest.mark.parametrize("orientation", ["zyz", "rpy", "rotation-vector"])
+def test_the_planes_do_not_depend_on_the_representation_of_orientation_III_3(panda: hk.Robot, orientation: str) -> None:
+    """(15) to (17): one H, two Jacobians; range G is the same, so is the verdict, and the joint paths (E4)."""
+
+    def frame(q: ca.SX) -> ca.SX:
+        N_G = ca.SX.zeros(7, 6)
+        for column, row in enumerate((0, 1, 3, 4, 5, 6)):
+            N_G[row, column] = 1
+        N_G[2, 2] = 0.3 * ca.cos(q[3])
+        return N_G
+
+    start = PANDA_START - np.array([0, 0, 0, 0, 0, 0.5, 0])
+    reference = panda.pose(start)[:3, :3]
+    a = hk.null_basis(hk.pose(panda), frame)
+    b = hk.null_basis(hk.pose(panda, orientation, reference=reference), frame)
+    assert hk.involutivity(a, hk.around(start, 0.1)).holonomic
+    assert hk.involutivity(b, hk.around(start, 0.1)).holonomic
+    for q in start + np.random.default_rng(8).uniform(-0.1, 0.1, (5, 7)):
+        stacked = np.linalg.svd(np.hstack([a(q), b(q)]), compute_uv=False)
+        assert stacked[6] < 1e-12 * stacked[0]
+        T = b.task.jacobian(q) @ a(q)  # J_b G_a is the change of coordinates
+        assert np.abs(b(q) @ T - a(q)).max() < 1e-10
+
+
+# --- T14, T16 ---
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8))
+def test_every_transport_gives_zero_curvature_T14(c: list[float]) -> None:
+    """Theory 1.6 on ppr: K = (x - cos z, y - sin z, z), Phi(x, z0) = a(x) + e^{b(x)} z0."""
+    task = hk.position(hk.load("ppr"))
+
+    def G(q: ca.SX) -> ca.SX:
+        x = ca.vertcat(q[0] + ca.cos(q[2]), q[1] + ca.sin(q[2]))
+        X = ca.SX.sym("X", 2)
+        a = c[0] * X[0] + c[1] * X[1] ** 2 + c[2] * ca.sin(X[0] * X[1]) + c[3] * X[0] * X[1]
+        b = c[4] * X[0] + c[5] * X[1] + c[6] * ca.cos(X[0] + c[7] * X[1])
+        z0 = ca.SX.sym("z0")
+        Phi = a + ca.exp(b) * z0
+        slope = ca.Function("slope", [X, z0], [ca.jacobian(Phi, X), a, b])
+        a_value, b_value = slope(x, 0)[1:]
+        dPhi = slope(x, (q[2] - a_value) / ca.exp(b_value))[0]
+        K_x = ca.vertcat(ca.horzcat(1, 0), ca.horzcat(0, 1), ca.horzcat(0, 0))
+        K_z = ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1)
+        return K_x + K_z @ dPhi
+
+    strategy = hk.null_basis(task, G)
+    verdict = hk.involutivity(strategy, hk.around(PPR_START, 0.5))
+    assert verdict.holonomic
+    given_G = ca.Function("G", [q := ca.SX.sym("q", 3)], [G(q)])
+    assert np.abs(strategy(PPR_START) - np.array(given_G(PPR_START))).max() < 1e-12  # J G = 1: it is its own strategy
+
+
+def test_the_transport_of_20_reproduces_22(ppr: hk.Robot) -> None:
+    """Theory 1.6: Phi = 2 atan(tan(z0 / 2) e^-x) gives (22), since dPhi/dx = -sin z."""
+    x, z0 = sp.symbols("x z0", real=True)
+    Phi = 2 * sp.atan(sp.tan(z0 / 2) * sp.exp(-x))
+    slope = Phi.diff(x) + sp.sin(Phi)
+    for values in ((0.3, 0.7), (-1.2, 1.5), (2.0, -0.4)):
+        assert abs(float(slope.subs(dict(zip((x, z0), values, strict=True))).evalf())) < 1e-15
+    K_x = sp.Matrix([[1, 0], [0, 1], [0, 0]])
+    assert (K_x + N19 * sp.Matrix([[-S3, 0]]) - G22).applyfunc(sp.simplify) == sp.zeros(3, 2)
+
+
+def test_millimetres_with_the_gain_scaled_leave_the_joints_alone_T16() -> None:
+    """E6: Lambda has a unit, rad/m. In mm with Lambda / 1000 the joint path is the same."""
+    metres = hk.load("irb140")
+    scaled = [
+        {"a": 1e3 * a, "d": 1e3 * d, "alpha": np.deg2rad(alpha)}
+        for a, d, alpha in ((0.07, 0, 90), (0.36, 0, 0), (0, 0, 90), (0, 0.38, -90), (0, 0, 90), (0, 0.065, 0))
+    ]
+    millimetres = hk.from_dh(scaled)
+    corners = np.array([[0, 0, 0], [0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]])
+    walks = []
+    for robot, scale in ((metres, 1.0), (millimetres, 1e3)):
+        strategy = hk.holonomic(hk.position(robot), hk.coupled(1.0 / scale))
+        path = hk.polyline(robot.pose(IRB_START)[:3, 3] + scale * corners, closed=True)
+        walks.append(hk.follow(strategy, path, IRB_START, samples=40).q)
+    assert np.abs(walks[0] - walks[1]).max() < 1e-12
+    # The paper's formula with the units forgotten is another strategy: 1 rad/mm instead of 1 rad/m.
+    plain, forgotten = (
+        np.abs(hk.holonomic(hk.position(r), hk.coupled(1.0))(IRB_START)).max() for r in (metres, millimetres)
+    )
+    assert plain < 5
+    assert 1e3 * forgotten > 500
+
+
+def test_curvature_does_not_depend_on_how_the_planes_are_written(ppr: hk.Robot) -> None:
+    """By a frame and by rows: (20) spans the kernel of d(q1 + cos q3 + ln tan(q3/2)) = (1, 0, cos^2/sin)."""
+    task = hk.position(ppr)
+    by_rows = hk.pfaffian(task, lambda q: [[ca.sin(q[2]), 0, ca.cos(q[2]) ** 2]])  # a multiple of the gradient
+    by_frame = hk.null_basis(task, paper_frame)
+    assert by_rows(PPR_START) == pytest.approx(by_frame(PPR_START), abs=1e-14)
+    skewed = hk.pfaffian(task, lambda q: [[ca.sin(q[2]) + q[1], 0, 1]])
+    n = ca.SX.sym("q", 3)
+    rows = skewed.planes(task, ppr.kinematics(n), n)
+    basis = ca.Function("b", [n], [ca.horzcat(ca.vertcat(0, 1, 0), ca.vertcat(1, 0, -rows[0]))])
+    other = hk.null_basis(task, lambda q: basis(q))
+    q = np.array([0.2, 0.3, 0.9])
+    assert hk.curvature(skewed, q) == pytest.approx(hk.curvature(other, q), abs=1e-13)
+    assert np.abs(hk.curvature(other, q)).max() > 0.1
+    assert curvature_function(other).name == "curvature"
+
+
+def test_a_basis_from_an_svd_jumps_and_ours_does_not_E11(planar_3r: hk.Robot) -> None:
+    """Along a short smooth joint path the SVD's null vector flips its sign; the signed minors vary smoothly."""
+    task = hk.position(planar_3r)
+    path = np.array([0.3, 0.5, 0.4]) + np.linspace(0, 1, 400)[:, None] * np.array([2.0, -2.5, 2.0])
+    raw = np.array([np.linalg.svd(task.jacobian(q))[2][2] for q in path])
+    ours = np.array([task.null_space(q)[:, 0] for q in path])
+    assert np.abs(np.diff(raw, axis=0)).max() > 0.5
+    assert np.abs(np.diff(ours, axis=0)).max() < 0.05
