@@ -39,7 +39,7 @@ from .control import (
     repetitive_motion,
 )
 from .errors import HolokinError
-from .motion import Drift, Spread, drift, follow, path_spread
+from .motion import Drift, InverseKinematics, Spread, drift, follow, inverse, path_spread, settle
 from .path import Path, arc, circle, join, line, polyline
 from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, mass_matrix, urdf_tips
 from .strategy import (
@@ -67,6 +67,7 @@ __all__ = [
     "DHRow",
     "Drift",
     "HolokinError",
+    "InverseKinematics",
     "Path",
     "Region",
     "Robot",
@@ -102,6 +103,7 @@ __all__ = [
     "impedance",
     "impedance_with_memory",
     "inertia_weighted",
+    "inverse",
     "involutivity",
     "involutivity_of",
     "join",
@@ -122,6 +124,7 @@ __all__ = [
     "radial",
     "repetitive_motion",
     "right_inverse",
+    "settle",
     "stack",
     "stationary",
     "tilted",

@@ -215,7 +215,7 @@ class EmptyRegionError(HolokinError):
     def __init__(self, samples: int, first: Exception) -> None:
         self.first = first
         super().__init__(
-            f"all {samples} sampled postures of the region are singular, so nothing can be judged; "
+            f"all {samples} sampled postures of the region are singular or nearly so, and nothing can be judged; "
             f"move or enlarge the region. The first said: {first}"
         )
 

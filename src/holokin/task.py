@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import ArgumentError, SingularityError, SingularityKind, TaskTooLargeError, UnknownNameError
 from .robot import Kinematics, Robot
-from .symbolic import SX, Function, cos, jacobian, norm_2, sin, symbol, vec, vertcat
+from .symbolic import SX, Function, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, symbol, vec, vertcat
 from .symbolic.geometry import log_so3, rpy_angles, skew, wrapped, zyz_angles
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Vector
@@ -47,6 +47,10 @@ class Task:
     def __post_init__(self) -> None:
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
+        angular = sum(i > 2 for i in self.rows)
+        if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
+            cure = "they have no coordinates to return to: keep all three, none, or use orientation='rpy'"
+            raise ArgumentError("the number of angular rows of a twist task", angular, cure)
 
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
@@ -173,7 +177,8 @@ class Task:
         if self.orientation in (None, "twist"):
             angular = log_so3(rotation @ k.rotation.T)
         elif self.orientation == "rotation-vector":
-            angular = self._angles(rotation) - self._angles(k.rotation)
+            here = self._angles(k.rotation)
+            angular = _nearest_turn(self._angles(rotation), here) - here
         else:
             angular = wrapped(self._angles(rotation) - self._angles(k.rotation))
         return self._select(vertcat(position - k.position, angular))
@@ -229,6 +234,13 @@ class Task:
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
 
 
+def _nearest_turn(w: SX, here: SX) -> SX:
+    """The rotation vector of the same rotation as w, w or w - 2 pi w/|w|, that lies nearer to another one."""
+    angle = norm_2(w)
+    other = w * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
+    return if_else(sumsqr(other - here) < sumsqr(w - here), other, w)
+
+
 def orientation_angles(kind: str, R: SX) -> SX:
     """Three angles (3,) of a rotation: "zyz", "rpy" or "rotation-vector". Raises: UnknownNameError."""
     if kind not in _ANGLES:
@@ -271,13 +283,19 @@ def pose(
     if orientation not in ORIENTATIONS:
         raise UnknownNameError("orientation", orientation, ORIENTATIONS)
     robot.pose(np.zeros(robot.n), tip)
-    base = np.eye(3) if reference is None else np.asarray(reference, dtype=float)
+    base = _upright(robot, tip) if reference is None else np.asarray(reference, dtype=float)
     if base.shape != (3, 3) or not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
         raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
     if robot.planar and orientation == "zyz":
         raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
     every = (0, 1, 5) if robot.planar else tuple(range(6))
     return Task(robot, orientation, every if rows is None else _chosen(every, rows), base, tip)
+
+
+def _upright(robot: Robot, tip: str | None) -> Matrix:
+    """The identity; for a planar robot with a tilted tool its rotation at q = 0, so that it turns in the plane."""
+    R = robot.pose(np.zeros(robot.n), tip)[:3, :3]
+    return R if robot.planar and R[2, 2] < 1 - 1e-12 else np.eye(3)
 
 
 def _chosen(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:

@@ -16,16 +16,23 @@ from ..types import Matrix, Vector
 from .curvature import curvature_function, pairs
 from .region import Region
 
+ROUND_OFF = 100 * float(np.finfo(float).eps)
+"""Round-off of a curvature at conditioning 1, with a margin: two solves and two derivatives."""
+
+JUDGED = 1e-4
+"""Conditioning below which curvature is not judged: its round-off, ROUND_OFF / conditioning^2, would pass 1e-6."""
+
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
     """What `involutivity` found.
 
-    `defect` [`unit`] is the largest |F_ij| met, at the posture `witness` and in the plane `plane` = (i, j);
-    `relative` [1/rad] is the largest |F_ij| / (|G_i| |G_j|), free of the task's units: how fast the planes
-    turn out of themselves per joint motion along them. It decides: holonomic <=> relative <= `tolerance`.
+    `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`
+    [`unit`] is |F_ij| there and `relative` [1/rad] |F_ij| / (|G_i| |G_j|), free of the task's units: how fast
+    the planes turn out of themselves per joint motion along them. It decides: holonomic <=> relative <=
+    `tolerance`, which near singularities grows with the round-off of F, as 1/conditioning^2.
     F is an analytic function of q, so if it is not zero everywhere a random posture shows it; the sampling
-    is there for the size, not for the yes or no.
+    is there for the size, not for the yes or no. `singular` postures were left out.
     """
 
     holonomic: bool
@@ -72,17 +79,20 @@ def involutivity(
     Q = region.sample(samples, seed)
     F, G, conditioning, margin = curvature_function(strategy).batch(Q)
     F, G = F.reshape(len(Q), task.n, -1), G.reshape(len(Q), task.n, task.m)
-    sound = (conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation)
+    figure = np.minimum(conditioning, margin)
+    sound = figure > JUDGED
     if not sound.any():
         try:
             strategy(Q[0])
         except SingularityError as first:
             raise EmptyRegionError(len(Q), first) from first
+        raise EmptyRegionError(len(Q), HolokinError(f"conditioning {figure.max():.1e}, too low to judge curvature"))
     lengths = np.linalg.norm(G[sound], axis=1)
     planes = pairs(task.m) or [(0, 0)]
     scale = np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
     units = [_unit(strategy, i, j) for i, j in planes]
-    return _verdict(Q, F, sound, scale, planes, units, tolerance, f"{strategy.name}, {task.name}")
+    allowed = np.maximum(tolerance, ROUND_OFF / figure[sound] ** 2)
+    return _verdict(Q, F, sound, scale, planes, units, allowed, f"{strategy.name}, {task.name}")
 
 
 def involutivity_of(
@@ -119,7 +129,7 @@ def involutivity_of(
     area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
     Q = area.sample(samples, seed)
     F, frames, conditioning = Function("distribution", {"q": q}, outputs).batch(Q)
-    sound = conditioning > TOLERANCES.singular
+    sound = conditioning > JUDGED
     if not sound.any():
         raise EmptyRegionError(len(Q), HolokinError("the distribution loses rank"))
     lengths = np.linalg.norm(frames.reshape(len(Q), n, -1)[sound], axis=1)
@@ -128,23 +138,25 @@ def involutivity_of(
     F = F.reshape(len(Q), n, -1)
     F[sound] /= scale[:, None, :]
     units = ["/joint unit"] * len(planes)
-    return _verdict(Q, F, sound, np.ones_like(scale), planes, units, tolerance, f"distribution of rank {B.shape[1]}")
+    allowed = np.maximum(tolerance, ROUND_OFF / conditioning[sound] ** 2)
+    return _verdict(Q, F, sound, np.ones_like(scale), planes, units, allowed, f"distribution of rank {B.shape[1]}")
 
 
 def _verdict(
     Q: Matrix, F: np.ndarray, sound: np.ndarray, scale: np.ndarray, planes: list[tuple[int, int]], units: list[str],
-    tolerance: float, subject: str,
+    allowed: Vector, subject: str,
 ) -> Verdict:  # fmt: skip
     sizes = np.linalg.norm(F[sound], axis=1)
     relative = sizes / scale
-    k, p = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    excess = relative / allowed[:, None]
+    k, p = np.unravel_index(int(np.argmax(excess)), relative.shape)
     worst = np.flatnonzero(sound)[k]
     return Verdict(
-        holonomic=bool(relative[k, p] <= tolerance),
-        defect=float(sizes[:, p].max()),
+        holonomic=bool(excess[k, p] <= 1.0),
+        defect=float(sizes[k, p]),
         unit=units[p],
         relative=float(relative[k, p]),
-        tolerance=tolerance,
+        tolerance=float(allowed[k]),
         witness=Q[worst],
         plane=planes[p],
         direction=F[worst, :, p],

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ..control.plan import Plan
-from ..errors import BranchError
+from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
+from ..types import ArrayLike, Matrix, Vector
 
 _ALMOST = 1e-7
 """A correction this small squares to round-off in the next step."""
@@ -24,18 +24,21 @@ _MOST = 12
 """Newton steps: contraction by 1/8 a step gets from 1 to 1e-10 in them; it is quadratic long before."""
 
 
-def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
-    """(q, step) -> q after that step of the plan, on the leaf through q0.
+Target = Callable[[float], tuple[Vector, Matrix, Vector]]
+"""share in [0, 1] -> (position (3,), rotation (3, 3), leaf value c (r,)) wanted there."""
+
+
+def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Target], Vector]:
+    """(q, target) -> the posture at target(1), continued from q, which is at target(0); on the branch of q0.
 
     Raises (when called):
         SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
     """
-    task = strategy.task
-    c = np.atleast_1d(strategy.constraint_value(q0)) if task.n > task.m else np.zeros(0)
     correct = strategy.leaf_step
-    sign = np.sign(correct(q0, *plan.first, c)[3])
+    pose = strategy.task.robot.pose(q0, strategy.task.tip)
+    sign = np.sign(correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3])
 
-    def newton(q: Vector, p: Vector, R: Matrix) -> Vector | None:
+    def newton(q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
         before = np.inf
         for _ in range(_MOST):
             dq, conditioning, margin, determinant = correct(q, p, R, c)
@@ -50,12 +53,11 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
             q, before = q + dq, size
         return None
 
-    def step(q: Vector, i: int) -> Vector:
+    def walk(q: Vector, target: Target) -> Vector:
         share, width = 0.0, 1.0
         while share < 1.0:
             goal = min(1.0, share + width)
-            p, R = plan.target(i, goal)
-            found = newton(q, p, R)
+            found = newton(q, *target(goal))
             if found is not None:
                 q, share, width = found, goal, 2 * width
                 continue
@@ -64,7 +66,53 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
                 _give_up(strategy, q)
         return q
 
-    return step
+    return walk
+
+
+def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
+    """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_walker`."""
+    walk, c = leaf_walker(strategy, q0), leaf_value(strategy, q0)
+    return lambda q, i: walk(q, lambda share: (*plan.target(i, share), c))
+
+
+def leaf_value(strategy: Strategy, q: Vector) -> Vector:
+    """g(q) (r,); empty when nothing is redundant. Raises: NotFiniteError."""
+    if strategy.task.n == strategy.task.m:
+        return np.zeros(0)
+    value = np.atleast_1d(strategy.constraint_value(q))
+    if not np.isfinite(value).all():
+        raise NotFiniteError(f"the constraint of {strategy.name!r} at q = {q.tolist()}", value.tolist())
+    return value
+
+
+def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
+    """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
+
+    A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
+    `stationary(cost)`, to hold a certain arm angle on that angle's leaf: begin from here.
+
+    Args:
+        leaf: c (r,), or one number for all rows.
+
+    Raises:
+        SingularityError, BranchError: no such posture before a singular one. ArgumentError: no constraint.
+        ShapeError, NotFiniteError.
+    """
+    task = strategy.task
+    start = task.robot.checked(q0, "the start posture")
+    if strategy.constraint is None:
+        raise ArgumentError("the strategy", strategy.name, "settling needs a constraint: hk.holonomic(task, g)")
+    strategy(start)
+    at = leaf_value(strategy, start)
+    try:
+        goal = np.broadcast_to(np.asarray(leaf, dtype=float), at.shape)
+    except ValueError:
+        raise ShapeError("the leaf", at.shape, np.shape(leaf)) from None
+    if not np.isfinite(goal).all():
+        raise NotFiniteError("the leaf", goal.tolist())
+    pose = task.robot.pose(start, task.tip)
+    p, R = pose[:3, 3], pose[:3, :3]
+    return leaf_walker(strategy, start)(start, lambda share: (p, R, at + share * (goal - at)))
 
 
 def _give_up(strategy: Strategy, q: Vector) -> None:

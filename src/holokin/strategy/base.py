@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from ..constraint import Constraint
-from ..errors import ShapeError, SingularityError, SingularityKind
+from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, factorise, fmin, jacobian, symbol, vertcat
 from ..symbolic.geometry import wrapped
@@ -111,6 +111,8 @@ class Strategy:
 
     def check(self, q: Vector, conditioning: float, margin: float) -> None:
         """Raises: SingularityError, saying of which kind, unless the figures, of `gain` for instance, are sound."""
+        if margin > TOLERANCES.representation and not np.isfinite(conditioning):
+            self._check_finite(q)
         check_regular(self.task, self.name, q, conditioning, margin)
 
     # --- expressions and the functions built from them, once --------------------------------------------------
@@ -186,6 +188,14 @@ class Strategy:
     def _frame(self) -> Function:
         e = self.expressions
         return Function("frame", {"q": e.q}, {"N_G": e.planes})
+
+    def _check_finite(self, q: Vector) -> None:
+        """Raises: NotFiniteError when what the user wrote, frame, rows or constraint, is not finite at a sound q."""
+        J, margin = self.task.jacobian_batch(q[None])
+        s = np.linalg.svd(J[0], compute_uv=False)
+        values = np.asarray(self._frame(q))
+        if margin[0] > TOLERANCES.representation and s[-1] > 1e-9 * s[0] and not np.isfinite(values).all():
+            raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist())
 
     def _constraint(self) -> Constraint:
         if self.constraint is None:

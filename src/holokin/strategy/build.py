@@ -10,7 +10,7 @@ import numpy as np
 from ..constraint import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, as_expression
+from ..symbolic import SX, Function, as_expression, symbol
 from ..task import Task
 from ..types import ArrayLike
 from .base import Strategy, gradient_rows
@@ -28,18 +28,19 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
         W: symmetric positive definite (n, n), constant, or a function q -> CasADi expression (n, n).
 
     Raises:
-        ArgumentError: a constant W that is not symmetric positive definite. ShapeError, NotFiniteError.
+        ArgumentError: W is not symmetric positive definite (a function: at one of eight postures within the limits).
+        ShapeError, NotFiniteError.
     """
     if callable(W):
         field = W
+        _check_weight(task, W)
     else:
         constant = np.asarray(W, dtype=float)
         if constant.shape != (task.n, task.n):
             raise ShapeError("the weight W", (task.n, task.n), constant.shape)
         if not np.isfinite(constant).all():
             raise NotFiniteError("the weight W", constant.tolist())
-        if not np.allclose(constant, constant.T, rtol=1e-12) or np.linalg.eigvalsh(constant)[0] <= 0:
-            raise ArgumentError("the weight W", constant.tolist(), "give a symmetric positive definite matrix")
+        _positive_definite("the weight W", constant)
         field = lambda _q: SX(constant)  # noqa: E731
 
     def frame(task: Task, k: Kinematics, q: SX) -> SX:
@@ -49,6 +50,30 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
         return value @ task.jacobian_expression(k, q).T
 
     return Strategy(name, task, "span", frame)
+
+
+def _positive_definite(what: str, W: np.ndarray) -> None:
+    if not np.isfinite(W).all():
+        raise NotFiniteError(what, W.tolist())
+    if not np.allclose(W, W.T, rtol=1e-9, atol=1e-12 * np.abs(W).max()) or np.linalg.eigvalsh(W)[0] <= 0:
+        raise ArgumentError(what, W.tolist(), "give a symmetric positive definite matrix")
+
+
+def _check_weight(task: Task, W: Callable[[SX], Any]) -> None:
+    q = symbol("q", task.n)
+    value = as_expression(W(q))
+    if value.shape != (task.n, task.n):
+        raise ShapeError("the weight W", (task.n, task.n), value.shape)
+    weight = Function("weight", {"q": q}, {"W": value})
+    for posture in _postures(task):
+        at = np.array2string(posture, precision=3)
+        _positive_definite(f"the weight W at q = {at}", np.reshape(weight(posture), (task.n, task.n)))
+
+
+def _postures(task: Task) -> np.ndarray:
+    """Eight random postures within the limits and 1 of zero: enough to see a formula that is wrong."""
+    low, high = np.clip(task.robot.lower, -1.0, None), np.clip(task.robot.upper, None, 1.0)
+    return np.random.default_rng(0).uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n))
 
 
 def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
@@ -94,9 +119,7 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
         ShapeError: G is not (n, m). ArgumentError: J G is not 1, with the posture that shows it.
     """
     strategy = null_basis(task, G, name=name)
-    rng = np.random.default_rng(0)
-    low, high = np.clip(task.robot.lower, -1.0, None), np.clip(task.robot.upper, None, 1.0)
-    for q in rng.uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n)):
+    for q in _postures(task):
         off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
         if not off < 1e-6:
             at = np.array2string(q, precision=3)

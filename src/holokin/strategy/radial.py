@@ -38,16 +38,13 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         steps: Runge-Kutta steps of one segment.
 
     Raises:
-        ArgumentError: steps < 1, or a twist task with some but not all angular rows (its rows have no coordinates).
+        ArgumentError: steps < 1.
         SingularityError: `strategy` is singular at `start`.
     """
     task = strategy.task
     q0 = task.robot.checked(start, "the start posture")
     if steps < 1:
         raise ArgumentError("steps", steps, "give at least 1")
-    angular = [i for i in task.rows if i > 2]
-    if task.orientation == "twist" and len(angular) in (1, 2) and not task.robot.planar:
-        raise ArgumentError("the angular rows of a twist task", len(angular), "keep all three, none, or use 'rpy'")
     strategy(q0)
     Z = np.linalg.svd(task.jacobian(q0))[2][task.m :].T
     chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])

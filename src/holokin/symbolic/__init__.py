@@ -1,6 +1,24 @@
 """The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`."""
 
-from casadi import SX, atan2, copysign, cos, cross, densify, dot, fmin, horzcat, log, norm_2, sin, sumsqr, vec, vertcat
+from casadi import (
+    SX,
+    atan2,
+    copysign,
+    cos,
+    cross,
+    densify,
+    dot,
+    fmax,
+    fmin,
+    horzcat,
+    if_else,
+    log,
+    norm_2,
+    sin,
+    sumsqr,
+    vec,
+    vertcat,
+)
 
 from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
 from .expression import as_expression, as_map, parse, symbol
@@ -22,9 +40,11 @@ __all__ = [
     "directional",
     "dot",
     "factorise",
+    "fmax",
     "fmin",
     "hessian",
     "horzcat",
+    "if_else",
     "jacobian",
     "lie_bracket",
     "log",

@@ -1,0 +1,79 @@
+"""Inverse kinematics as a function: on a leaf g(q) = c the joints belong to the tool pose alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..strategy import Strategy
+from ..types import ArrayLike, Vector
+from .leaf import leaf_value, leaf_walker
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics:
+    """pose -> q on one leaf of a strategy. Make one with `inverse`."""
+
+    strategy: Strategy
+    start: Vector
+
+    def __call__(self, pose: ArrayLike) -> Vector:
+        """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
+
+        Reached from the start along the straight line to it (turning evenly about one axis), so it is a
+        function of the pose: the same pose gives the same joints to the last bit.
+
+        Raises:
+            SingularityError, BranchError: the leaf does not reach so far on a straight line.
+            ShapeError, NotFiniteError: a bad pose.
+        """
+        from scipy.spatial.transform import Rotation
+
+        wanted = np.asarray(pose, dtype=float)
+        p0, R0 = self._pose[:3, 3], self._pose[:3, :3]
+        if wanted.shape == (4, 4):
+            p, R = wanted[:3, 3], wanted[:3, :3]
+        elif wanted.shape in ((2,), (3,)):
+            p, R = np.append(wanted, p0[len(wanted) :]), R0
+        else:
+            raise ShapeError("a tool pose", "(4, 4), or (3,)", wanted.shape)
+        if not np.isfinite(wanted).all():
+            raise NotFiniteError("a tool pose", wanted.tolist())
+        turn = Rotation.from_matrix(R @ R0.T).as_rotvec()
+
+        def target(share: float):
+            return p0 + share * (p - p0), Rotation.from_rotvec(share * turn).as_matrix() @ R0, self._leaf
+
+        return self._walk(self.start, target)
+
+    @cached_property
+    def _pose(self):
+        return self.strategy.task.robot.pose(self.start, self.strategy.task.tip)
+
+    @cached_property
+    def _leaf(self) -> Vector:
+        return leaf_value(self.strategy, self.start)
+
+    @cached_property
+    def _walk(self):
+        return leaf_walker(self.strategy, self.start)
+
+
+def inverse(strategy: Strategy, start: ArrayLike) -> InverseKinematics:
+    """Inverse kinematics q(x) of a strategy with a constraint, on the leaf through `start`.
+
+    With `radial(G, start)` this is the straight-line transport of G from `start`, free of drift by construction:
+    theory 5.3's inverse-kinematics form.
+
+    Raises:
+        ArgumentError: the strategy has no constraint. SingularityError: it is singular at the start.
+    """
+    q0 = strategy.task.robot.checked(start, "the start posture")
+    if strategy.constraint is None:
+        cure = "only a constraint makes the joints a function of the pose: hk.holonomic(task, g), or hk.radial(G, q)"
+        raise ArgumentError("the strategy", strategy.name, cure)
+    strategy(q0)
+    return InverseKinematics(strategy, q0)
