@@ -80,6 +80,8 @@ class Strategy:
         q = self.task.robot.checked(q)
         G, conditioning, margin = self.gain(q)
         self.check(q, conditioning, margin)
+        if not np.isfinite(G).all():
+            self._check_finite(q)
         return np.reshape(G, (self.task.n, self.task.m))
 
     def batch(self, Q: ArrayLike) -> Array:
@@ -92,6 +94,10 @@ class Strategy:
         if bad.any():
             i = int(np.argmax(bad))
             self.check(self.task.robot.checked(Q[i], f"posture {i}"), conditioning[i], margin[i])
+        broken = ~np.isfinite(G.reshape(len(Q), -1)).all(axis=1)
+        if broken.any():
+            i = int(np.argmax(broken))
+            self._check_finite(self.task.robot.checked(Q[i], f"posture {i}"))
         return G.reshape(len(Q), self.task.n, self.task.m)
 
     def distribution(self, q: ArrayLike) -> Matrix:
