@@ -7,34 +7,51 @@ the brackets themselves do not vanish, their vertical part does.
 
 from __future__ import annotations
 
+from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..errors import ArgumentError
+from ..robot import hessian_expression
 from ..strategy import Expressions, Strategy
-from ..symbolic import SX, Function, densify, directional, factorise, horzcat, pairwise_brackets, vertcat
+from ..symbolic import SX, Function, directional, dot, factorise, horzcat, pairwise_brackets, vertcat
 from ..types import Array, ArrayLike
 
-_CACHE: WeakKeyDictionary[Strategy, Function] = WeakKeyDictionary()
+Method = Literal["auto", "hessian", "ad"]
+"""How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""
+
+_CACHE: WeakKeyDictionary[Strategy, dict[str, Function]] = WeakKeyDictionary()
 
 
-def curvature(strategy: Strategy, q: ArrayLike) -> Array:
+def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> Array:
     """F (n, m, m) at q (n,): F[:, i, j] = F_ij = -F_ji [joint unit / (task unit i * task unit j)].
 
+    Args:
+        method: "hessian" takes F from the Hessians of the forward kinematics alone (theory 2a), for a constant weight
+            and a position or twist task; "ad" differentiates the planes; "auto" takes the first where it can.
+
     Raises:
-        SingularityError: the strategy is not defined at q.
+        SingularityError: the strategy is not defined at q. ArgumentError: no Hessian form of this strategy.
     """
     q = strategy.task.robot.checked(q)
-    packed, _, conditioning, margin = curvature_function(strategy)(q)
+    packed, _, conditioning, margin = curvature_function(strategy, method)(q)
     strategy.check(q, conditioning, margin)
     return _unpacked(np.reshape(packed, (strategy.task.n, -1)), strategy.task.m)
 
 
-def curvature_function(strategy: Strategy) -> Function:
-    """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, conditioning, margin), built once a strategy."""
-    if strategy not in _CACHE:
-        _CACHE[strategy] = _build(strategy)
-    return _CACHE[strategy]
+def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
+    """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, conditioning, margin), built once a strategy and method."""
+    if method not in ("auto", "hessian", "ad"):
+        raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
+    allowed = strategy.constant_weight is not None and strategy.task.orientation in (None, "twist")
+    if method == "hessian" and not allowed:
+        raise ArgumentError("method", method, f"{strategy.name!r} has no constant weight, or its task is not a twist")
+    chosen = "hessian" if allowed and method != "ad" else "ad"
+    known = _CACHE.setdefault(strategy, {})
+    if chosen not in known:
+        known[chosen] = _build(strategy, chosen)
+    return known[chosen]
 
 
 def pairs(m: int) -> list[tuple[int, int]]:
@@ -42,37 +59,48 @@ def pairs(m: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(m) for j in range(i + 1, m)]
 
 
-def _build(strategy: Strategy) -> Function:
+def _build(strategy: Strategy, method: str) -> Function:
     e, m = strategy.expressions, strategy.task.m
+    rows = range(strategy.task.n - m)
     G, conditioning = e.rate(SX.eye(m))
-    columns = _from_rows(e, G, m) if e.form == "kernel" else _from_frame(e, G, m)
-    packed = horzcat(*columns) if columns else SX.zeros(strategy.task.n, 1)
+    if e.form == "kernel":
+        A, brackets = e.planes, _brackets_of_rows(e, G, m)
+    else:
+        B = e.planes
+        A = factorise(B).complement().T
+        found = _hessian_brackets(strategy, e) if method == "hessian" else pairwise_brackets(B, e.q)
+        # G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated
+        M = factorise(e.J @ B).solve(SX.eye(m))
+        brackets = [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in found.items()}, m) @ M for k in rows]
+    N = factorise(e.J.T).complement()
+    along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
+    columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
+    packed = horzcat(*columns) if columns and rows else SX.zeros(strategy.task.n, max(1, len(columns)))
     outputs = {"F": packed, "G": G, "conditioning": conditioning, "margin": strategy.margin_expression}
     return Function("curvature", {"q": e.q}, outputs)
 
 
-def _from_frame(e: Expressions, G: SX, m: int) -> list[SX]:
-    """G = B M: [G_i, G_j] = sum_ab M_ai M_bj [B_a, B_b] up to range G, so only B is differentiated."""
-    B = e.planes
-    M = factorise(e.J @ B).solve(SX.eye(m))
-    brackets = pairwise_brackets(B, e.q)
-    vertical = {ab: v - G @ (e.J @ v) for ab, v in brackets.items()}
-    columns = []
-    for i, j in pairs(m):
-        total = SX.zeros(B.shape[0], 1)
-        for (a, b), v in vertical.items():
-            total = total + (M[a, i] * M[b, j] - M[b, i] * M[a, j]) * v
-        columns.append(densify(total))
-    return columns
+def _hessian_brackets(strategy: Strategy, e: Expressions) -> dict[tuple[int, int], SX]:
+    """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
+    task = strategy.task
+    every = hessian_expression(task.robot, e.q, task.tip)
+    H, W = [every[row] for row in task.rows], SX(strategy.constant_weight)
+    return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 
 
-def _from_rows(e: Expressions, G: SX, m: int) -> list[SX]:
-    """[J; A] F_ij = [0; -(DA[G_i] G_j - DA[G_j] G_i)]: only A is differentiated, no null-space basis (theory 5.1)."""
-    A = e.planes
-    along = [directional(A, e.q, G[:, i]) @ G for i in range(m)]
-    extended = factorise(vertcat(e.J, A))
-    zeros = SX.zeros(m, 1)
-    return [extended.solve(vertcat(zeros, along[j][:, i] - along[i][:, j])) for i, j in pairs(m)]
+def _brackets_of_rows(e: Expressions, G: SX, m: int) -> list[SX]:
+    """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i) as (m, m), for each row k: only A is differentiated."""
+    along = [directional(e.planes, e.q, G[:, i]) @ G for i in range(m)]
+    values = [vertcat(*(turn[k, :] for turn in along)) for k in range(e.planes.shape[0])]
+    return [T.T - T for T in values]
+
+
+def _antisymmetric(upper: dict[tuple[int, int], SX], m: int) -> SX:
+    """K (m, m) with K_ab = -K_ba given for a < b."""
+    K = SX.zeros(m, m)
+    for (a, b), value in upper.items():
+        K[a, b], K[b, a] = value, -value
+    return K
 
 
 def _unpacked(packed: Array, m: int) -> Array:

@@ -2,6 +2,7 @@
 
 from .catalog import catalogue, load
 from .dh import DHRow, from_dh
+from .hessian import hessian, hessian_expression
 from .inertia import mass_matrix, mass_matrix_expression, potential_expression
 from .model import Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .urdf import from_urdf, urdf_tips
@@ -17,6 +18,8 @@ __all__ = [
     "catalogue",
     "from_dh",
     "from_urdf",
+    "hessian",
+    "hessian_expression",
     "load",
     "mass_matrix",
     "mass_matrix_expression",

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError
-from ..symbolic import SX, Function, horzcat, symbol, vertcat
+from ..symbolic import SX, Function, cross, densify, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector
@@ -163,26 +163,28 @@ class Robot:
         """The same for any frame (4, 4) on a joint's moving side."""
         frames = self._frames(q)
         p, R = _compose(frames, joint, placement)
-        columns: list[SX] = [SX.zeros(6, 1) for _ in range(self.n)]
-        index = joint
-        while index >= 0:
-            moving = self.joints[index]
-            origin, rotation = frames[index]
-            axis = rotation @ SX(moving.axis)
-            lever = p - origin
-            if moving.kind == "prismatic":
-                column = vertcat(axis, SX.zeros(3, 1))
-            else:
-                column = vertcat(
-                    axis[1] * lever[2] - axis[2] * lever[1],
-                    axis[2] * lever[0] - axis[0] * lever[2],
-                    axis[0] * lever[1] - axis[1] * lever[0],
-                    axis,
-                )
-            columns[moving.coordinate] = columns[moving.coordinate] + moving.multiplier * column
-            index = moving.parent
+        J = SX.zeros(6, self.n)
+        for coordinate, gain, v, w in self._columns(frames, joint, p):
+            J[:, coordinate] = J[:, coordinate] + gain * vertcat(v, w)
         origins = {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
-        return Kinematics(p, R, horzcat(*columns), origins)
+        return Kinematics(p, R, densify(J), origins)
+
+    def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
+        """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
+        chosen = self._tip(tip)
+        frames = self._frames(q)
+        return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
+
+    def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
+        found = []
+        while joint >= 0:
+            moving = self.joints[joint]
+            origin, rotation = frames[joint]
+            axis = rotation @ SX(moving.axis)
+            v, w = (axis, SX.zeros(3, 1)) if moving.kind == "prismatic" else (cross(axis, p - origin), axis)
+            found.append((moving.coordinate, moving.multiplier, v, w))
+            joint = moving.parent
+        return found[::-1]
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,).

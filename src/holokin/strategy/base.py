@@ -58,7 +58,8 @@ class Expressions:
 class Strategy:
     """A right inverse of a task. Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...
 
-    `planes` is the field of frames or rows, as `form` says. A strategy from a constraint keeps it in `constraint`.
+    `planes` is the field of frames or rows, as `form` says. A strategy from a constraint keeps it in `constraint`,
+    one with a constant weight, B = W J^T, has that in `constant_weight`.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Strategy:
     form: Form
     planes: Field
     constraint: Constraint | None = None
+    constant_weight: Matrix | None = None
 
     def __repr__(self) -> str:
         return f"Strategy({self.name!r}, {self.task.name}, m={self.task.m}, n={self.task.n})"

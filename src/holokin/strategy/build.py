@@ -18,7 +18,8 @@ from .base import Strategy, gradient_rows
 
 def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
     """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
-    return Strategy(name, task, "span", lambda task, k, q: task.jacobian_expression(k, q).T)
+    frame = lambda task, k, q: task.jacobian_expression(k, q).T  # noqa: E731
+    return Strategy(name, task, "span", frame, constant_weight=np.eye(task.n))
 
 
 def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
@@ -31,6 +32,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
         ArgumentError: W is not symmetric positive definite (a function: at one of eight postures within the limits).
         ShapeError, NotFiniteError.
     """
+    constant = None
     if callable(W):
         field = W
         _check_weight(task, W)
@@ -49,7 +51,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
             raise ShapeError("the weight W", (task.n, task.n), value.shape)
         return value @ task.jacobian_expression(k, q).T
 
-    return Strategy(name, task, "span", frame)
+    return Strategy(name, task, "span", frame, constant_weight=constant)
 
 
 def _positive_definite(what: str, W: np.ndarray) -> None:
