@@ -209,6 +209,17 @@ class ControllerError(PathError):
         super().__init__(f"{name} stopped {fact}", cure, trajectory)
 
 
+class NotHolonomicError(HolokinError):
+    """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it."""
+
+    def __init__(self, name: str, witness: Iterable[float], gap: float) -> None:
+        self.witness, self.gap = tuple(float(v) for v in witness), gap
+        super().__init__(
+            f"{name!r} is not holonomic: from q = {_posture(self.witness)} two ways of the tool to one pose end "
+            f"{gap:.3g} (joint units) apart; hk.radial(strategy, start) is its holonomic twin"
+        )
+
+
 class EmptyRegionError(HolokinError):
     """No posture of a region could be judged."""
 

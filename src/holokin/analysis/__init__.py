@@ -1,7 +1,40 @@
-"""Questions about strategies: curvature, involutivity."""
+"""Questions about strategies: curvature, involutivity, leaves, drift forecasts, reach of loops, price."""
 
 from .curvature import curvature
+from .fibre import DriftFree, SelfMotion, drift_free, self_motion
+from .filtration import Filtration, Holonomy, filtration
+from .forecast import Forecast, forecast
+from .general_form import GeneralForm, general_form
 from .involutivity import Verdict, involutivity, involutivity_of
-from .region import Region, around, box
+from .leaf_function import LeafFunction, leaf_function
+from .price import Deviation, Price, deviation, price
+from .region import Ball, Region, around, ball, box
 
-__all__ = ["Region", "Verdict", "around", "box", "curvature", "involutivity", "involutivity_of"]
+__all__ = [
+    "Ball",
+    "Deviation",
+    "DriftFree",
+    "Filtration",
+    "Forecast",
+    "GeneralForm",
+    "Holonomy",
+    "LeafFunction",
+    "Price",
+    "Region",
+    "SelfMotion",
+    "Verdict",
+    "around",
+    "ball",
+    "box",
+    "curvature",
+    "deviation",
+    "drift_free",
+    "filtration",
+    "forecast",
+    "general_form",
+    "involutivity",
+    "involutivity_of",
+    "leaf_function",
+    "price",
+    "self_motion",
+]

@@ -2,6 +2,7 @@
 
 from .controller import Controller, Law, as_controller, open_loop
 from .drive import drive
+from .integrate import checked_rate, runge_kutta
 from .memory import impedance_with_memory
 from .plan import Plan, make_plan, record
 from .progress import progress
@@ -13,6 +14,7 @@ __all__ = [
     "Plan",
     "as_controller",
     "asymptotically_cyclic",
+    "checked_rate",
     "closed_loop",
     "damped",
     "drive",
@@ -23,4 +25,5 @@ __all__ = [
     "progress",
     "record",
     "repetitive_motion",
+    "runge_kutta",
 ]

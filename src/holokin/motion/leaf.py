@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..control.plan import Plan
+from ..control import Plan
 from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
