@@ -136,7 +136,6 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
 
 def _lower_bound(strategy: Strategy, region: Ball, start: Vector, Q: Matrix, d: int) -> float:
     """The bound over circles about the centre in every coordinate plane, both ways, from the rim postures."""
-    task = strategy.task
     Z = _fibre_coordinate(strategy, start, Q)
     slopes, speed = (values.reshape(len(Q), -1) for values in _fibre_function(strategy, Z).batch(Q)[:2])
     steepest = float(np.linalg.norm(slopes[:, :d], axis=1).max())
