@@ -1,5 +1,6 @@
 """Questions about strategies: curvature, involutivity, leaves, drift forecasts, reach of loops, price."""
 
+from .audit import Audit, Finding, Homecoming, audit
 from .curvature import curvature
 from .fibre import DriftFree, SelfMotion, drift_free, self_motion
 from .filtration import Filtration, Holonomy, filtration
@@ -7,24 +8,29 @@ from .forecast import Forecast, forecast
 from .general_form import GeneralForm, general_form
 from .involutivity import Verdict, involutivity, involutivity_of
 from .leaf_function import LeafFunction, leaf_function
-from .price import Deviation, Price, deviation, price
+from .price import Deviation, Price, ball_postures, deviation, price
 from .region import Ball, Region, around, ball, box
 
 __all__ = [
+    "Audit",
     "Ball",
     "Deviation",
     "DriftFree",
     "Filtration",
+    "Finding",
     "Forecast",
     "GeneralForm",
     "Holonomy",
+    "Homecoming",
     "LeafFunction",
     "Price",
     "Region",
     "SelfMotion",
     "Verdict",
     "around",
+    "audit",
     "ball",
+    "ball_postures",
     "box",
     "curvature",
     "deviation",
