@@ -98,6 +98,7 @@ class _Bench:
     tolerance: float
 
     def run(self, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
+        """One run of the law. Raises: ControllerError."""
         begin = self.start if start is None else start
         return drive(self.law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
 
