@@ -220,6 +220,17 @@ class NotHolonomicError(HolokinError):
         )
 
 
+class InfeasibleError(HolokinError):
+    """No joint rates within the limits do what the task asks."""
+
+    def __init__(self, name: str, q: Iterable[float]) -> None:
+        self.q = tuple(float(v) for v in q)
+        super().__init__(
+            f"{name}: at q = {_posture(self.q)} no joint rates within the limits follow the path; "
+            "go slower, or choose another start or path"
+        )
+
+
 class EmptyRegionError(HolokinError):
     """No posture of a region could be judged."""
 

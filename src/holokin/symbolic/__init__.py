@@ -25,11 +25,13 @@ from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
 from .linear import Factorisation, factorise, solve
+from .qp import NearestPoint
 
 __all__ = [
     "SX",
     "Factorisation",
     "Function",
+    "NearestPoint",
     "as_expression",
     "as_map",
     "atan2",
