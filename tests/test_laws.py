@@ -82,7 +82,7 @@ def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk
     heavy = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
     weight = hk.pose(heavy)
     given = hk.moore_penrose(arm)
-    postures = PANDA_START + np.random.default_rng(0).uniform(-0.2, 0.2, (60, 7))
+    postures = PANDA_START + np.random.default_rng(0).uniform(-0.4, 0.4, (300, 7))
     constraints = {
         "arm angle": hk.arm_angle(),
         "conventional arm angle": hk.arm_angle(kind="conventional"),
@@ -98,7 +98,7 @@ def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk
         "iiwa14 rpy arm angle": hk.holonomic(turned, hk.arm_angle()),
         "iiwa14 rpy radial": hk.radial(hk.moore_penrose(turned), IIWA_START, steps=1),
         "panda radial": hk.radial(given, PANDA_START, steps=1),
-        "panda fitted": hk.fitted(hk.holonomic(arm, hk.arm_angle()), postures, degree=2),
+        "panda fitted": hk.fitted(hk.holonomic(arm, hk.arm_angle()), postures, degree=3),
         "panda gravity": hk.holonomic(weight, hk.stationary(hk.gravity_cost())),
         "panda inertia weighted": hk.inertia_weighted(weight),
         "3r impedance": hk.impedance(t, springs),
