@@ -98,7 +98,7 @@ def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk
         "iiwa14 rpy arm angle": hk.holonomic(turned, hk.arm_angle()),
         "iiwa14 rpy radial": hk.radial(hk.moore_penrose(turned), IIWA_START, steps=1),
         "panda radial": hk.radial(given, PANDA_START, steps=1),
-        "panda fitted": hk.fitted(hk.holonomic(arm, hk.arm_angle()), postures, degree=3),
+        "panda fitted": hk.fitted(hk.holonomic(arm, hk.linear([1, 0, -1, 0, 0.2, 0, 0])), postures, degree=3),
         "panda gravity": hk.holonomic(weight, hk.stationary(hk.gravity_cost())),
         "panda inertia weighted": hk.inertia_weighted(weight),
         "3r impedance": hk.impedance(t, springs),
