@@ -8,6 +8,7 @@ given strategy as the fit is good.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -56,7 +57,10 @@ def fitted(
     chosen = list(range(task.m) if rows is None else rows)
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = np.linalg.svd(task.jacobian(q0))[2][task.m :].T
-    x = task.value_batch(postures)[:, chosen]
+    chart = task
+    if task.orientation in ("twist", "rotation-vector"):  # rotation vectors jump half a turn from their reference
+        chart = replace(task, reference=task.robot.pose(q0, task.tip)[:3, :3])
+    x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
     exponents = _exponents(u.shape[1], degree)
@@ -64,9 +68,9 @@ def fitted(
         cure = f"give at least {len(exponents) // (1 + len(chosen)) + 1} postures, or a lower degree"
         raise ArgumentError(f"the number of postures for {len(exponents)} terms", len(postures), cure)
 
-    def variables(task: Task, k: Kinematics, q: SX) -> SX:
+    def variables(_task: Task, k: Kinematics, q: SX) -> SX:
         phi = SX(Z.T) @ (q - SX(q0))
-        return (vertcat(task.value_expression(k)[chosen], phi) - SX(middle)) / SX(spread)
+        return (vertcat(chart.value_expression(k)[chosen], phi) - SX(middle)) / SX(spread)
 
     others = [i for i in range(task.m) if i not in chosen]
     coefficients = _least_squares(strategy, postures, Z, q0, variables, exponents, others)
