@@ -78,7 +78,7 @@ def paper_inverse(q: ca.SX) -> list:
 def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk.Strategy]:
     """Every other constraint and strategy of the library."""
     springs = hk.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
-    tilt = hk.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + 0.1 * x[3])
+    tilt = hk.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
     heavy = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
     weight = hk.pose(heavy)
     given = hk.moore_penrose(arm)
@@ -210,8 +210,9 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
     away = np.abs(walk.drift()).max()
     if case.holonomic:
         assert away < 1e-9
-    assert walk.tracking_error() < 1e-8
-    assert walk.tracking_error("rad") < 1e-8
+    exact = 1e-8 if strategy.constraint is not None else 1e-5  # a leaf is solved, a velocity integrated
+    assert walk.tracking_error() < exact
+    assert walk.tracking_error("rad") < exact
 
 
 @every
