@@ -242,6 +242,13 @@ class EmptyRegionError(HolokinError):
         )
 
 
+class NativeError(HolokinError):
+    """Native code that could not be made or loaded."""
+
+    def __init__(self, fact: str) -> None:
+        super().__init__(f"{fact}; everything works without native code too: set HOLOKIN_NATIVE=0")
+
+
 class MissingExtraError(HolokinError):
     """An optional dependency that is not installed."""
 
