@@ -190,11 +190,25 @@ class Path:
             p[last], R[last] = self.start, np.eye(3)
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)
 
-    def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
-        """At least `samples` steps of nearly equal time that never straddle a corner: (segment, u_start, u_stop)."""
+    @property
+    def durations(self) -> Vector:
+        """Seconds that each segment takes."""
+        return self._durations
+
+    def counts(self, samples: int) -> Indices:
+        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
         if samples < 1:
             raise ArgumentError("samples", samples, "give at least 1")
-        counts = np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
+        return np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
+
+    def times(self, counts: Indices) -> Vector:
+        """Time [s] at the end of each step, for the given steps of each segment."""
+        pieces = zip(self._starts, self._durations, counts, strict=False)
+        return np.concatenate([start + np.arange(1, k + 1) / k * d for start, d, k in pieces])
+
+    def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
+        """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
+        counts = self.counts(samples)
         index = np.repeat(np.arange(len(counts)), counts)
         within = np.concatenate([np.arange(c) for c in counts])
         total = counts[index]

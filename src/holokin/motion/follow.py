@@ -132,16 +132,21 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
 
 def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
     task = strategy.task
-    index = np.arange(len(q) - 1) % plan.steps
-    dx = np.vstack([plan.rates[0][:1], plan.rates[2][index]])
-    residual = np.zeros(len(q))
-    if strategy.constraint is not None and task.n > task.m:
+
+    def dq() -> Matrix:
+        rates = plan.rates_at_ends()
+        index = 1 + np.arange(len(q) - 1) % plan.steps
+        return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]]))[0].reshape(len(q), task.n)
+
+    def residual() -> Vector:
+        if strategy.constraint is None or task.n == task.m:
+            return np.zeros(len(q))
         values = strategy.constraint_value.batch(q).reshape(len(q), -1)
         gap = values - values[0]
         angular = np.array(strategy.constraint.angular)
         gap[:, angular] = np.arctan2(np.sin(gap[:, angular]), np.cos(gap[:, angular]))
-        residual = np.abs(gap).max(axis=1)
-    dq = strategy.rate.batch(q, dx)[0].reshape(len(q), task.n)
+        return np.abs(gap).max(axis=1)
+
     return record(task, plan, q, dq, cycles, status, residual)
 
 
