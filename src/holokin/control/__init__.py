@@ -1,5 +1,6 @@
 """Control: laws that run in a loop, and the loop."""
 
+from .adapters import PostureTask, mink_controller, pink_controller, placo_controller
 from .controller import Controller, Law, as_controller, open_loop
 from .drive import drive
 from .integrate import checked_rate, runge_kutta
@@ -12,6 +13,7 @@ __all__ = [
     "Controller",
     "Law",
     "Plan",
+    "PostureTask",
     "as_controller",
     "asymptotically_cyclic",
     "checked_rate",
@@ -21,7 +23,10 @@ __all__ = [
     "gradient_projection",
     "impedance_with_memory",
     "make_plan",
+    "mink_controller",
     "open_loop",
+    "pink_controller",
+    "placo_controller",
     "progress",
     "record",
     "repetitive_motion",
