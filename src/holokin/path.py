@@ -111,6 +111,14 @@ class Path:
             out.append(_rotations(segment.turn) @ out[-1])
         return np.array(out)
 
+    def table(self, start_rotation: Matrix) -> Matrix:
+        """One row a segment (25): center, x, y, angle, v, turn, rotation at its start with R(0) = start_rotation."""
+        rows = [
+            np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start_rotation).ravel()])
+            for s, R in zip(self.segments, self._rotations, strict=False)
+        ]
+        return np.array(rows, dtype=float)
+
     @property
     def length(self) -> float:
         """Distance travelled by the point [m]."""
@@ -275,7 +283,8 @@ def arc(
         raise ArgumentError("an arc's (radius, normal, angle)", (radius, n.tolist(), angle), "none of them may vanish")
     if abs(float(x @ n)) > 1e-9 * radius * size:
         raise ArgumentError("normal", n.tolist(), "it must be perpendicular to the line from center to start")
-    return Path((Segment(c, x, np.cross(n / size, x), float(angle), np.zeros(3), _vector("turn", turn)),), speed)
+    y = np.asarray(np.cross(n / size, x), dtype=float)
+    return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
 
 def circle(

@@ -8,12 +8,13 @@ A posture cost of 0 leaves the redundant joint to the library.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,11 +44,7 @@ def pink_controller(
 
     Raises: MissingExtraError.
     """
-    try:
-        import pink
-        import pinocchio as pin
-    except ImportError:
-        raise MissingExtraError("pin-pink", "pink") from None
+    pink, pin = _extra("pink", "pin-pink", "pink"), _extra("pinocchio", "pin-pink", "pink")
     with _urdf_file(robot) as path:
         model = pin.buildModelFromUrdf(path)
     order = np.array([model.joints[model.getJointId(joint)].idx_v for joint in robot.joint_names])
@@ -87,11 +84,7 @@ def mink_controller(
 
     Raises: MissingExtraError.
     """
-    try:
-        import mink
-        import mujoco
-    except ImportError:
-        raise MissingExtraError("mink", "mink") from None
+    mink, mujoco = _extra("mink", "mink", "mink"), _extra("mujoco", "mink", "mink")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
     order = np.array([model.joint(joint).dofadr[0] for joint in robot.joint_names])
     places = np.array([model.joint(joint).qposadr[0] for joint in robot.joint_names])
@@ -125,11 +118,7 @@ def placo_controller(robot: Robot, posture: PostureTask = PostureTask(), *, name
 
     A step goes all the way to the target, as placo's do. Raises: MissingExtraError.
     """
-    try:
-        with _silent():
-            import placo
-    except ImportError:
-        raise MissingExtraError("placo", "placo") from None
+    placo = _extra("placo", "placo", "placo")
 
     def begin(q0: Vector) -> Law:
         with _urdf_file(robot) as path:
@@ -176,9 +165,10 @@ def _urdf_file(robot: Robot) -> Iterator[str]:
         yield str(path)
 
 
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Some libraries print when imported."""
-    with Path(os.devnull).open("w") as nothing, contextlib.redirect_stdout(nothing):
-        yield
-    sys.stdout.flush()
+def _extra(module: str, package: str, extra: str) -> Any:
+    """An optional library. Raises: MissingExtraError."""
+    try:
+        with Path(os.devnull).open("w") as nothing, contextlib.redirect_stdout(nothing):  # some print when imported
+            return importlib.import_module(module)
+    except ImportError:
+        raise MissingExtraError(package, extra) from None

@@ -18,7 +18,7 @@ from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike
 
 if TYPE_CHECKING:
-    from .kernel import BatchKernel
+    from .kernel import BatchKernel, FollowKernel
 
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
@@ -73,6 +73,7 @@ class Function:
         self._port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
         self._map: _Port | None = None
         self._kernel: BatchKernel | None = None
+        self._follower: FollowKernel | None = None
 
     def __repr__(self) -> str:
         return f"Function({self.casadi})"
@@ -139,6 +140,21 @@ class Function:
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._kernel if enabled() else None
+
+    def follower(self) -> FollowKernel | None:
+        """The loop of following a path by this Newton step, as native code; None where there can be none."""
+        from .kernel import LARGEST, FollowKernel
+        from .native import enabled
+
+        if not enabled() or self.casadi.n_instructions() > LARGEST:
+            return None
+        if self._follower is None:
+            try:
+                shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
+                self._follower = FollowKernel(self.casadi, *shapes)
+            except NativeError as problem:
+                logging.getLogger("holokin").warning("%s", problem)
+        return self._follower
 
     def _evaluate(self, values: list[ArrayLike]) -> None:
         port = self._port

@@ -11,8 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..types import Array
-from .emit import LANES, emit, prelude
+from ..types import Array, Indices
+from .emit import LANES, SCALAR, emit, prelude
 from .native import library
 
 Shapes = Sequence[tuple[int, ...]]
@@ -39,6 +39,20 @@ def _places(shapes: Shapes):
         return int(starts[argument]) + element
 
     return place
+
+
+class FollowRules(ctypes.Structure):
+    """hk_rules: when a Newton step is accepted; see the tolerances."""
+
+    _fields_ = (
+        ("singular", ctypes.c_double),
+        ("representation", ctypes.c_double),
+        ("contraction", ctypes.c_double),
+        ("almost", ctypes.c_double),
+        ("smallest", ctypes.c_double),
+        ("sign", ctypes.c_double),
+        ("most", ctypes.c_int),
+    )
 
 
 class BatchKernel:
@@ -76,3 +90,26 @@ class BatchKernel:
             return
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(part, range(workers)))
+
+
+class FollowKernel:
+    """hk_follow of a Newton step (q, p, R, c) -> (dq, conditioning, margin, det): a path on a leaf, in one call."""
+
+    def __init__(self, function: ca.Function, inputs: Shapes, outputs: Shapes) -> None:
+        n = inputs[0][0]
+        nx, ny = (sum(int(np.prod(s)) for s in shapes) for shapes in (inputs, outputs))
+        head = f"#define HK_N {n}\n#define HK_NX {nx}\n#define HK_NY {ny}\n"
+        self._library = library(prelude(SCALAR) + head + body(function, inputs, outputs) + prelude("follow.c"))
+        self._run: Any = self._library.hk_follow
+        self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
+        self._run.restype = ctypes.c_longlong
+
+    def __call__(
+        self, segments: Array, counts: Indices, home: Array | None, x: Array, steps: tuple[int, int],
+        limits: tuple[Array, Array], rules: FollowRules, Q: Array,
+    ) -> int:  # fmt: skip
+        """Do the steps [first, last) of a cycle into the rows of Q, from the posture in x; returns how many it did."""
+        return self._run(
+            segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,
+            *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
+        )  # fmt: skip
