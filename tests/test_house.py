@@ -21,6 +21,7 @@ LAYERS = [
     {"strategy"},
     {"path"},
     {"trajectory"},
+    {"recording"},
     {"analysis", "motion"},
     {"output"},
     {"job"},
