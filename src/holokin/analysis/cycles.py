@@ -103,7 +103,8 @@ def find_cycles(
         raise _no_cycles(recording, robot, tip, orientation, length_scale)
     step = max(period.length / _TEMPLATE, NOISE_STEPS * noise)
     path = tool_path(z, recording.q, step, noise)
-    home, length = _home(path, period.begin * path.length / coarse.length, period.length, noise)
+    finer = path.length / coarse.length  # other anchors cut corners otherwise
+    home, length = _home(path, period.begin * finer, period.length * finer, noise)
     template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
     mirror = _mirror(template)
     size = float(np.linalg.norm(template.max(axis=0) - template.min(axis=0)))
@@ -112,7 +113,7 @@ def find_cycles(
         if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
             home, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
             template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
-    tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * step), home)
+    tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * step), mirror)
     return _cut(recording, path, tracks, home, length, size, mirror)
 
 
@@ -137,30 +138,30 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
     grid = np.arange(max(0.0, begin - 0.2 * length), min(begin + length, path.length - length), path.step / 2)
     lag = length
     if len(grid) > 4:
-        z, slope = path.point(grid), path.slope(grid)
-        ahead = np.minimum(_nearest(path, z, grid + length, 0.05 * length), path.length)
+        z = path.point(grid)
+        ahead = np.minimum(_nearest(path, z, grid + length, 0.02 * length), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
-        gap = np.linalg.norm(path.point(ahead) - z - slope * np.sum((path.point(ahead) - z) * slope, axis=1)[:, None], axis=1)
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
-        off = np.flatnonzero((gap > 5 * usual + 2 * noise + 5e-4 * length) & (grid < begin + 0.5 * length))
+        off = np.flatnonzero((gap > 5 * usual + 2 * noise + 0.1 * path.step) & (grid < begin + 0.5 * length))
         first = int(off[-1]) + 1 if len(off) else 0
         begin = float(grid[min(first, len(grid) - 1)])
         lag = float(np.median(ahead - grid))
     begin = 0.0 if begin < path.step else begin
     there = path.point(np.array([begin]))
-    stop = _nearest(path, there, np.array([min(begin + lag, path.length)]), 0.05 * lag)
+    stop = _nearest(path, there, np.array([min(begin + lag, path.length)]), 0.02 * lag)
     return begin, float(stop[0]) - begin
 
 
 def _nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
     """Arc lengths near the guesses (k,), at most `reach` [m] away, at which the tool is closest to targets (k, d)."""
     low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length)
-    tries = np.clip(guess + np.linspace(-1, 1, 9)[:, None] * reach, low, high)
+    count = int(np.clip(2 * reach / path.step, 8, 80)) // 2 * 2 + 1
+    tries = np.clip(guess + np.linspace(-1, 1, count)[:, None] * reach, low, high)
     distance = np.linalg.norm(path.point(tries) - target, axis=2)
     s = np.take_along_axis(tries, np.argmin(distance, axis=0)[None], axis=0)[0]
     best = distance.min(axis=0)
-    width = reach / 4
+    width = 2 * reach / (count - 1)
     for _ in range(24):  # halving search: sure at corners, where Newton's method swings
         width /= 1.6
         for side in (-1, 1):
@@ -181,7 +182,9 @@ def _mirror(template: Matrix) -> float | None:
     return m / 2 / len(z) if 2 * (energy - products[m]) < (2 * _STRAY) ** 2 * energy else None
 
 
-def _tracks(path: ToolPath, template: Matrix, length: float, stray: float, home: float) -> list[_Track]:
+def _tracks(
+    path: ToolPath, template: Matrix, length: float, stray: float, mirror: float | None
+) -> list[_Track]:  # fmt: skip
     """Stretches of the log that run along the template, forward or backward, each as long as it goes."""
     from scipy.spatial import cKDTree
 
@@ -195,13 +198,13 @@ def _tracks(path: ToolPath, template: Matrix, length: float, stray: float, home:
     seeds = (distance < stray) & (np.abs(way) > 0.8)
     out: list[_Track] = []
     j, done = 0, 0
-    first = int(np.searchsorted(path.s, home))
     while j < len(path.z):
         if not seeds[j]:
             j += 1
             continue
-        sign = 1 if way[j] > 0 else -1
-        at = 0 if out == [] and j >= first - 1 and sign > 0 and j <= first + 1 else int(nearest[j])
+        sign, at = (1 if way[j] > 0 else -1), int(nearest[j])
+        if mirror is not None and sign < 0:  # the way back is the second half of the path itself
+            sign, at = 1, round(2 * mirror * count - at) % count
         later = _run(path, template, length, stray, j, at, sign, 1, len(path.z) - 1)
         earlier = _run(path, template, length, stray, j, at, sign, -1, done)
         phases = np.array([*earlier[:0:-1], *later]) * sign

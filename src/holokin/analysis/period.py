@@ -77,7 +77,10 @@ def _curve(s: Vector, values: Matrix) -> Any:
 
 def tool_path(z: Matrix, q: Matrix, step: float, noise: float) -> ToolPath:
     """Keep samples a step [m] apart, and the tips of turns; what happens while the tool rests is left out."""
-    index = _anchors(z, step, NOISE_STEPS / 2 * noise)
+    margin = NOISE_STEPS / 2 * noise
+    index = _anchors(z, step, margin)
+    for _ in range(2):
+        index = _with_corners(z, index, max(margin, 0.02 * step))
     chords = np.linalg.norm(np.diff(z[index], axis=0), axis=1)
     return ToolPath(index, np.concatenate([[0.0], np.cumsum(chords)]), z[index], q[index], step)
 
@@ -113,6 +116,20 @@ def _anchors(z: Matrix, step: float, margin: float) -> Indices:
         chunk = max(16, min(2 * (found - here), 8192))
         kept.append(found)
         here = found
+
+
+def _with_corners(z: Matrix, index: Indices, margin: float) -> Indices:
+    """Anchors, and between two of them the sample farthest from their chord, if over a margin [m] off it."""
+    interval = np.repeat(np.arange(len(index) - 1), np.diff(index))
+    samples = np.arange(index[0], index[-1])
+    start, chord = z[index[:-1]], np.diff(z[index], axis=0)
+    squared = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
+    lever = z[samples] - start[interval]
+    share = np.clip(np.einsum("ij,ij->i", lever, chord[interval]) / squared[interval], 0.0, 1.0)
+    off = np.linalg.norm(lever - share[:, None] * chord[interval], axis=1)
+    worst = np.maximum.reduceat(off, index[:-1] - index[0])
+    at = np.flatnonzero((off == worst[interval]) & (off > margin))
+    return np.union1d(index, samples[at])
 
 
 @dataclass(frozen=True)
