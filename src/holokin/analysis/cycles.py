@@ -10,13 +10,12 @@ from ..errors import RecordingError
 from ..recording import Recording
 from ..robot import Robot
 from ..types import Array, Indices, Matrix, Vector
-from .period import ToolPath, find_period, noise_level, tool_path, tool_points
-from .period import NOISE_STEPS as NOISE_STEPS
+from .period import NOISE_STEPS, ToolPath, find_period, noise_level, tool_path, tool_points
 
 LENGTH_SCALE = 0.1
 """Default length [m/rad] at which a turn of the tool counts like a move: the distance from wrist to tool of a usual arm."""
 
-PHASES = 128
+PHASES = 64
 """Points of equal tool pose that are compared, evenly along the path."""
 
 _TEMPLATE = 256
@@ -33,7 +32,7 @@ class Cycles:
     phase (P + 1,) from 0 to 1: equal tool poses; q (c, P + 1, n) postures there, always along `direction` = 1;
     residual (c,) [m]: largest distance of the tool from the first cycle (turns by the length scale);
     length [m] of one; size [m], its extent; mirror: phase about which the path runs back on itself, or None;
-    left_out: cycles that span a gap in time; still (n,): largest joint motion while the tool rested.
+    left_out: cycles that span a gap in time; path: the tool's path by arc length.
     """
 
     start: Vector
@@ -141,11 +140,13 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
         z = path.point(grid)
         ahead = np.minimum(_nearest(path, z, grid + length, 0.02 * length), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
+        against = np.einsum("ij,ij->i", path.slope(ahead), path.slope(grid)) < -0.5  # beyond a turn: the way back
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
-        off = np.flatnonzero((gap > 5 * usual + 2 * noise + 0.1 * path.step) & (grid < begin + 0.5 * length))
-        first = int(off[-1]) + 1 if len(off) else 0
-        begin = float(grid[min(first, len(grid) - 1)])
+        sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(int))).reshape(-1, 2)
+        runs = edges[edges[:, 1] - edges[:, 0] >= 0.1 * length / (path.step / 2)]
+        begin = float(grid[runs[0, 0]]) if len(runs) else begin
         lag = float(np.median(ahead - grid))
     begin = 0.0 if begin < path.step else begin
     there = path.point(np.array([begin]))
@@ -162,7 +163,7 @@ def _nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vec
     s = np.take_along_axis(tries, np.argmin(distance, axis=0)[None], axis=0)[0]
     best = distance.min(axis=0)
     width = 2 * reach / (count - 1)
-    for _ in range(24):  # halving search: sure at corners, where Newton's method swings
+    for _ in range(18):  # halving search: sure at corners, where Newton's method swings
         width /= 1.6
         for side in (-1, 1):
             trial = np.clip(s + side * width, low, high)
