@@ -9,7 +9,17 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from .analysis import Region, Verdict, around, box, curvature, involutivity, involutivity_of
+from .analysis import (
+    LogAudit,
+    Region,
+    Verdict,
+    around,
+    audit_recording,
+    box,
+    curvature,
+    involutivity,
+    involutivity_of,
+)
 from .constraint import (
     Constraint,
     Cost,
@@ -28,6 +38,7 @@ from .constraint import (
 from .errors import HolokinError
 from .motion import Drift, Spread, drift, follow, path_spread
 from .path import Path, arc, circle, join, line, polyline
+from .recording import Recording, read_recording
 from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, urdf_tips
 from .strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
 from .task import Task, pose, position
@@ -41,7 +52,9 @@ __all__ = [
     "DHRow",
     "Drift",
     "HolokinError",
+    "LogAudit",
     "Path",
+    "Recording",
     "Region",
     "Robot",
     "Spread",
@@ -53,6 +66,7 @@ __all__ = [
     "arc",
     "arm_angle",
     "around",
+    "audit_recording",
     "box",
     "catalogue",
     "centring_cost",
@@ -84,6 +98,7 @@ __all__ = [
     "position",
     "posture_cost",
     "radial",
+    "read_recording",
     "stack",
     "stationary",
     "urdf_tips",

@@ -25,8 +25,10 @@ GAP = 10.0
 SLACK = 0.5
 """How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
 
-_OTHER = re.compile(r"(^|[^a-z])(d|dq|vel|velocity|velocities|eff|effort|torque|tau|acc|accel|acceleration|current|desired|"
-                    r"target|cmd|command|commanded|goal|error)([^a-z]|$)")  # fmt: skip
+_OTHER = re.compile(
+    r"(^|[^a-z])(d|dq|vel|velocity|velocities|eff|effort|torque|tau|acc|accel|acceleration|current|desired|target|cmd|"
+    r"command|commanded|goal|error)([^a-z]|$)"
+)
 _POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECASE)
 
 
@@ -139,10 +141,9 @@ def _read_csv(file: Path, robot: Robot) -> tuple[Vector, Matrix, list[str], list
     try:
         cells = [[row[c] for c in wanted] for _, row in rows]
         table = np.array([[float(cell) for cell in row] for row in cells])
-        clean = bool(np.isfinite(table).all())
     except (ValueError, IndexError):
-        clean = False
-    if not clean:
+        raise _bad_cell(file, header, wanted, rows) from None
+    if not np.isfinite(table).all():
         raise _bad_cell(file, header, wanted, rows)
     notes: list[str] = []
     t = _seconds(file, [row[: len(time)] for row in cells], notes)
@@ -173,7 +174,9 @@ def _joint_columns(file: Path, header: Sequence[str], robot: Robot) -> list[int]
             near = [i for i in near if i not in rates]
         if len(near) > 1:
             names = ", ".join(repr(header[i]) for i in near)
-            raise RecordingError(file, f"joint {joint!r} could be any of the columns {names}", "keep or name one of them")
+            raise RecordingError(
+                file, f"joint {joint!r} could be any of the columns {names}", "keep or name one of them"
+            )
         if near:
             chosen.append(near[0])
         else:
@@ -183,7 +186,9 @@ def _joint_columns(file: Path, header: Sequence[str], robot: Robot) -> list[int]
     return chosen
 
 
-def _joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:
+def _joints_missing(
+    file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot
+) -> RecordingError:
     fact = f"joints {', '.join(missing)} of {robot.name} are not in it"
     return RecordingError(file, fact, f"rename them or choose another robot; the {what} are {_listed(there)}")
 
@@ -289,7 +294,8 @@ def _joint_states(
             continue
         row = np.asarray(message.position, dtype=float)[order]
         if not np.isfinite(row).all():
-            fact = f"message {len(rows) + partial + 1}: {robot.joint_names[int(np.argmin(np.isfinite(row)))]} is not finite"
+            joint = robot.joint_names[int(np.argmin(np.isfinite(row)))]
+            fact = f"message {len(rows) + partial + 1}: the position of {joint} is not finite"
             raise RecordingError(file, fact, "record again, or cut the bag before it")
         header = message.header.stamp
         stamps.append(int(header.sec) * 10**9 + int(header.nanosec))
@@ -347,5 +353,7 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes
     if degrees is None and fits and turning[worst]:
         fact = f"joint {name} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
-    notes.append(f"joint {name} is logged up to {over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits")
+    notes.append(
+        f"joint {name} is logged up to {over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits"
+    )
     return q

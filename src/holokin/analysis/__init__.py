@@ -1,7 +1,19 @@
-"""Questions about strategies: curvature, involutivity."""
+"""Questions about strategies and logs: curvature, involutivity, audits."""
 
 from .curvature import curvature
 from .involutivity import Verdict, involutivity, involutivity_of
+from .log_audit import LogAudit, LogVerdict, audit_recording
 from .region import Region, around, box
 
-__all__ = ["Region", "Verdict", "around", "box", "curvature", "involutivity", "involutivity_of"]
+__all__ = [
+    "LogAudit",
+    "LogVerdict",
+    "Region",
+    "Verdict",
+    "around",
+    "audit_recording",
+    "box",
+    "curvature",
+    "involutivity",
+    "involutivity_of",
+]

@@ -13,7 +13,7 @@ from ..types import Array, Indices, Matrix, Vector
 from .period import NOISE_STEPS, ToolPath, find_period, noise_level, tool_path, tool_points
 
 LENGTH_SCALE = 0.1
-"""Default length [m/rad] at which a turn of the tool counts like a move: the distance from wrist to tool of a usual arm."""
+"""Default length [m/rad] at which a turn of the tool counts like a move: from the wrist to the tool of a usual arm."""
 
 PHASES = 64
 """Points of equal tool pose that are compared, evenly along the path."""
@@ -187,10 +187,11 @@ def _tracks(
     path: ToolPath, template: Matrix, length: float, stray: float, mirror: float | None
 ) -> list[_Track]:  # fmt: skip
     """Stretches of the log that run along the template, forward or backward, each as long as it goes."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     count = len(template)
-    distance, nearest = cKDTree(template).query(path.z)
+    distance, closest = KDTree(template).query(path.z)
+    nearest = np.asarray(closest)
     ahead = np.roll(template, -2, axis=0) - np.roll(template, 2, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
     moves = np.gradient(path.z, axis=0)
@@ -262,7 +263,8 @@ def _cut(
     whole = [i for i in range(len(rounds)) if not broken[i]]
     if len(whole) < 2:
         raise RecordingError(
-            recording.source, f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {sum(broken)} more span gaps",
+            recording.source,
+            f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {sum(broken)} more span gaps",
             "log at least two whole cycles",
         )  # fmt: skip
     ways = np.array([direction[i] for i in whole])

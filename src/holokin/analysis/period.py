@@ -89,7 +89,11 @@ def _anchors(z: Matrix, step: float, margin: float) -> Indices:
     """A sample is kept when it is `step` from the last one, or as far as the tool went before it came back."""
     margin = max(margin, 1e-3 * step)
     kept, here, count, chunk = [0], 0, len(z), 16
+    far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
     while True:
+        while here < len(far) and far[here]:
+            here += 1
+            kept.append(here)
         start, top, top_at = here + 1, 0.0, here
         found = -1
         while start < count:
