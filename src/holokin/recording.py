@@ -104,6 +104,7 @@ def read_recording(
     t, q, dropped = _in_order(file, t, q, labels)
     notes += [f"{dropped} repeated rows dropped"] if dropped else []
     q = _in_radians(file, q, robot, degrees, notes)
+    q = _unwrapped(q, robot, notes)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):
         longest = float(np.diff(t).max())
@@ -357,3 +358,16 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes
         f"joint {name} is logged up to {over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits"
     )
     return q
+
+
+def _unwrapped(q: Matrix, robot: Robot, notes: list[str]) -> Matrix:
+    """Joints without limits are often logged modulo a turn: make them run on."""
+    endless = [
+        i for i, c in enumerate(robot.coordinates) if c.kind != "prismatic" and np.isinf([c.lower, c.upper]).all()
+    ]
+    whole = q.copy()
+    whole[:, endless] = np.unwrap(q[:, endless], axis=0)
+    turned = [robot.joint_names[i] for i in endless if not np.array_equal(q[:, i], whole[:, i])]
+    if turned:
+        notes.append(f"turns of {', '.join(turned)} joined, which the log cuts at pi")
+    return whole

@@ -54,7 +54,7 @@ def drift_trend(drift: Matrix, threshold: float) -> DriftTrend:
         fades = drift_trend(tail, threshold).trend is not Trend.CONSTANT
     rate = drift[-max(1, count // 2) :].mean(axis=0)
     if not fades:
-        return DriftTrend(Trend.CONSTANT, ratio, rate, np.full(n, np.inf) * np.sign(rate))
+        return DriftTrend(Trend.CONSTANT, ratio, rate, np.where(rate != 0, np.copysign(np.inf, rate), 0.0))
     return DriftTrend(Trend.DECAYS, ratio, rate, drift[-1] * ratio / (1 - ratio))
 
 
@@ -79,14 +79,14 @@ def _ratio(y: Vector) -> float:
     return float(finer.x if finer.fun < misfits[best] else tries[best])
 
 
-def first_limit(lower: Vector, upper: Vector, low: Vector, high: Vector, rate: Vector) -> tuple[int, float] | None:
-    """(joint, cycles) of the first joint that a steady drift takes to a limit, from its range low..high (n,) in a
-    cycle and its rate (n,) a cycle; None when none drifts towards one."""
-    room = np.where(rate > 0, upper - high, low - lower)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cycles = np.where(rate != 0, np.maximum(room, 0.0) / np.abs(rate), np.inf)
-    joint = int(np.argmin(cycles))
-    return (joint, float(cycles[joint])) if np.isfinite(cycles[joint]) else None
+def first_limit(lower: Vector, upper: Vector, q: Matrix, rate: Matrix) -> tuple[int, float] | None:
+    """(joint, cycles) of the first joint at a limit when the postures q (P, n) of a cycle go on at their rates (P, n)
+    [joint units a cycle]; None when none moves towards one."""
+    room = np.where(rate > 0, upper - q, q - lower)
+    cycles = np.full(q.shape, np.inf)
+    np.divide(np.maximum(room, 0.0), np.abs(rate), out=cycles, where=rate != 0)
+    _, joint = np.unravel_index(int(np.argmin(cycles)), cycles.shape)
+    return (int(joint), float(cycles.min())) if np.isfinite(cycles.min()) else None
 
 
 def to_pose(task: Task, q: Matrix, position: Matrix, rotation: Array) -> tuple[Matrix, Vector]:

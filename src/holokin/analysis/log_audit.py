@@ -12,7 +12,7 @@ from ..errors import ArgumentError, ShapeError
 from ..recording import Recording
 from ..robot import Robot
 from ..task import Task, pose, position
-from ..types import Array, Matrix, Vector
+from ..types import Array, Indices, Matrix, Vector
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .judge import DriftTrend, Trend, drift_trend, first_limit, spread, to_pose
 from .period import noise_level
@@ -50,8 +50,8 @@ class LogAudit:
 
     visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
     was; floor (P + 1,): joint move that this took, plus four levels of encoder noise, per pose; drift (c, n) of each
-    cycle; trends by direction (1, -1); between: cycles of one direction; by_way: forward and backward passes;
-    by_speed: fast and slow cycles; None where the log does not test it.
+    cycle; trends of the cycles of one direction and speed; between: cycles of one direction; by_way: forward and
+    backward passes; by_speed: fast and slow cycles; None where the log does not test it.
     """
 
     robot: Robot
@@ -62,7 +62,7 @@ class LogAudit:
     visits: Array
     floor: Vector
     drift: Matrix
-    trends: dict[int, DriftTrend]
+    trends: dict[str, DriftTrend]
     between: Distance
     by_way: Distance | None
     by_speed: Distance | None
@@ -93,11 +93,14 @@ class LogAudit:
     @property
     def limit(self) -> tuple[str, float] | None:
         """(joint, cycles from the end of the log) of the first limit that a lasting drift reaches, or None."""
-        for way, trend in self.trends.items():
-            if trend.trend is Trend.CONSTANT:
-                last = self.visits[self.cycles.direction == way][-1]
-                low, high = last.min(axis=0), last.max(axis=0)
-                found = first_limit(self.robot.lower, self.robot.upper, low, high, trend.rate)
+        groups = _groups(self.cycles)
+        for name, trend in self.trends.items():
+            members = groups[name]
+            if trend.trend is Trend.CONSTANT and len(members) > 1:
+                last, earlier = members[-1], members[-1 - max(1, len(members) // 4)]
+                rate = (self.visits[last] - self.visits[earlier]) / (last - earlier)
+                seen = np.where(np.abs(rate) > (self.tolerance + self.noise_floor) / (last - earlier), rate, 0.0)
+                found = first_limit(self.robot.lower, self.robot.upper, self.visits[-1], seen)
                 if found is not None:
                     return self.robot.joint_names[found[0]], found[1]
         return None
@@ -139,8 +142,8 @@ class LogAudit:
             (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({self.robot.joint_names[joint]})"),
             ("noise floor", f"{self.noise_floor:.2g}, tolerance {self.tolerance:g} on top"),
         ]  # fmt: skip
-        for way, trend in self.trends.items():
-            name = "trend" if len(self.trends) == 1 else f"trend {'forward' if way > 0 else 'backward'}"
+        for group, trend in self.trends.items():
+            name = "trend" if len(self.trends) == 1 else f"trend {group}"
             tail = "" if np.isnan(trend.ratio) else f", from cycle to cycle by the factor {trend.ratio:.3g}"
             rows.append((name, trend.trend.value + tail))
         rows += [
@@ -175,13 +178,13 @@ class LogAudit:
             "drift_since_start": self.since_start.tolist(),
             "worst_joint": self.worst_joint,
             "trends": {
-                "forward" if way > 0 else "backward": {
+                name: {
                     "trend": t.trend.name,
                     "ratio": None if np.isnan(t.ratio) else t.ratio,
                     "rate": t.rate.tolist(),
                     "remaining": [float(v) if np.isfinite(v) else None for v in t.remaining],
                 }
-                for way, t in self.trends.items()
+                for name, t in self.trends.items()
             },
             "between_cycles": vars(self.between),
             "forward_and_back": None if self.by_way is None else vars(self.by_way),
@@ -229,7 +232,8 @@ def audit_recording(
     floor[[0, -1]] = floor[[0, -1]].max()
     drift = (visits[:, -1] - visits[:, 0]) * cycles.direction[:, None]
     ways = [way for way in (1, -1) if (cycles.direction == way).any()]
-    trends = {way: drift_trend(drift[cycles.direction == way], tolerance + floor[0]) for way in ways}
+    groups = _groups(cycles)
+    trends = {name: drift_trend(drift[members], tolerance + floor[0]) for name, members in groups.items()}
     allowed = tolerance + floor
 
     def distance(gap: Matrix, allowed: Vector = allowed) -> Distance:
@@ -248,21 +252,45 @@ def audit_recording(
         back = np.array([np.interp((2 * cycles.mirror - cycles.phase) % 1, cycles.phase, v) for v in cycles.q[-1].T]).T
         there, more = to_pose(task, back, place, turn)
         by_way = distance(there - visits[-1], allowed + more)
-    main = cycles.direction == max(ways, key=lambda way: (cycles.direction == way).sum())
-    time = cycles.moving
-    if time[main].max() > SPEEDS * time[main].min():
-        middle = np.sqrt(time[main].max() * time[main].min())
-        by_speed = distance(visits[main & (time < middle)][-1] - visits[main & (time >= middle)][-1])
-    found = {trend.trend for trend in trends.values()}
-    if Trend.CONSTANT in found:
+    speeds = {"fast": _speed(cycles) > 0, "slow": _speed(cycles) < 0}
+    for way in ways:
+        pair = [np.flatnonzero(fits & (cycles.direction == way)) for fits in speeds.values()]
+        if all(len(members) for members in pair):
+            found = distance(visits[pair[0][-1]] - visits[pair[1][-1]])
+            by_speed = found if by_speed is None or found.value > by_speed.value else by_speed
+    kinds = {trend.trend for trend in trends.values()}
+    if Trend.CONSTANT in kinds:
         verdict = LogVerdict.DRIFTS
-    elif Trend.DECAYS in found or any(d is not None and d.beyond for d in (between, by_way, by_speed)):
+    elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in (between, by_way, by_speed)):
         verdict = LogVerdict.CONVERGES
     else:
         verdict = LogVerdict.COMES_HOME
     return LogAudit(
         robot, recording, task, cycles, tolerance, visits, floor, drift, trends, between, by_way, by_speed, verdict
     )
+
+
+def _speed(cycles: Cycles) -> Vector:
+    """1 for fast cycles, -1 for slow ones, by moving time; 0 for all when they differ by no more than `SPEEDS`."""
+    time = cycles.moving
+    if time.max() <= SPEEDS * time.min():
+        return np.zeros(len(time))
+    return np.where(time < np.sqrt(time.max() * time.min()), 1.0, -1.0)
+
+
+def _groups(cycles: Cycles) -> dict[str, Indices]:
+    """Cycles of one direction and speed, whose drifts can follow one law; groups of one cycle only if all are so."""
+    groups = {}
+    for way, name in ((1, "forward"), (-1, "backward")):
+        mine = cycles.direction == way
+        parts = {f"{name}{tail}": np.flatnonzero(mine & (_speed(cycles) == speed))
+                 for speed, tail in ((0, ""), (1, ", fast"), (-1, ", slow"))}  # fmt: skip
+        several = {key: members for key, members in parts.items() if len(members) > 1}
+        if several:
+            groups |= several
+        elif mine.any():
+            groups[name] = np.flatnonzero(mine)
+    return groups
 
 
 def _range(values: Vector) -> str:
