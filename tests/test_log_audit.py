@@ -111,6 +111,20 @@ def test_crossing_ones_own_path_is_no_cycle() -> None:
     assert cycles.length == pytest.approx(eight.length, rel=5e-3)
 
 
+@pytest.mark.parametrize("noise", [0.0, ENCODER])
+def test_at_the_crossing_of_an_eight_only_a_holonomic_arm_has_the_same_joints_twice(noise: float) -> None:
+    """The loops of an eight undo most of each other's drift; half-way through it shows in full."""
+    loops = [hk.circle(START, START - [0.08, 0, 0]), hk.circle(START, START + [0.08, 0, 0], clockwise=True)]
+    for strategy in (DRIFTING, HOME):
+        pieces = walk(strategy, loops * 3)
+        audit = hk.audit_recording(recorded(pieces, noise), PANDA)
+        exact = np.abs(pieces[4][-1] - pieces[4][0]).max()
+        assert audit.at_crossings is not None
+        assert audit.at_crossings.value == pytest.approx(exact, abs=1e-3 + 0.01 * exact)
+        assert audit.at_crossings.beyond == (strategy is DRIFTING)
+    assert hk.audit_recording(recorded(walk(HOME, [CIRCLE] * 2)), PANDA).at_crossings is None
+
+
 def test_a_raster_is_one_cycle_however_alike_its_rows() -> None:
     rows = [[-0.01 * i, 0.1 * ((i + k) % 2), 0] for i in range(8) for k in (0, 1)]
     raster = hk.polyline(START + np.array(rows), closed=True)

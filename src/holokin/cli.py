@@ -137,8 +137,10 @@ def audit(
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
     ] = False,
     degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
-    topic: Annotated[str | None, typer.Option(help="JointState topic of a bag. [default: /joint_states]")] = None,
-    tolerance: Annotated[float, typer.Option(help="Joint distance that counts as equal [rad or m].")] = 1e-3,
+    topic: Annotated[
+        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
 ) -> None:

@@ -29,7 +29,8 @@ class Cycles:
 
     start, stop (c,): sample positions at which each begins and ends (12.4: 0.4 of the way from sample 12 to 13);
     direction (c,): 1 as the first cycle runs, -1 against it; duration, moving (c,) [s], with and without pauses;
-    phase (P + 1,) from 0 to 1: equal tool poses; q (c, P + 1, n) postures there, always along `direction` = 1;
+    phase (P + 1,) from 0 to 1: equal tool poses; s (c, P + 1) [m] arc lengths of `path` and q (c, P + 1, n)
+    postures there, always along `direction` = 1;
     residual (c,) [m]: largest distance of the tool from the first cycle (turns by the length scale);
     length [m] of one; size [m], its extent; mirror: phase about which the path runs back on itself, or None;
     left_out: cycles that span a gap in time; path: the tool's path by arc length.
@@ -41,6 +42,7 @@ class Cycles:
     duration: Vector
     moving: Vector
     phase: Vector
+    s: Matrix
     q: Array
     residual: Vector
     length: float
@@ -138,7 +140,7 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
     lag = length
     if len(grid) > 4:
         z = path.point(grid)
-        ahead = np.minimum(_nearest(path, z, grid + length, 0.02 * length), path.length)
+        ahead = np.minimum(nearest(path, z, grid + length, 0.02 * length), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
         against = np.einsum("ij,ij->i", path.slope(ahead), path.slope(grid)) < -0.5  # beyond a turn: the way back
         inside = grid >= begin + 0.2 * length
@@ -150,11 +152,11 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
         lag = float(np.median(ahead - grid))
     begin = 0.0 if begin < path.step else begin
     there = path.point(np.array([begin]))
-    stop = _nearest(path, there, np.array([min(begin + lag, path.length)]), 0.02 * lag)
+    stop = nearest(path, there, np.array([min(begin + lag, path.length)]), 0.02 * lag)
     return begin, float(stop[0]) - begin
 
 
-def _nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
+def nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
     """Arc lengths near the guesses (k,), at most `reach` [m] away, at which the tool is closest to targets (k, d)."""
     low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length)
     count = int(np.clip(2 * reach / path.step, 8, 80)) // 2 * 2 + 1
@@ -191,12 +193,12 @@ def _tracks(
 
     count = len(template)
     distance, closest = KDTree(template).query(path.z)
-    nearest = np.asarray(closest)
+    facing = np.asarray(closest)
     ahead = np.roll(template, -2, axis=0) - np.roll(template, 2, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
     moves = np.gradient(path.z, axis=0)
     moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
-    way = np.einsum("ij,ij->i", moves, ahead[nearest])
+    way = np.einsum("ij,ij->i", moves, ahead[facing])
     seeds = (distance < stray) & (np.abs(way) > 0.8)
     out: list[_Track] = []
     j, done = 0, 0
@@ -204,7 +206,7 @@ def _tracks(
         if not seeds[j]:
             j += 1
             continue
-        sign, at = (1 if way[j] > 0 else -1), int(nearest[j])
+        sign, at = (1 if way[j] > 0 else -1), int(facing[j])
         if mirror is not None and sign < 0:  # the way back is the second half of the path itself
             sign, at = 1, round(2 * mirror * count - at) % count
         later = _run(path, template, length, stray, j, at, sign, 1, len(path.z) - 1)
@@ -269,19 +271,20 @@ def _cut(
         )  # fmt: skip
     ways = np.array([direction[i] for i in whole])
     targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])
-    s = _nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / _TEMPLATE)
+    s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / _TEMPLATE)
     residual = np.linalg.norm(path.point(s) - targets, axis=1).reshape(len(whole), -1).max(axis=1)
     s = s.reshape(len(whole), -1)
     q = path.posture(s)
-    q[ways < 0] = q[ways < 0, ::-1]
     times = recording.t[path.index]
-    start, stop = s[:, 0], s[:, -1]
+    start, stop = s[:, 0].copy(), s[:, -1].copy()
     duration = np.interp(stop, path.s, times) - np.interp(start, path.s, times)
     rest = np.concatenate([[0.0], np.cumsum(_rests(times))])
     moving = duration - (np.interp(stop, path.s, rest) - np.interp(start, path.s, rest))
     where = path.index.astype(float)
+    back = ways < 0
+    q[back], s[back] = q[back, ::-1], s[back, ::-1]
     return Cycles(
-        np.interp(start, path.s, where), np.interp(stop, path.s, where), ways, duration, moving, phase, q, residual,
+        np.interp(start, path.s, where), np.interp(stop, path.s, where), ways, duration, moving, phase, s, q, residual,
         length, size, mirror, int(sum(broken)), path,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from ..recording import Recording
 from ..robot import Robot
 from ..task import Task, pose, position
 from ..types import Array, Indices, Matrix, Vector
+from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .judge import DriftTrend, Trend, drift_trend, first_limit, spread, to_pose
 from .period import noise_level
@@ -51,7 +52,8 @@ class LogAudit:
     visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
     was; floor (P + 1,): joint move that this took, plus four levels of encoder noise, per pose; drift (c, n) of each
     cycle; trends of the cycles of one direction and speed; between: cycles of one direction; by_way: forward and
-    backward passes; by_speed: fast and slow cycles; None where the log does not test it.
+    backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets itself;
+    None where the log does not test it.
     """
 
     robot: Robot
@@ -66,6 +68,7 @@ class LogAudit:
     between: Distance
     by_way: Distance | None
     by_speed: Distance | None
+    at_crossings: Distance | None
     verdict: LogVerdict
 
     @property
@@ -121,7 +124,9 @@ class LogAudit:
         elif settled:
             tail = f"; each cycle drifts {settled[0].ratio:.2g} times as far as the one before"
         else:
-            found = [d for d in (self.between, self.by_way, self.by_speed) if d is not None and d.beyond]
+            found = [
+                d for d in (self.between, self.by_way, self.by_speed, self.at_crossings) if d is not None and d.beyond
+            ]
             worst = max(found, key=lambda d: d.value)
             tail = f", by up to {worst.value:.3g} ({worst.joint})"
         return self.verdict.value + tail
@@ -150,6 +155,7 @@ class LogAudit:
             ("equal poses, between cycles", _said(self.between, "")),
             ("equal poses, forward and back", _said(self.by_way, "not tested: all cycles run one way")),
             ("equal poses, fast and slow", _said(self.by_speed, "not tested: all cycles at one speed")),
+            ("equal poses, at crossings", _said(self.at_crossings, "not tested: the path does not cross itself")),
         ]
         return rows + [("note", note) for note in self.recording.notes]
 
@@ -189,6 +195,7 @@ class LogAudit:
             "between_cycles": vars(self.between),
             "forward_and_back": None if self.by_way is None else vars(self.by_way),
             "fast_and_slow": None if self.by_speed is None else vars(self.by_speed),
+            "at_crossings": None if self.at_crossings is None else vars(self.at_crossings),
             "limit": None if limit is None else {"joint": limit[0], "cycles": limit[1]},
         }  # fmt: skip
 
@@ -236,13 +243,11 @@ def audit_recording(
     trends = {name: drift_trend(drift[members], tolerance + floor[0]) for name, members in groups.items()}
     allowed = tolerance + floor
 
-    def distance(gap: Matrix, allowed: Vector = allowed) -> Distance:
+    def distance(gap: Matrix, allowed: Vector = allowed, phase: Vector = cycles.phase) -> Distance:
         over = np.abs(gap).max(axis=1) - allowed
         at = int(np.argmax(over)) if over.max() > 0 else int(np.argmax(np.abs(gap).max(axis=1)))
         joint = int(np.argmax(np.abs(gap[at])))
-        return Distance(
-            float(abs(gap[at, joint])), robot.joint_names[joint], float(cycles.phase[at]), bool(over.max() > 0)
-        )
+        return Distance(float(abs(gap[at, joint])), robot.joint_names[joint], float(phase[at]), bool(over.max() > 0))
 
     between = distance(np.max([spread(visits[cycles.direction == way]) for way in ways], axis=0))
     by_way = by_speed = None
@@ -258,16 +263,41 @@ def audit_recording(
         if all(len(members) for members in pair):
             found = distance(visits[pair[0][-1]] - visits[pair[1][-1]])
             by_speed = found if by_speed is None or found.value > by_speed.value else by_speed
+    at_crossings = None
+    first, second = crossings(cycles)
+    if len(first):
+        here, there = cycles.path.posture(first), cycles.path.posture(second)
+        met, more = to_pose(task, there, *robot.pose_batch(here, tip))
+        phase = np.interp(first, *_rising(cycles.s[-1], cycles.phase))
+        at_crossings = distance(met - here, tolerance + more + 4 * np.sqrt(2) * noise, phase)
+    tested = (between, by_way, by_speed, at_crossings)
     kinds = {trend.trend for trend in trends.values()}
     if Trend.CONSTANT in kinds:
         verdict = LogVerdict.DRIFTS
-    elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in (between, by_way, by_speed)):
+    elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in tested):
         verdict = LogVerdict.CONVERGES
     else:
         verdict = LogVerdict.COMES_HOME
     return LogAudit(
-        robot, recording, task, cycles, tolerance, visits, floor, drift, trends, between, by_way, by_speed, verdict
+        robot,
+        recording,
+        task,
+        cycles,
+        tolerance,
+        visits,
+        floor,
+        drift,
+        trends,
+        between,
+        by_way,
+        by_speed,
+        at_crossings,
+        verdict,
     )
+
+
+def _rising(x: Vector, y: Vector) -> tuple[Vector, Vector]:
+    return (x, y) if x[-1] > x[0] else (x[::-1], y[::-1])
 
 
 def _speed(cycles: Cycles) -> Vector:

@@ -58,7 +58,7 @@ def log_figure(audit: LogAudit) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.4, 4.6))
-    margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.5, grid=(1, 2))
+    margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
     joints_at_home(figure.add_subplot(1, 2, 1), audit)
     kind = {} if audit.robot.planar else {"projection": "3d"}
     tool_cycles(figure.add_subplot(1, 2, 2, **kind), audit)
