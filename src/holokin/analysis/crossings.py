@@ -25,7 +25,7 @@ def crossings(cycles: Cycles) -> tuple[Vector, Vector]:
     spacing = (end - begin) / _POINTS
     if cycles.mirror is not None or spacing <= 0:
         return none, none
-    s = begin + spacing * np.arange(_POINTS)
+    s = np.asarray(begin + spacing * np.arange(_POINTS), dtype=float)
     z = path.point(s)
     squares = (z**2).sum(axis=1)
     d = np.sqrt(np.maximum(squares[:, None] + squares - 2 * z @ z.T, 0.0))
@@ -37,8 +37,7 @@ def crossings(cycles: Cycles) -> tuple[Vector, Vector]:
     apart = (lag > _APART * _POINTS) & (lag < (1 - _APART) * _POINTS)
     a, b = np.nonzero(low & apart & (d < 2 * spacing))
     chosen = np.argsort(d[a, b], kind="stable")[:_MOST]
-    first: Vector = s[a[chosen]]
-    second: Vector = s[b[chosen]]
+    first, second = s[a[chosen]], s[b[chosen]]
     for _ in range(12):
         first = np.asarray(np.clip(nearest(path, path.point(second), first, 2 * spacing), begin, end), dtype=float)
         second = np.asarray(np.clip(nearest(path, path.point(first), second, 2 * spacing), begin, end), dtype=float)

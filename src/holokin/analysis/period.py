@@ -76,9 +76,9 @@ def _curve(s: Vector, values: Matrix) -> Any:
 
 
 def tool_path(z: Matrix, q: Matrix, step: float, noise: float) -> ToolPath:
-    """Keep samples a step [m] apart, and the tips of turns; what happens while the tool rests is left out."""
+    """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out."""
     margin = NOISE_STEPS / 2 * noise
-    index = _anchors(z, step, margin)
+    index = _anchors(z, step, max(margin, 1e-3 * step))
     for _ in range(2):
         index = _with_corners(z, index, max(margin, 0.02 * step))
     chords = np.linalg.norm(np.diff(z[index], axis=0), axis=1)
@@ -86,40 +86,29 @@ def tool_path(z: Matrix, q: Matrix, step: float, noise: float) -> ToolPath:
 
 
 def _anchors(z: Matrix, step: float, margin: float) -> Indices:
-    """A sample is kept when it is `step` from the last one, or as far as the tool went before it came back."""
-    margin = max(margin, 1e-3 * step)
-    kept, here, count, chunk = [0], 0, len(z), 16
+    """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
+    over a margin away."""
+    kept, here, count = [0], 0, len(z)
     far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
     while True:
         while here < len(far) and far[here]:
             here += 1
             kept.append(here)
-        start, top, top_at = here + 1, 0.0, here
-        found = -1
-        while start < count:
+        start, chunk, found = here + 1, 32, -1
+        while start < count and found < 0:
             gap = z[start : start + chunk] - z[here]
-            d = np.sqrt(np.einsum("ij,ij->i", gap, gap))
-            highest = np.maximum(np.maximum.accumulate(d), top)
-            hit = (d > step) | (highest - d > margin)
+            hit = np.einsum("ij,ij->i", gap, gap) > step * step
             i = int(np.argmax(hit))
-            if hit[i]:
-                if d[i] <= step:  # came back: the farthest sample was the tip of a turn
-                    best = int(np.argmax(d[: i + 1]))
-                    i = best if d[best] >= top else top_at - start
-                found = start + i
-                break
-            best = int(np.argmax(d))
-            if d[best] > top:
-                top, top_at = float(d[best]), start + best
-            start += len(d)
-            chunk = min(2 * chunk, 8192)
+            found = start + i if hit[i] else -1
+            start, chunk = start + chunk, min(2 * chunk, 8192)
         if found < 0:
-            if top > margin:
-                kept.append(top_at)
-            return np.array(kept)
-        chunk = max(16, min(2 * (found - here), 8192))
+            break
         kept.append(found)
         here = found
+    left = np.linalg.norm(z[here:] - z[here], axis=1)
+    if left.max() > margin:
+        kept.append(here + int(np.argmax(left)))
+    return np.array(kept)
 
 
 def _with_corners(z: Matrix, index: Indices, margin: float) -> Indices:
