@@ -121,7 +121,7 @@ def test_at_the_crossing_of_an_eight_only_a_holonomic_arm_has_the_same_joints_tw
         audit = hk.audit_recording(hk.Recording(log.joint_names, log.t[37:], log.q[37:], "begun on the way"), PANDA)
         exact = np.abs(pieces[3][-1] - pieces[3][0]).max()
         assert audit.at_crossings is not None
-        assert audit.at_crossings.value == pytest.approx(exact, abs=1e-3 + 0.01 * exact)
+        assert audit.at_crossings.value == pytest.approx(exact, abs=1e-3 if noise else 1e-4)
         assert audit.at_crossings.beyond == (strategy is DRIFTING)
     assert hk.audit_recording(recorded(walk(HOME, [CIRCLE] * 2)), PANDA).at_crossings is None
 
@@ -183,7 +183,8 @@ def test_a_hundred_cycles_of_few_samples_are_all_found() -> None:
 @pytest.mark.parametrize("noise", [0.0, ENCODER])
 def test_the_pseudo_inverses_drift_is_found_to_one_percent(noise: float) -> None:
     """0.1635, 0.1572, 0.1549 rad (tests/test_numbers.py holds them against Pinocchio)."""
-    audit = hk.audit_recording(recorded(walk(DRIFTING, [CIRCLE] * 3, samples=500), noise), PANDA)
+    audit = hk.audit_recording(recorded(walk(DRIFTING, [CIRCLE] * 3, samples=499), noise), PANDA)
+    assert audit.cycles.stop[-1] == pytest.approx(1497, abs=3 if noise else 0.1)
     assert np.abs(audit.since_start).max(axis=1) == pytest.approx([0.1635, 0.3207, 0.4756], rel=5e-3)
     assert audit.verdict is LogVerdict.DRIFTS
     assert audit.worst_joint == "panda_joint1"
@@ -201,9 +202,8 @@ def test_the_forecast_of_the_limit_is_where_the_arm_runs_into_it() -> None:
     cut = done.marks[-5]
     audit = hk.audit_recording(recorded([done.q[: cut + 1]]), PANDA)
     joint, cycles = audit.limit
-    left = (len(done) - 1 - cut) / 200
     assert joint in str(stop.value)
-    assert cycles == pytest.approx(left, abs=1.5)
+    assert cycles == pytest.approx((len(done) - 1 - cut) / 200, abs=1.5)
 
 
 def test_a_holonomic_arm_comes_home_both_ways_at_every_speed() -> None:

@@ -136,7 +136,8 @@ def _no_cycles(
 
 def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[float, float]:
     """Arc length at which the repeating begins, to the last anchor, and the length of the round from there."""
-    grid = np.arange(max(0.0, begin - 0.2 * length), min(begin + length, path.length - length), path.step / 2)
+    first, last = max(0.0, begin - 0.2 * length), min(begin + length, path.length - length)
+    grid = np.asarray(np.arange(first, last, path.step / 2), dtype=float)
     lag = length
     if len(grid) > 4:
         z = path.point(grid)
