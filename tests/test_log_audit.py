@@ -121,7 +121,7 @@ def test_at_the_crossing_of_an_eight_only_a_holonomic_arm_has_the_same_joints_tw
         audit = hk.audit_recording(hk.Recording(log.joint_names, log.t[37:], log.q[37:], "begun on the way"), PANDA)
         exact = np.abs(pieces[3][-1] - pieces[3][0]).max()
         one, other = audit.cycles.path.point(np.array(crossings(audit.cycles)))
-        assert np.abs(one - other).max() < (1e-3 if noise else 1e-4)
+        assert np.abs(one - other).max() < (1e-3 if noise else 1e-5)
         assert audit.at_crossings.value == pytest.approx(exact, abs=1e-3 if noise else 1e-4)
         assert audit.at_crossings.beyond == (strategy is DRIFTING)
     assert hk.audit_recording(recorded(walk(HOME, [CIRCLE] * 2)), PANDA).at_crossings is None
