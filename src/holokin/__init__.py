@@ -21,12 +21,14 @@ from .analysis import (
     Holonomy,
     Homecoming,
     LeafFunction,
+    LogAudit,
     Price,
     Region,
     SelfMotion,
     Verdict,
     around,
     audit,
+    audit_recording,
     ball,
     ball_postures,
     box,
@@ -73,6 +75,7 @@ from .control import (
 from .errors import HolokinError
 from .motion import Drift, InverseKinematics, Spread, drift, follow, inverse, path_spread, settle
 from .path import Path, arc, circle, join, line, polyline
+from .recording import Recording, read_recording
 from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, mass_matrix, urdf_tips
 from .strategy import (
     Strategy,
@@ -113,8 +116,10 @@ __all__ = [
     "Homecoming",
     "InverseKinematics",
     "LeafFunction",
+    "LogAudit",
     "Path",
     "Price",
+    "Recording",
     "Region",
     "Robot",
     "SelfMotion",
@@ -129,6 +134,7 @@ __all__ = [
     "around",
     "asymptotically_cyclic",
     "audit",
+    "audit_recording",
     "ball",
     "ball_postures",
     "box",
@@ -181,6 +187,7 @@ __all__ = [
     "posture_cost",
     "price",
     "radial",
+    "read_recording",
     "repetitive_motion",
     "right_inverse",
     "self_motion",

@@ -63,6 +63,14 @@ class JobError(HolokinError):
         super().__init__(f"{path}: [{key}] {fact}; {cure}")
 
 
+class RecordingError(HolokinError):
+    """A log of joint motion that cannot be read or judged."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{path}: {fact}; {cure}")
+
+
 class ExpressionError(HolokinError):
     """A formula in a job file that cannot be read."""
 

@@ -1,4 +1,4 @@
-"""Questions about strategies: curvature, involutivity, leaves, drift forecasts, reach of loops, price."""
+"""Questions about strategies, controllers and logs: curvature, leaves, drift, price, audits."""
 
 from .audit import Audit, Finding, Homecoming, audit
 from .curvature import curvature
@@ -8,6 +8,7 @@ from .forecast import Forecast, forecast
 from .general_form import GeneralForm, general_form
 from .involutivity import Verdict, involutivity, involutivity_of
 from .leaf_function import LeafFunction, leaf_function
+from .log_audit import LogAudit, LogVerdict, audit_recording
 from .price import Deviation, Price, ball_postures, deviation, price
 from .region import Ball, Region, around, ball, box
 
@@ -23,12 +24,15 @@ __all__ = [
     "Holonomy",
     "Homecoming",
     "LeafFunction",
+    "LogAudit",
+    "LogVerdict",
     "Price",
     "Region",
     "SelfMotion",
     "Verdict",
     "around",
     "audit",
+    "audit_recording",
     "ball",
     "ball_postures",
     "box",
