@@ -150,7 +150,7 @@ def audit(
     """
     from rich.console import Console
 
-    from .analysis.log_audit import LogVerdict, audit_recording
+    from .analysis import Homecoming, audit_recording
     from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
     from .recording import read_recording
     from .robot import load
@@ -167,7 +167,7 @@ def audit(
         plot_log_audit(found, plot)
     console = Console()
     print_log_audit(found, console if console.is_terminal else Console(width=120))
-    raise typer.Exit(0 if found.verdict is LogVerdict.COMES_HOME else 1)
+    raise typer.Exit(0 if found.verdict is Homecoming.COMES_HOME else 1)
 
 
 def main() -> None:

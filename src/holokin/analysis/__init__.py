@@ -1,14 +1,15 @@
 """Questions about strategies, controllers and logs: curvature, leaves, drift, price, audits."""
 
-from .audit import Audit, Finding, Homecoming, audit
+from .audit import Audit, Finding, audit
 from .curvature import curvature
 from .fibre import DriftFree, SelfMotion, drift_free, self_motion
 from .filtration import Filtration, Holonomy, filtration
 from .forecast import Forecast, forecast
 from .general_form import GeneralForm, general_form
 from .involutivity import Verdict, involutivity, involutivity_of
+from .judge import Homecoming
 from .leaf_function import LeafFunction, leaf_function
-from .log_audit import LogAudit, LogVerdict, audit_recording
+from .log_audit import LogAudit, audit_recording
 from .price import Deviation, Price, ball_postures, deviation, price
 from .region import Ball, Region, around, ball, box
 
@@ -25,7 +26,6 @@ __all__ = [
     "Homecoming",
     "LeafFunction",
     "LogAudit",
-    "LogVerdict",
     "Price",
     "Region",
     "SelfMotion",

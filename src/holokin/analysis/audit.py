@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from ..task import Task, pose
 from ..trajectory import Trajectory
 from ..types import ArrayLike, Vector
 from .fibre import self_motion
+from .judge import Homecoming
 
 TOLERANCE = 1e-3
 """Joint difference [joint units] that counts: well over the round-off and step error of a sound loop, and about what
@@ -29,16 +29,6 @@ shows on a robot, 1 mm at the end of 1 m."""
 
 NO_DRIFT = 1e-5
 """Drift [joint units] of a circle of 0.04 m in radius that is none: a curvature of 0.002 per square metre."""
-
-
-class Homecoming(Enum):
-    """What an audit found; the text says what it means."""
-
-    COMES_HOME = "comes home: the joints belong to the tool pose, whatever way, speed or time"
-    BUT_FOR_THE_STEP = "comes home but for the step of the loop: feedback to the leaf, or a shorter step, mends it"
-    CONVERGES = "settles: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
-    DRIFTS = "drifts: every cycle leaves the joints elsewhere"
-    UNKNOWN = "cannot be judged: the law failed, as told below"
 
 
 @dataclass(frozen=True)

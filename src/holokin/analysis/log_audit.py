@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..task import Task, pose, position
 from ..types import Array, Indices, Matrix, Vector
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import DriftTrend, Trend, drift_trend, first_limit, spread, to_pose
+from .judge import DriftTrend, Homecoming, Trend, drift_trend, first_limit, spread, to_pose
 from .period import noise_level
 
 TOLERANCE = 1e-3
@@ -24,14 +23,6 @@ reach, below which the backlash of usual gears hides everything."""
 
 SPEEDS = 1.2
 """Cycles whose moving times differ by more than this factor count as fast and slow."""
-
-
-class LogVerdict(Enum):
-    """What a recorded log shows."""
-
-    COMES_HOME = "comes home: equal tool poses have equal joints"
-    CONVERGES = "converges: the cycles settle, but the joints at a tool pose depend on the way or the time"
-    DRIFTS = "drifts: closed cycles of the tool leave the joints elsewhere, again and again"
 
 
 @dataclass(frozen=True)
@@ -69,7 +60,7 @@ class LogAudit:
     by_way: Distance | None
     by_speed: Distance | None
     at_crossings: Distance | None
-    verdict: LogVerdict
+    verdict: Homecoming
 
     @property
     def noise_floor(self) -> float:
@@ -114,9 +105,9 @@ class LogAudit:
     def sentence(self) -> str:
         """The verdict with its reason, in one sentence."""
         settled = [t for t in self.trends.values() if t.trend is Trend.DECAYS]
-        if self.verdict is LogVerdict.COMES_HOME:
-            tail = f" to {self.between.value:.2g} rad or m in {len(self.cycles)} cycles"
-        elif self.verdict is LogVerdict.DRIFTS:
+        if self.verdict is Homecoming.COMES_HOME:
+            tail = f" ({self.between.value:.2g} rad or m apart in {len(self.cycles)} cycles)"
+        elif self.verdict is Homecoming.DRIFTS:
             limit = self.limit
             tail = f", by {self.largest.max():.3g} in a cycle ({self.worst_joint})"
             if limit is not None:
@@ -273,11 +264,11 @@ def audit_recording(
     tested = (between, by_way, by_speed, at_crossings)
     kinds = {trend.trend for trend in trends.values()}
     if Trend.CONSTANT in kinds:
-        verdict = LogVerdict.DRIFTS
+        verdict = Homecoming.DRIFTS
     elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in tested):
-        verdict = LogVerdict.CONVERGES
+        verdict = Homecoming.CONVERGES
     else:
-        verdict = LogVerdict.COMES_HOME
+        verdict = Homecoming.COMES_HOME
     return LogAudit(
         robot,
         recording,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.log_audit import LogAudit, LogVerdict
+from ..analysis import Homecoming, LogAudit
 from ..errors import ArgumentError
 from .figures import margins
 from .plots import INK, PALETTE, frame_robot, robot_stick, style, thin, tool_path
@@ -28,7 +28,7 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = "green" if audit.verdict is LogVerdict.COMES_HOME else "red"
+    color = "green" if audit.verdict is Homecoming.COMES_HOME else "red"
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
