@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import __version__
-from .errors import HolokinError, UnknownNameError
+from .errors import ArgumentError, HolokinError, UnknownNameError
+
+if TYPE_CHECKING:
+    from .job import Job
 
 app = typer.Typer(
     name="holokin",
@@ -45,22 +48,25 @@ def run(
 ) -> None:
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
 
-    Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input.
+    Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input: of the command or of a job
+    file before anything runs, else of the jobs that cannot be done, after the others have been.
     """
     from rich.console import Console
 
-    from .job import expand, open_job, run_job
+    from .job import run_job
     from .output.animate import animate as draw
-    from .output.report import write_report
+    from .output.report import check_folder, write_report
     from .output.table import print_result
 
     console = Console()
     if not console.is_terminal:
         console = Console(width=120)
     progress = Console(stderr=True)
-    passed = True
+    passed, sound = True, True
+    opened = _opened(jobs)
+    for name, _, _ in opened:
+        check_folder(out, name)
     try:
-        opened = [open_job(name) for name in expand(jobs)]
         for name, job, file in opened:
             with progress.status(f"{name} ...") if progress.is_terminal else _silence() as status:
 
@@ -68,10 +74,15 @@ def run(
                     if hasattr(status, "update"):
                         status.update(f"{name}: {text}")  # type: ignore[union-attr]
 
-                result = run_job(name, job, file, say)
-                say("drawing")
-                extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
-                folder = write_report(result, out, __version__, extra)
+                try:
+                    result = run_job(name, job, file, say)
+                    say("drawing")
+                    extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
+                    folder = write_report(result, out, __version__, extra)
+                except HolokinError as problem:
+                    typer.echo(_sentence(problem, name if len(opened) > 1 else ""), err=True)
+                    sound = False
+                    continue
             print_result(result, console)
             console.print(
                 f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n", highlight=False, markup=False
@@ -80,7 +91,27 @@ def run(
     except KeyboardInterrupt:
         typer.echo("stopped; reports already named above are complete", err=True)
         raise typer.Exit(130) from None
-    raise typer.Exit(0 if passed else 1)
+    raise typer.Exit(2 if not sound else 0 if passed else 1)
+
+
+def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
+    """(short name, job, file) of each job, once. Raises: ArgumentError when two would write one folder."""
+    from .job import expand, open_job
+
+    found: dict[str, tuple[str, Job, Path]] = {}
+    for name, job, file in map(open_job, expand(names)):
+        other = found.setdefault(name.casefold(), (name, job, file))[2]
+        if other.absolute() != file.absolute():
+            cure = f"{other} and {file} would write into one folder: rename one, or run them with an --out each"
+            raise ArgumentError("the name of two jobs", name, cure)
+    return list(found.values())
+
+
+def _sentence(problem: HolokinError, job: str = "") -> str:
+    """What a user reads of an error."""
+    listed = isinstance(problem, UnknownNameError) and problem.kind in ("job", "robot")
+    hint = " (`holokin jobs` and `holokin robots` list what there is)" if listed else ""
+    return f"error: {f'{job}: ' if job else ''}{problem}{hint}"
 
 
 class _silence:
@@ -174,12 +205,8 @@ def main() -> None:
     """Entry point: runs the command line; a HolokinError becomes one sentence and exit code 2."""
     try:
         app()
-    except UnknownNameError as problem:
-        hint = " (`holokin jobs` and `holokin robots` list what there is)" if problem.kind in ("job", "robot") else ""
-        typer.echo(f"error: {problem}{hint}", err=True)
-        sys.exit(2)
     except HolokinError as problem:
-        typer.echo(f"error: {problem}", err=True)
+        typer.echo(_sentence(problem), err=True)
         sys.exit(2)
 
 

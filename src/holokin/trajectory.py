@@ -19,12 +19,17 @@ class Status(Enum):
     """How a trajectory ended; the text names cause and cure."""
 
     COMPLETE = "followed to the end"
-    LIMIT = "stopped at a joint limit: choose another start, path or strategy"
+    LIMIT = "stopped at a joint limit; choose another start, path or strategy"
     OUT_OF_REACH = "stopped: the path leaves the workspace; move or shrink it"
-    SINGULAR = "stopped at a singularity of the strategy: choose another constraint, leaf or path"
-    BRANCH = "stopped where the leaf folds back: choose another constraint or leaf"
+    SINGULAR = "stopped at a singularity of the strategy; choose another constraint, leaf or path"
+    BRANCH = "stopped where the leaf folds back; choose another constraint or leaf"
     FAULT = "stopped: the controller threw, blocked or returned no finite rates; mend it"
     LOST = "stopped: integration lost the path; use more samples"
+
+    @property
+    def cause(self) -> str:
+        """The text without its cure."""
+        return self.value.partition(";")[0]
 
 
 @dataclass(frozen=True, eq=False)

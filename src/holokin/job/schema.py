@@ -193,6 +193,7 @@ class ExpectTable(_Table):
     tracking: Bound | None = None
     sigma: Bound | None = None
     speed: Bound | None = None
+    peak_speed: Bound | None = None
     residual: Bound | None = None
     invariant: Bound | None = None
     same_joints: Bound | None = None

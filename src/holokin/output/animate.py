@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..trajectory import Trajectory
-from .figures import margins, slug, tool_points
-from .plots import CLOCKWISE, COUNTER, GREY, frame_robot, robot_stick, style, tool_path
+from ..trajectory import Status, Trajectory
+from .figures import margins, tool_points
+from .plots import CLOCKWISE, COUNTER, GREY, best_azimuth, frame_robot, robot_stick, style, tool_path
 from .result import JobResult, StrategyResult
+from .words import away, stopped, ways_end
 
 FRAMES = 60
 """Frames of a moving picture, before the last one is held."""
@@ -24,27 +25,32 @@ def animate(result: JobResult, folder: FilePath, say: Callable[[str], None] = la
     """Write `ways-NAME.gif` for every strategy with two ways, and `cycles.gif` when there are several cycles."""
     for strategy in result.drawn:
         if strategy.ways is not None:
-            say(f"drawing ways-{slug(strategy.name)}.gif")
-            ways_gif(result, strategy, folder / f"ways-{slug(strategy.name)}.gif")
+            name = f"ways-{result.stems[strategy.name]}.gif"
+            say(f"drawing {name}")
+            ways_gif(result, strategy, folder / name)
     if result.cycles > 1:
         say("drawing cycles.gif")
         cycles_gif(result, list(result.drawn)[:3], folder / "cycles.gif")
 
 
 def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> None:
-    """Left the clockwise way, right the counter-clockwise one; at the end each shows where the other stands."""
+    """Left the clockwise way, right the counter-clockwise one; at the end each shows where the other stands.
+
+    A way that stops says when, and nothing is compared.
+    """
     if strategy.ways is None:
         return
     clockwise, counter = strategy.ways
     panels = [("clockwise", clockwise, CLOCKWISE), ("counter-clockwise", counter, COUNTER)]
-    gap = float(np.abs(clockwise.q[-1] - counter.q[-1]).max())
+    complete = clockwise.status is counter.status is Status.COMPLETE
 
     def caption(share: float, walk: Trajectory, title: str) -> str:
         if share < 1.0:
-            return f"{strategy.name}: {title}"
-        return f"{strategy.name}: " + ("both ways end alike" if gap < 1e-8 else f"joints end {gap:.2g} rad apart")
+            return f"{strategy.name}, {title}\n"
+        ending = ways_end((clockwise, counter)) if complete else stopped(walk) or "followed to the end"
+        return f"{strategy.name}, {title}\n{ending}"
 
-    ghosts = [counter.q[-1], clockwise.q[-1]]
+    ghosts = [counter.q[-1], clockwise.q[-1]] if complete else [None, None]
     _write(result, [(t, w, s["color"]) for t, w, s in panels], caption, ghosts, file, late_ghosts=True)
 
 
@@ -55,8 +61,8 @@ def cycles_gif(result: JobResult, strategies: list[StrategyResult], file: FilePa
 
     def caption(share: float, walk: Trajectory, title: str) -> str:
         done = sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])
-        drift = np.abs(walk.q[walk.marks[done]] - walk.q[0]).max()
-        return f"{title}\nafter {done} cycles: " + (f"{drift:.2f} rad away" if drift > 1e-8 else "home")
+        ended = stopped(walk) if share == 1.0 else ""
+        return f"{title}\n{ended or (away(walk, done) if done else 'the start in grey')}"
 
     _write(result, panels, caption, [result.start] * len(panels), file, frames=FRAMES * 2)
 
@@ -81,8 +87,11 @@ def _write(
         grid = figure.subplots(1, len(panels), squeeze=False, subplot_kw=kind)[0]
         clouds = [line for _, w, _ in panels for q in w.q[:: max(1, len(w) // 40)] for line in robot.skeleton(q)]
         paths = [tool_points(result, walk) for _, walk, _ in panels]
+        shown = [walk.q[0] if ghost is None else ghost for (_, walk, _), ghost in zip(panels, ghosts, strict=True)]
+        pairs = [(robot.skeleton(q), robot.skeleton(w.q[-1])) for q, (_, w, _) in zip(shown, panels, strict=True)]
+        azimuth = best_azimuth([(np.vstack(one), np.vstack(other)) for one, other in pairs])
         for axes, points, (title, walk, _) in zip(grid, paths, panels, strict=True):
-            frame_robot(axes, robot, clouds)
+            frame_robot(axes, robot, clouds, azimuth=azimuth)
             tool_path(axes, robot, points, color=GREY, linewidth=1.2)
             axes.set_title(caption(0.0, walk, title), fontsize=11, loc="center")
         titles = [axes.title for axes in grid]
@@ -95,10 +104,10 @@ def _write(
             canvas.restore_region(still)
             for axes, (title, walk, color), ghost in zip(grid, panels, ghosts, strict=True):
                 moving = []
-                if not late_ghosts or share == 1.0:
-                    moving += robot_stick(axes, robot, ghost, GREY, width=2.4)
+                if ghost is not None and (not late_ghosts or share == 1.0):
+                    moving += robot_stick(axes, robot, ghost, GREY, width=6.0, alpha=0.6)
                 q = walk.q[round(share * (len(walk) - 1))]
-                moving += robot_stick(axes, robot, q, color, width=3.2)
+                moving += robot_stick(axes, robot, q, color, width=2.4)
                 axes.title.set_text(caption(share, walk, title))
                 for artist in [*moving, axes.title]:
                     axes.draw_artist(artist)

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..trajectory import Trajectory
+from ..trajectory import Status, Trajectory
 from .plots import (
     CLOCKWISE,
     COUNTER,
     GREY,
+    best_azimuth,
     drift_per_cycle,
     frame_robot,
     joint_cycles,
@@ -21,6 +22,10 @@ from .plots import (
     tool_path,
 )  # fmt: skip
 from .result import JobResult, StrategyResult
+from .words import away, joint_unit, stopped, ways_end
+
+COLUMNS = 3
+"""Panels side by side, at most: more would be too small to read in a page."""
 
 
 def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
@@ -28,25 +33,23 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     from matplotlib import rc_context
 
     with rc_context(style()):
-        yield "robot", "The robot at the start (grey) and where each way has led it.", robot_figure(result)
+        caption = "The robot at the start (grey) and where each way has led it: clockwise (wide, blue) and "
+        yield "robot", caption + "counter-clockwise (thin, red), in one picture.", robot_figure(result)
     for strategy in result.drawn:
         if strategy.ways is not None:
             with rc_context(style()):
                 caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
                 apart = strategy.figures["same_joints"]
                 if np.isfinite(apart):
-                    caption += f" The other representations of orientation lie within {apart:.1g} of it."
-                yield f"ways-{slug(strategy.name)}", caption, ways_figure(strategy)
+                    unit = joint_unit(result.robot)
+                    caption += f" The other representations of orientation lie within {apart:.1g} {unit} of it."
+                yield f"ways-{result.stems[strategy.name]}", caption, ways_figure(strategy)
     if result.cycles > 1:
         with rc_context(style()):
             yield "cycles", f"Joints, less their start values, over {result.cycles} cycles.", cycles_figure(result)
-        with rc_context(style()):
-            yield "drift", "Joint drift after each cycle.", drift_figure(result)
-
-
-def slug(name: str) -> str:
-    """A file name of a strategy's name."""
-    return "".join(c if c.isalnum() or c == "-" else "-" for c in name).strip("-").replace("--", "-")
+        if any(s.cycles.cycles for s in result.drawn):
+            with rc_context(style()):
+                yield "drift", "Joint drift after each cycle.", drift_figure(result)
 
 
 def ways_figure(strategy: StrategyResult) -> Any:
@@ -57,26 +60,39 @@ def ways_figure(strategy: StrategyResult) -> Any:
         raise ValueError("a strategy without two ways has no such figure")
     clockwise, counter = strategy.ways
     n = len(clockwise.joint_names)
-    columns = 1 if n <= 3 else 2 if n <= 6 else 3
+    columns = min(n, 2 if n == 4 else COLUMNS)
     rows = -(-n // columns)
-    figure = Figure(figsize=(4.4 * columns if columns > 1 else 6.4, 1.9 * rows + 1.1))
-    margins(figure, left=0.7, right=0.15, bottom=0.85, top=0.65, width_gap=0.75, height_gap=0.42, grid=(rows, columns))
+    word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
+    title = f"{strategy.name} ({word})"
+    if Status.COMPLETE not in (clockwise.status, counter.status) or clockwise.status is not counter.status:
+        title += "\n" + ways_end(strategy.ways)
+    top = 0.45 + 0.2 * (1 + title.count("\n"))
+    bottom = 0.85 if n == rows * columns else 0.55
+    figure = Figure(figsize=(max(4.4 * columns, 6.4), (2.6 if rows == 1 else 1.6) * rows + bottom + top))
+    margins(figure, left=0.7, right=0.15, bottom=bottom, top=top, width_gap=0.75, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
         joint_ways(grid.flat[joint], clockwise, counter, joint)
-    for axes in grid.flat[n:]:
-        axes.set_visible(False)
     for column in range(columns):
         last = max(r for r in range(rows) if r * columns + column < n)
         grid[last, column].set_xlabel("time [s]")
         grid[last, column].tick_params(labelbottom=True)
-    handles, labels = grid.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=2)
-    word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
-    figure.suptitle(
-        f"{strategy.name} ({word})", fontsize=12, fontweight="bold", y=1 - 0.08 / figure.get_figheight(), va="top"
-    )
+    legend(figure, grid, n)
+    figure.suptitle(title, fontsize=12, fontweight="bold", y=1 - 0.08 / figure.get_figheight(), va="top")
     return figure
+
+
+def legend(figure: Any, grid: Any, count: int) -> None:
+    """One legend for a grid of which `count` cells are used: in the empty cells, or below where there are none."""
+    handles, labels = grid.flat[0].get_legend_handles_labels()
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    if count == grid.size:
+        figure.legend(handles, labels, loc="lower center", ncols=min(7, len(labels)))
+        return
+    first, last = grid.flat[count].get_position(), grid.flat[-1].get_position()
+    center = ((first.x0 + last.x1) / 2, (last.y0 + first.y1) / 2)
+    figure.legend(handles, labels, loc="center", bbox_to_anchor=center, ncols=-(-len(labels) // 4), fontsize=11)
 
 
 def cycles_figure(result: JobResult) -> Any:
@@ -84,16 +100,23 @@ def cycles_figure(result: JobResult) -> Any:
     from matplotlib.figure import Figure
 
     count = len(result.drawn)
-    figure = Figure(figsize=(3.9 * count + 1.0, 4.1))
-    margins(figure, left=0.75, right=0.15, bottom=0.95, top=0.55, width_gap=0.25, grid=(1, count))
-    grid = figure.subplots(1, count, squeeze=False, sharey=True)[0]
-    for axes, strategy in zip(grid, result.drawn, strict=True):
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    bottom = 0.95 if count == rows * columns else 0.6
+    figure = Figure(figsize=(3.9 * columns + 1.0, 3.1 * rows + bottom))
+    margins(
+        figure, left=0.75, right=0.15, bottom=bottom, top=0.55, width_gap=0.25, height_gap=0.6, grid=(rows, columns)
+    )
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
+    for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
         joint_cycles(axes, strategy.cycles)
-        drift = _drift(strategy.cycles)
-        axes.set_title(f"{strategy.name}\n{drift}", loc="left", fontsize=10)
-    grid[0].set_ylabel("q - q(0) [rad or m]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=min(7, len(labels)))
+        axes.set_title(f"{strategy.name}\n{_drift(strategy.cycles)}", loc="left", fontsize=10)
+        below = k + columns < count
+        axes.tick_params(labelbottom=not below)
+        axes.set_xlabel("" if below else "time [s]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel(f"q - q(0) [{joint_unit(result.robot)}]")
+    legend(figure, grid, count)
     return figure
 
 
@@ -115,14 +138,14 @@ def robot_figure(result: JobResult) -> Any:
 
     robot = result.robot
     count = len(result.drawn)
-    columns = min(count, 4)
+    columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    figure = Figure(figsize=(4.0 * columns, 4.2 * rows))
+    figure = Figure(figsize=(4.4 * columns, 4.2 * rows))
     if robot.planar:
         margins(figure, left=0.65, right=0.15, bottom=0.6, top=0.6, width_gap=0.6, height_gap=0.9, grid=(rows, columns))
     else:  # 3-D axes leave room of their own, but for the last labels
         margins(
-            figure, left=0.05, right=0.25, bottom=0.15, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns)
+            figure, left=0.05, right=0.25, bottom=0.3, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns)
         )
     kind = {} if robot.planar else {"projection": "3d"}
     grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
@@ -130,8 +153,10 @@ def robot_figure(result: JobResult) -> Any:
         axes.set_visible(False)
     panels = list(zip(grid.flat, result.drawn, strict=False))
     clouds = [points for axes, strategy in panels for points in draw_robot(axes, result, strategy)]
+    ends = [(s.ways or (s.cycles,) * 2) for s in result.drawn]
+    azimuth = best_azimuth([(np.vstack(robot.skeleton(a.q[-1])), np.vstack(robot.skeleton(b.q[-1]))) for a, b in ends])
     for axes, strategy in panels:
-        frame_robot(axes, robot, clouds, f"{strategy.name}\n{_spread(strategy)}")
+        frame_robot(axes, robot, clouds, f"{strategy.name}\n{_ending(strategy)}", azimuth=azimuth)
     return figure
 
 
@@ -151,7 +176,10 @@ def margins(
 
 
 def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[Any]:
-    """The robot at the start and at the end of each way, with the tool paths; returns the points drawn."""
+    """The robot at the start and at the end of each way, with the tool paths; returns the points drawn.
+
+    The clockwise end is wide and light, the counter-clockwise one thin: neither covers the other.
+    """
     robot = result.robot
     clouds = list(robot.skeleton(result.start))
     robot_stick(axes, robot, result.start, GREY, width=2.2)
@@ -162,7 +190,8 @@ def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[A
     for walk, look in walks:
         points = tool_points(result, walk)
         tool_path(axes, robot, points, **{**look, "linewidth": 1.4})
-        robot_stick(axes, robot, walk.q[-1], look["color"], style=look["linestyle"], width=2.6)
+        wide = look is CLOCKWISE and strategy.ways is not None  # so that both are seen where they are one
+        robot_stick(axes, robot, walk.q[-1], look["color"], width=6.0 if wide else 1.8, alpha=0.45 if wide else 1.0)
         clouds += [points, *robot.skeleton(walk.q[-1])]
     return clouds
 
@@ -173,15 +202,12 @@ def tool_points(result: JobResult, walk: Trajectory) -> Any:
     return np.array([result.robot.pose(q)[:3, 3] for q in walk.q[keep]])
 
 
-def _spread(strategy: StrategyResult) -> str:
-    spread = strategy.figures["spread"]
-    if not np.isfinite(spread):
-        return strategy.status.value
-    return "both ways end alike" if spread < 1e-8 else f"the two ways end {spread:.3g} rad apart"
+def _ending(strategy: StrategyResult) -> str:
+    if strategy.ways is not None:
+        return ways_end(strategy.ways)
+    return stopped(strategy.cycles) or "at the end of the path"
 
 
 def _drift(walk: Trajectory) -> str:
-    if not walk.cycles:
-        return "stopped in the first cycle"
-    total = np.abs(walk.drift_since_start()[-1]).max()
-    return f"after {walk.cycles} cycles: " + ("back home" if total < 1e-8 else f"{total:.3g} rad away")
+    parts = [away(walk, walk.cycles)] if walk.cycles else []
+    return "; ".join([*parts, *filter(None, [stopped(walk)])])

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..robot import Robot
-from ..trajectory import Trajectory
+from ..trajectory import Status, Trajectory
 from ..types import Indices, Matrix, Vector
 
 CLOCKWISE = {"color": "#1f5fbf", "linestyle": "-", "linewidth": 1.8}
 COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
 GREY = "#9aa1ac"
+ELEVATION = 20.0
+"""Height of the eye over the floor in pictures in space [degrees]."""
 INK = "#22262e"
 PALETTE = ("#1f5fbf", "#d1352b", "#2e8b57", "#8a4fbf", "#c47f11", "#0f8b8d", "#6b7280", "#b03a7c")
 
@@ -50,18 +52,23 @@ def thin(count: int, most: int = 600) -> Indices:
 
 
 def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int) -> Any:
-    """One joint over the distance run, by both ways, with the gap at the end. [ZR11, Figs 4, 5, 8]"""
+    """One joint over time, by both ways, with the gap at the end or crosses where they stop. [ZR11, Figs 4, 5, 8]"""
+    stops: list[float] = []
     for walk, style, label in ((clockwise, CLOCKWISE, "clockwise"), (counter, COUNTER, "counter-clockwise")):
         keep = thin(len(walk))
         axes.plot(walk.t[keep], walk.q[keep, joint], label=label, **style)
-        axes.plot(walk.t[-1], walk.q[-1, joint], "o", color=style["color"], markersize=4)
+        if walk.status is not Status.COMPLETE:
+            stops.append(float(walk.t[-1]))
+        end = "o" if walk.status is Status.COMPLETE else "X"
+        axes.plot(walk.t[-1], walk.q[-1, joint], end, color=style["color"], markersize=4 if end == "o" else 7)
     gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
     unit = clockwise.joint_units[joint]
     low, high = axes.get_ylim()
     least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
     if high - low < least:
         axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-    axes.set_title(f"{clockwise.joint_names[joint]}: {_gap(gap, unit)}", loc="left", color=INK, fontsize=10)
+    ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
+    axes.set_title(f"{clockwise.joint_names[joint]}: {ending}", loc="left", color=INK, fontsize=10)
     axes.set_ylabel(unit)
     return axes
 
@@ -88,18 +95,19 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory]) -> Any:
     axes.text(0.99, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="right", color="#6b7280", fontsize=9)
     axes.set_ylim(1e-17, 10)
     axes.set_xlabel("cycles done")
-    axes.set_ylabel("joint drift, largest joint [rad or m]")
+    units = dict.fromkeys(unit for walk in walks.values() for unit in walk.joint_units)
+    axes.set_ylabel(f"joint drift, largest joint [{' or '.join(units)}]")
     axes.xaxis.get_major_locator().set_params(integer=True)
     return axes
 
 
-def robot_stick(axes: Any, robot: Robot, q: Vector, color: str, *, style: Any = "-", width: float = 3.0) -> list[Any]:
+def robot_stick(axes: Any, robot: Robot, q: Vector, color: str, *, width: float = 3.0, alpha: float = 1.0) -> list[Any]:
     """The robot as a stick figure; returns the artists. In a plane for a planar robot, else in space."""
     artists = []
     for line in robot.skeleton(q):
         points = _planar(line) if robot.planar else line.T
         artists += axes.plot(
-            *points, color=color, linestyle=style, linewidth=width, marker="o", markersize=width + 1,
+            *points, color=color, linewidth=width, alpha=alpha, marker="o", markersize=width + 1,
             markerfacecolor="white", markeredgecolor=color, markeredgewidth=1.2, solid_capstyle="round",
         )  # fmt: skip
     return artists
@@ -112,11 +120,10 @@ def tool_path(axes: Any, robot: Robot, points: Matrix, **style: Any) -> list[Any
     return axes.plot(*shown, **style)
 
 
-def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = "") -> Any:
-    """Equal scales round all points, a floor mark at the base, few ticks."""
+def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = "", *, azimuth: float = -62.0) -> Any:
+    """Equal scales, limits close round all points and the base, few ticks; seen from an azimuth [degrees]."""
     points = np.vstack([*clouds, np.zeros((1, 3))])
     low, high = points.min(axis=0), points.max(axis=0)
-    center, half = (low + high) / 2, 0.56 * float((high - low).max())
     axes.set_title(title, loc="left" if robot.planar else "center", fontsize=10, color=INK)
     if robot.planar:
         pad = 0.1 * (high - low)[:2].max()
@@ -126,11 +133,15 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
         return axes
-    axes.set_xlim(center[0] - half, center[0] + half)
-    axes.set_ylim(center[1] - half, center[1] + half)
-    axes.set_zlim(max(0.0, center[2] - half) if low[2] >= -1e-9 else center[2] - half, center[2] + half)
-    axes.set_box_aspect((1, 1, (axes.get_zlim()[1] - axes.get_zlim()[0]) / (2 * half)), zoom=1.0)
-    axes.view_init(elev=20, azim=-62)
+    size = np.maximum(1.1 * (high - low), 0.5 * float((high - low).max()))
+    middle = (low + high) / 2
+    if low[2] >= -1e-9:  # stands on the floor
+        middle[2] = size[2] / 2
+    axes.set_xlim(middle[0] - size[0] / 2, middle[0] + size[0] / 2)
+    axes.set_ylim(middle[1] - size[1] / 2, middle[1] + size[1] / 2)
+    axes.set_zlim(middle[2] - size[2] / 2, middle[2] + size[2] / 2)
+    axes.set_box_aspect(size / size.max(), zoom=1.5 * size.max() / float(np.linalg.norm(size)))
+    axes.view_init(elev=ELEVATION, azim=azimuth)
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.pane.set_facecolor("#fafafa")
         axis.set_major_locator(_few())
@@ -138,6 +149,25 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
         axis.set_label_text(f"{name} [m]", fontsize=8)
         axis.labelpad = -6
     return axes
+
+
+def best_azimuth(pairs: Sequence[tuple[Matrix, Matrix]]) -> float:
+    """The azimuth [degrees] from which pairs of postures, points (k, 3) each, show best how far they are apart.
+
+    Half as much counts that the robot itself is seen from its side.
+    """
+    angles = np.arange(-150.0, 180.0, 10.0)
+    a, e = np.deg2rad(angles), np.deg2rad(ELEVATION)
+    right = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)])
+    up = np.stack([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.full_like(a, np.cos(e))])
+    gaps = np.vstack([one - other for one, other in pairs])
+    apart = np.hypot(gaps @ right, gaps @ up).max(axis=0)
+    body = np.vstack([one - one.mean(axis=0) for one, _ in pairs])
+    seen = np.abs(body @ right).max(axis=0)
+    score = seen / (2 * max(seen.max(), 1e-12))
+    if apart.max() > 1e-9:
+        score = score + apart / apart.max()
+    return float(angles[np.argmax(score)])
 
 
 def _planar(points: Matrix) -> Matrix:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -14,9 +15,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError
-from .figures import figures, slug
+from .figures import figures
 from .result import FIGURES, JobResult
-from .table import COLUMNS, row
+from .table import columns, remarks, row
+from .words import joint_unit, verdict_lines
+
+FACTS = "result.json"
+"""The file by which a folder is known as holokin's."""
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -34,17 +39,43 @@ figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: 
 """
 
 
+_TERMS = (
+    "Defect: the curvature F of a strategy, how far a small loop of the tool carries the joints, per area of the "
+    "loop; zero everywhere means holonomic. Leaf: all the postures that a holonomic strategy can bring the robot to "
+    "from its start; on it the tool pose alone says where the joints are. Drift: how far the joints are, at the end "
+    "of a cycle, from where it began. Sigma min: the smallest singular value of the task Jacobian, zero where the "
+    "tool cannot move in some direction. Speed / MP: joint speed over that of the pseudo-inverse, which is the "
+    "least. Peak speed: the greatest joint speed over that joint's limit."
+)
+"""Terms of the table and the verdicts."""
+
+
+def check_folder(out: FilePath, name: str) -> FilePath:
+    """`out/<name>`, where a job's results go. Raises: ArgumentError if they cannot; nothing is made or touched."""
+    target = out / name
+    if target.is_symlink() or (target.exists() and _written(target) is None):
+        raise ArgumentError("the output folder", str(target), "it is not one of holokin's; choose another --out")
+    above = next(p for p in (out, *out.absolute().parents) if p.exists())
+    fault = "" if above.is_dir() else f"{above} is not a folder"
+    if above.is_dir() and not os.access(above, os.W_OK):
+        fault = f"{above} may not be written"
+    if fault:
+        raise ArgumentError("the output folder", str(out), f"cannot be made: {fault}; choose another --out")
+    return target
+
+
 def write_report(
     result: JobResult, out: FilePath, version: str, extra: Callable[[FilePath], None] | None = None
 ) -> FilePath:
     """Write `out/<job>/` and return it; `extra` may add files before it is put in place.
 
+    A folder of an earlier run is replaced whole; what others have put into it stays. A file of theirs under a name
+    that holokin needs gets ".kept" at its end.
+
     Raises:
         ArgumentError: the folder exists and was not written by holokin, or cannot be made.
     """
-    target = out / result.name
-    if target.exists() and not (target / "result.json").is_file():
-        raise ArgumentError("the output folder", str(target), "it is not one of holokin's; choose another --out")
+    target = check_folder(out, result.name)
     try:
         out.mkdir(parents=True, exist_ok=True)
         work = FilePath(tempfile.mkdtemp(prefix=f".{result.name}-", dir=out))
@@ -54,13 +85,43 @@ def write_report(
         _fill(result, work, version)
         if extra is not None:
             extra(work)
+        _write_facts(result, work, version)
         work.chmod(0o755)
-        if target.exists():
-            shutil.rmtree(target)
-        work.rename(target)
+        _put(work, target)
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return target
+
+
+def _written(folder: FilePath) -> set[str] | None:
+    """Names that holokin wrote into a folder, as its result.json says; None if the folder is not holokin's."""
+    try:
+        names = json.loads((folder / FACTS).read_text("utf-8"))["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return {str(name) for name in names} if isinstance(names, list) else None
+
+
+def _put(work: FilePath, target: FilePath) -> None:
+    """Swap a finished folder in; move what is not holokin's from the old one into it."""
+    if not target.exists():
+        work.rename(target)
+        return
+    ours = _written(target) or set()
+    old = work.with_name(f"{work.name}-old")
+    target.rename(old)
+    try:
+        work.rename(target)
+    except OSError:
+        old.rename(target)
+        raise
+    for entry in old.iterdir():
+        if entry.name not in ours:
+            place = target / entry.name
+            while place.exists():
+                place = place.with_name(f"{place.name}.kept")
+            entry.rename(place)
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def _fill(result: JobResult, folder: FilePath, version: str) -> None:
@@ -71,21 +132,27 @@ def _fill(result: JobResult, folder: FilePath, version: str) -> None:
         shown.append((stem, caption))
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
-            walk.save(folder / f"{slug(strategy.name)}-{key}.csv")
+            walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv")
+    (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
+
+
+def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
+    """result.json, with the names of all files that a later run may replace: written last."""
     facts = {
         "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
         "robot_source": result.robot.source, "task": result.task, "start": result.start.tolist(),
         "joint_names": list(result.robot.joint_names), "path_length_m": result.path.length,
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
+        "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
-    (folder / "result.json").write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
-    (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
+    (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:
     robot = result.robot
     start = ", ".join(f"{name} {value:.6g}" for name, value in zip(robot.joint_names, result.start, strict=True))
+    verdicts = [[escape(text) for text in verdict_lines(s)] for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
         f"<p>{escape(' '.join(result.about.split()))}</p>",
@@ -94,11 +161,14 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         f"{result.cycles} cycle(s); start: {escape(start)} [rad, m]. "
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
-        _html_table([title for title, _ in COLUMNS], [[_cell(c) for c in row(s)] for s in result.strategies]),
-        "<ul class='small'>",
-        *(f"<li>{escape(str(s.verdict))}</li>" for s in result.strategies),
-        *(f"<li>{escape(s.name)}: {escape(s.trouble)}</li>" for s in result.strategies if s.trouble),
+        _html_table(
+            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in row(s)] for s in result.strategies]
+        ),
+        "<ul>",
+        *(f"<li>{told}<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
+        *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
+        f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
         *(_figure(folder, stem, caption) for stem, caption in shown),
         "<h2>Everything measured</h2>",
@@ -126,7 +196,7 @@ def _all_figures(result: JobResult) -> str:
         values = [s.figures.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
             cells = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
-            rows.append([escape(meaning), *cells])
+            rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
     return _html_table(["", *(escape(s.name) for s in result.strategies)], rows)
 
 
@@ -136,6 +206,8 @@ def _expectations(result: JobResult) -> str:
         for s in result.strategies
         for c in s.checks
     ]
+    if not rows:
+        return "<p>The job file holds no [expect] table.</p>"
     return _html_table(["strategy", "figure", "wanted", "found", ""], rows)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,21 +16,22 @@ from ..trajectory import Status, Trajectory
 from ..types import Vector
 
 FIGURES: dict[str, str] = {
-    "defect": "largest curvature |F_ij| near the start",
-    "drift": "joint drift of the first cycle, largest joint",
-    "drift_mean": "mean joint drift a cycle, largest joint",
-    "drift_total": "joint drift after the last cycle, largest joint",
-    "drift_least": "least of the cycles' drifts, largest joint",
-    "drift_most": "greatest of the cycles' drifts, largest joint",
-    "spread": "difference between the two ways, largest joint",
+    "defect": "defect: largest curvature |F_ij| near the start",
+    "drift": "drift of the first cycle: its largest joint's [joint]",
+    "drift_mean": "mean over the cycles of each one's drift [joint]",
+    "drift_total": "largest joint's distance from the start after the last cycle [joint]",
+    "drift_least": "least of the cycles' drifts [joint]",
+    "drift_most": "greatest of the cycles' drifts [joint]",
+    "spread": "largest joint difference between the two ways [joint]",
     "tracking": "worst tracking error [m or rad]",
     "sigma": "smallest singular value of J",
     "speed": "rms joint speed over Moore-Penrose's",
-    "residual": "largest change of the constraint g",
+    "peak_speed": "greatest joint speed over that joint's limit",
+    "residual": "how far the joints left their leaf: largest change of the constraint g",
     "invariant": "largest change of the given invariants",
-    "same_joints": "difference between orientation representations, largest joint",
+    "same_joints": "largest joint difference between orientation representations [joint]",
 }
-"""Every figure of a strategy, and its meaning. NaN where the job has none."""
+"""Every figure of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
 
 
 @dataclass(frozen=True)
@@ -114,3 +117,21 @@ class JobResult:
     def passed(self) -> bool:
         """True when every expectation of every strategy holds."""
         return all(result.passed for result in self.strategies)
+
+    @cached_property
+    def stems(self) -> dict[str, str]:
+        """What the files of each strategy begin with: its name without what file names do not hold.
+
+        Numbered where two strategies would write one file, also on disks that do not tell A from a.
+        """
+        stems: dict[str, str] = {}
+        taken: set[str] = set()
+        for strategy in self.strategies:
+            base = re.sub(r"[\W_]+", "-", strategy.name).strip("-")[:80] or "strategy"
+            stem, number = base, 1
+            while taken & (files := {f"{stem}-{key}".casefold() for key in strategy.trajectories()}):
+                number += 1
+                stem = f"{base}-{number}"
+            stems[strategy.name] = stem
+            taken |= files
+        return stems

@@ -7,18 +7,26 @@ from typing import Any, Literal
 import numpy as np
 
 from .result import JobResult, StrategyResult
+from .words import joint_unit, speed_warning
 
-COLUMNS: tuple[tuple[str, Literal["left", "right"]], ...] = (
-    ("strategy", "left"),
-    ("verdict", "left"),
-    ("drift / cycle", "right"),
-    ("two ways apart", "right"),
-    ("tracking", "right"),
-    ("sigma min", "right"),
-    ("speed / MP", "right"),
-    ("expected", "left"),
-)
-"""Heading and alignment. Drift and spread: largest joint [rad or m]; tracking: worst [m or rad]."""
+Column = tuple[str, Literal["left", "right"]]
+
+
+def columns(result: JobResult) -> tuple[Column, ...]:
+    """Heading, with its unit, and alignment of each column."""
+    joints = joint_unit(result.robot)
+    task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
+    return (
+        ("strategy", "left"),
+        ("verdict", "left"),
+        (f"drift / cycle\n[{joints}]", "right"),
+        (f"two ways apart\n[{joints}]", "right"),
+        (f"tracking\n[{task}]", "right"),
+        ("sigma\nmin", "right"),
+        ("speed\n/ MP", "right"),
+        ("peak\nspeed", "right"),
+        ("expected", "left"),
+    )
 
 
 def row(result: StrategyResult) -> list[str]:
@@ -32,8 +40,15 @@ def row(result: StrategyResult) -> list[str]:
         number(f["tracking"]),
         number(f["sigma"]),
         f"{f['speed']:.3f}" if np.isfinite(f["speed"]) else "-",
-        "ok" if result.passed else "FAILED",
+        number(f["peak_speed"]),
+        "FAILED" if not result.passed else "ok" if result.checks else "-",
     ]
+
+
+def remarks(result: JobResult) -> list[tuple[str, str]]:
+    """(strategy, sentence) of all that the table does not tell: what stopped, and what would be too fast."""
+    found = [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    return [(name, text) for name, text in found if text]
 
 
 def number(value: float) -> str:
@@ -49,15 +64,15 @@ def print_result(result: JobResult, console: Any) -> None:
     from rich.text import Text
 
     table = Table(title=result.title, title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in COLUMNS:
-        table.add_column(heading, justify=justify, no_wrap=heading != "strategy")
+    for heading, justify in columns(result):
+        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"holonomic": "green", "NOT holonomic": "red", "FAILED": "bold red", "ok": "green"}
     for strategy in result.strategies:
         table.add_row(*(Text(cell, style=colors.get(cell, "")) for cell in row(strategy)))
     console.print(table)
+    for name, text in remarks(result):
+        console.print(f"  {name}: {text}", style="yellow", markup=False, highlight=False)
     for strategy in result.strategies:
-        if strategy.trouble:
-            console.print(f"  {strategy.name}: {strategy.trouble}", style="yellow", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:
                 text = f"  {strategy.name}: expected {check.figure} {check.wanted}, found {check.found}"
