@@ -88,3 +88,25 @@ def test_the_readmes_picture_is_there_and_its_job_can_be_read() -> None:
         assert (ROOT / target).exists(), target
     for job in (ROOT / "examples").glob("*.toml"):
         assert open_job(str(job))[1].expect
+
+
+def test_choosing_prints_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs" / "choose.md").read_text("utf-8")
+    code, said = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL).groups()
+    exec(compile(code, "choose.md", "exec"), {})
+    assert capsys.readouterr().out == said
+
+
+def test_the_drift_benchmark_runs_and_says_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+    from benchmarks import drift
+
+    monkeypatch.setattr(drift, "DT", 0.05)
+    monkeypatch.setattr(drift, "GAIN", 10.0)
+    assert drift.main(["--quick", "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "drift.md").read_text("utf-8")
+    rows = {line.split("|")[1].strip(): line.split("|")[3:7] for line in page.splitlines() if line.startswith("| ")}
+    assert float(rows["Moore-Penrose"][0]) > 0.05
+    assert float(rows["locked joint 3"][0]) < 1e-3
+    assert float(rows["locked joint 3"][2]) < 0.2 * float(rows["gradient projection, 1/s"][2])
+    assert (tmp_path / "drift.png").stat().st_size > 20_000
