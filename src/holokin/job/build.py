@@ -145,8 +145,10 @@ def _gain(table: StrategyTable) -> float | list[list[float]]:
 
 
 def _names(q: SX, joints: tuple[str, ...]) -> dict[str, SX]:
-    numbered = {f"q{i + 1}": q[i] for i in range(len(joints))}
-    return numbered | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+    """The joints by name; and by number, q1 to qn, unless a joint of its own is called like one of these."""
+    numbered = [f"q{i + 1}" for i in range(len(joints))]
+    free = {} if set(numbered) & set(joints) else {name: q[i] for i, name in enumerate(numbered)}
+    return free | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
 
 
 def _column(rows: list[Formula], joints: tuple[str, ...]) -> Callable[[SX], SX]:

@@ -1,0 +1,133 @@
+"""What odd input gets: counts, points, times, locked joints, names in formulas; keys, values and kinds of a job."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, PPR_START, urdf
+from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
+from holokin.job.build import build_invariant
+from holokin.job.schema import StrategyTable
+
+ROOT = Path(__file__).parents[1]
+
+# --- in Python ------------------------------------------------------------------------------------------------
+
+
+def three_bars(name: str = "q3", lower: float = -np.pi, upper: float = np.pi) -> hk.Robot:
+    """A planar arm of three bars of 1 m, of whose last joint the name and the limits are given."""
+    rows = [{"a": 1.0, "lower": -3.0, "upper": 3.0, "joint": joint} for joint in ("q1", "q2")]
+    return hk.from_dh([*rows, {"a": 1.0, "lower": lower, "upper": upper, "joint": name}])
+
+
+def test_a_joint_with_equal_limits_stays_out_of_the_search_for_a_way() -> None:
+    """Bars of 1 m and 1 + 1 m, the last joint held straight: nothing beyond 3 m is reached."""
+    robot, q = three_bars(lower=0.0, upper=0.0), np.array([0.2, 0.8, 0.0])
+    held = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock("q3"))
+    tool = robot.pose(q)[:3, 3]
+    with pytest.raises(OutOfReachError) as caught:
+        hk.follow(held, hk.line(tool, tool / np.linalg.norm(tool) * 3.5), q, samples=60)
+    assert np.linalg.norm(caught.value.trajectory.x[-1]) == pytest.approx(3.0, abs=0.05)
+    assert "no posture comes closer" in str(caught.value)
+    assert (caught.value.trajectory.q[:, 2] == 0).all()
+
+
+@pytest.mark.parametrize("count", [0, -3, 50.5, "50", None, True])
+def test_a_count_is_a_whole_number_of_at_least_one(ppr: hk.Robot, count: object) -> None:
+    strategy = hk.moore_penrose(hk.position(ppr))
+    path = hk.circle(strategy.task(PPR_START), [1.2, 0.4])
+    for call in (
+        lambda: hk.involutivity(strategy, hk.around(PPR_START, 0.1), samples=count),
+        lambda: hk.involutivity_of(lambda q: [[1], [0], [q[1]]], 3, samples=count),
+        lambda: hk.follow(strategy, path, PPR_START, samples=count),
+        lambda: hk.follow(strategy, path, PPR_START, cycles=count),
+    ):
+        with pytest.raises(ArgumentError, match="whole number, at least 1"):
+            call()
+
+
+def test_a_count_may_be_numpys(ppr: hk.Robot) -> None:
+    strategy = hk.moore_penrose(hk.position(ppr))
+    path = hk.circle(strategy.task(PPR_START), [1.2, 0.4])
+    assert len(hk.follow(strategy, path, PPR_START, samples=np.int64(7), cycles=np.int64(2))) == 15
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: hk.polyline([[0, 0, 0], [1, 0]]),
+        lambda: hk.polyline([[0, 0, 0], ["a", 0, 0]]),
+        lambda: hk.polyline([[0, 0], [1, 0]], turns=[[0, 0], [1]]),
+        lambda: hk.circle("a", "b"),
+        lambda: hk.circle([1, 0], {}),
+        lambda: hk.line([0, 0], [1, 0], turn="x"),
+        lambda: hk.line([0, 0], [1, 0]).at("now"),
+    ],
+)
+def test_a_point_is_made_of_numbers(make: Callable[[], object]) -> None:
+    with pytest.raises(ArgumentError, match="give numbers, in rows of one length"):
+        make()
+
+
+def test_a_path_is_asked_within_its_time() -> None:
+    path = hk.line([0, 0, 0], [1, 0, 0], speed=0.1)
+    for t in (20.0, -0.1, [0.0, 5.0, 10.001]):
+        with pytest.raises(ArgumentError, match="the path lasts from 0 to 10 s"):
+            path.at(t)
+    with pytest.raises(NotFiniteError):
+        path.at([0.0, np.nan])
+    ends = path.at([-1e-13, 10.0 + 1e-12])
+    assert ends.position == pytest.approx(np.array([[0, 0, 0], [1, 0, 0]]), abs=0)
+    assert len(path.at([]).t) == 0
+
+
+def test_iterating_a_task_gives_its_rows(panda: hk.Robot) -> None:
+    task = hk.pose(panda, "rpy")
+    rows = list(task)
+    assert [row.row_names for row in rows] == [(name,) for name in task.row_names]
+    J = np.vstack([row.jacobian(PANDA_START) for row in rows])
+    assert pytest.approx(task.jacobian(PANDA_START), abs=1e-15) == J
+    with pytest.raises(ArgumentError, match="angular rows"):
+        list(hk.pose(panda))
+
+
+@pytest.mark.parametrize(
+    ("locked", "words"),
+    [
+        ({"panda_joint8": 0.0}, "'fixed'; it needs no lock"),
+        ({"panda_joint4": 1.0}, r"give a value within its limits \[-3.07"),
+        ({"panda_joint1": -9}, r"within its limits \[-2.89"),
+        ({"panda_joint1": "0"}, "finite value"),
+        ({"panda_joint1": None}, "finite value"),
+        ({"panda_joint1": float("nan")}, "finite value"),
+    ],
+)
+def test_a_lock_holds_a_joint_that_moves_at_a_value_it_can_have(locked: dict[str, float], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        hk.from_urdf(urdf("panda.urdf"), tip="panda_link8", locked=locked)
+
+
+def test_a_lock_may_stand_at_a_limit() -> None:
+    free = hk.from_urdf(urdf("panda.urdf"), tip="panda_link8")
+    assert hk.from_urdf(urdf("panda.urdf"), tip="panda_link8", locked={"panda_joint4": free.lower[3]}).n == 6
+
+
+def test_a_formula_names_joints_by_number_only_where_no_joint_is_called_so() -> None:
+    def value(formula: str, joints: str) -> float:
+        robot = hk.from_dh([{"a": 1.0, "joint": joint} for joint in joints.split()])
+        function = build_invariant(StrategyTable(kind="moore-penrose", invariant=[formula]), robot)
+        assert function is not None
+        return float(function([10.0, 20.0, 30.0]))
+
+    assert value("q1", "a b c") == 10.0  # by number
+    assert value("q3 + 0 * b", "a b c") == 30.0
+    assert value("q1", "q0 q1 q2") == 20.0  # the joint of that name
+    assert value("q3", "q3 q2 q1") == 10.0
+    for number in ("q3", "q4"):
+        with pytest.raises(ExpressionError, match=r"known: q0, q1, q2, pi"):
+            value(number, "q0 q1 q2")
