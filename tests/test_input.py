@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, urdf
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
 from holokin.job.build import build_invariant
 from holokin.job.schema import StrategyTable
@@ -131,3 +131,65 @@ def test_a_formula_names_joints_by_number_only_where_no_joint_is_called_so() -> 
     for number in ("q3", "q4"):
         with pytest.raises(ExpressionError, match=r"known: q0, q1, q2, pi"):
             value(number, "q0 q1 q2")
+
+
+# --- in a job -------------------------------------------------------------------------------------------------
+
+
+def path_table(text: str) -> str:
+    return f"[path]\nsamples = 20\n{text}\n"
+
+
+def test_a_polyline_beside_the_tool_is_told_the_jobs_cure_and_it_works(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    line = 'kind = "polyline"\npoints = [[0.4, 0.4], [0.5, 0.4]]'
+    outcome = holokin("run", write_job(tmp_path, path=path_table(line)), "--out", out)
+    assert_refused(outcome, "[path.points.0]", "away from the start of the path", "set relative = true", "first one")
+    assert "starting_at" not in outcome.err
+    assert_untouched(out)
+    point = outcome.err.split("at the start posture, ")[1].split("]")[0] + "]"
+    line = f'kind = "polyline"\npoints = [{point}, [0.9, 0.5]]'
+    assert holokin("run", write_job(tmp_path, path=path_table(line)), "--out", out).code == 0
+
+
+def test_a_relative_polyline_begins_at_the_tool(holokin: Command, tmp_path: Path, out: Path) -> None:
+    line = 'kind = "polyline"\nrelative = true\npoints = [[0.1, 0], [0.2, 0]]'
+    assert_refused(holokin("run", write_job(tmp_path, path=path_table(line)), "--out", out), "begin with [0, 0, 0]")
+
+
+def test_a_row_that_the_task_leaves_free_may_begin_anywhere(holokin: Command, tmp_path: Path, out: Path) -> None:
+    x = float(hk.load("ppr").pose(PPR_START)[0, 3])
+    line = path_table(f'kind = "polyline"\npoints = [[{x}, 7], [{x + 0.1}, 7]]')
+    assert holokin("run", write_job(tmp_path, task="[task]\nrows = [0]\n", path=line), "--out", out).code == 0
+
+
+def test_a_centre_beside_the_circles_plane_is_told_how_far_and_what_to_do(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    job = {
+        "robot": '[robot]\nname = "panda"\n',
+        "task": '[task]\nkind = "pose"\n',
+        "start": f"[start]\nq = {PANDA_START.tolist()}\n",
+    }
+    tool = hk.load("panda").pose(PANDA_START)[:3, 3]
+    center = [*np.round(tool[:2] - [0.1, 0], 4), round(tool[2] - 0.002, 9)]
+    circle = path_table(f'kind = "circle"\ncenter = {[float(c) for c in center]}')
+    outcome = holokin("run", write_job(tmp_path, path=circle, **job), "--out", out)
+    assert_refused(outcome, "[path.normal]", "perpendicular", "0.002 m along", "relative = true", f"{tool[2]:.6f}"[:-1])
+    assert_untouched(out)
+    circle = path_table('kind = "circle"\nrelative = true\ncenter = [-0.05, 0]')
+    assert holokin("run", write_job(tmp_path, path=circle, **job), "--out", out).code == 0
+
+
+def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out: Path) -> None:
+    robot, path = '[robot]\nname = "irb140"\n', path_table('kind = "circle"\nrelative = true\ncenter = [0.02, 0]')
+    start = "[start]\nq = [10, 70, 10, 20, 50, 30]\n"
+    file = write_job(tmp_path, robot=robot, path=path, start=start)
+    outcome = holokin("run", file, "--out", out)
+    assert_refused(outcome, "job.toml", "[start.q]", "joint 'q1' at 10 rad", "degrees = true")
+    assert_untouched(out)
+    turned = write_job(tmp_path, robot=robot, path=path, start=start + "degrees = true\n")
+    assert holokin("run", turned, "--out", out).code == 0
+    far = write_job(tmp_path, robot=robot, path=path, start="[start]\nq = [900, 70, 10, 20, 50, 30]\n")
+    assert "degrees = true" not in holokin("run", far, "--out", out).err

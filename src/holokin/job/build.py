@@ -21,12 +21,13 @@ from ..constraint import (
     stack,
     stationary,
 )
-from ..errors import ArgumentError, JobError
-from ..path import Path, arc, as_point, circle, polyline
+from ..errors import ArgumentError, JobError, JointLimitError
+from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
 from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
 from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
 from ..task import Task, pose, position
+from ..tolerances import TOLERANCES
 from ..types import Vector
 from .schema import Formula, Job, StrategyTable
 
@@ -41,13 +42,24 @@ def build_robot(job: Job, file: FilePath) -> Robot:
 
 
 def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
-    """The start posture (n,) in rad and m. Raises: JobError."""
+    """The start posture (n,) in rad and m. Raises: JobError, JointLimitError."""
     q = np.array(job.start.q, dtype=float)
     if len(q) != robot.n:
         names = ", ".join(robot.joint_names)
         raise JobError(file, "start.q", f"has {len(q)} numbers", f"give {robot.n}, for {names}")
+    scales = np.array([np.pi / 180 if c.unit == "rad" else 1.0 for c in robot.coordinates])
     if job.start.degrees:
-        q = np.array([np.deg2rad(v) if c.unit == "rad" else v for v, c in zip(q, robot.coordinates, strict=True)])
+        q = scales * q
+    try:
+        robot.check_limits(q)
+    except JointLimitError as problem:
+        inside = (robot.lower <= scales * q) & (scales * q <= robot.upper)
+        if job.start.degrees or not inside.all():
+            raise
+        fact = f"puts joint {problem.joint!r} at {problem.value:.6g} rad, outside its limits"
+        limits = f"[{problem.lower:.6g}, {problem.upper:.6g}]"
+        cure = "say degrees = true if these are degrees, or choose another start posture"
+        raise JobError(file, "start.q", f"{fact} {limits}", cure) from None
     return q
 
 
@@ -60,9 +72,10 @@ def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
     return [pose(robot, kind, reference=robot.pose(start)[:3, :3], rows=table.rows) for kind in kinds]
 
 
-def build_path(job: Job, tool: Vector) -> Path:
-    """The path, beginning at the tool's start point (3,)."""
+def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> Path:
+    """The path, beginning at the tool's start point. Raises: JobError, ArgumentError."""
     table = job.path
+    tool = task.robot.pose(start)[:3, 3]
     origin = tool if table.relative else np.zeros(3)
 
     def placed(point: list[float]) -> Vector:
@@ -71,12 +84,34 @@ def build_path(job: Job, tool: Vector) -> Path:
     if table.kind == "polyline":
         points = np.array([placed(p) for p in table.points or []])
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
-        return polyline(points, turns=turns, closed=table.closed, speed=table.speed)
+        path = polyline(points, turns=turns, closed=table.closed, speed=table.speed)
+        _check_begin(path, table.relative, tool, task, file)
+        return path
     center = placed(table.center or [])
-    sign = -1.0 if table.clockwise else 1.0
-    if table.kind == "circle":
-        return circle(tool, center, table.normal, clockwise=table.clockwise, speed=table.speed)
-    return arc(tool, center, sign * np.deg2rad(table.angle_deg or 0.0), table.normal, speed=table.speed)
+    angle = 360.0 if table.angle_deg is None else table.angle_deg
+    try:
+        return arc(tool, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
+    except ArgumentError as problem:
+        if problem.what != "normal" or table.relative:
+            raise
+        fact = f"is {problem.value}, the tool starts at {_typed(tool)}"
+        cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
+        raise JobError(file, "path.normal", fact, cure) from None
+
+
+def _check_begin(path: Path, relative: bool, tool: Vector, task: Task, file: FilePath) -> None:
+    """Raises: JobError when a polyline begins elsewhere than at the tool, in the rows of the task."""
+    rows = [row for row in task.rows if row < 3]
+    gap = float(np.abs((path.start - tool)[rows]).max(initial=0.0))
+    if gap > TOLERANCES.start:
+        fact = f"the tool at the start posture, {_typed(tool)}, is {gap:.3g} m away from the start of the path"
+        cure = "begin with [0, 0, 0]" if relative else "set relative = true, or make the tool's point the first one"
+        raise JobError(file, "path.points.0", fact, cure)
+
+
+def _typed(point: Vector) -> str:
+    """A point as one would type it into a job, within the tolerance of a start."""
+    return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
 def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -> Strategy:

@@ -65,9 +65,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     began = time.perf_counter()
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
-    robot.check_limits(start)
-    path = build_path(job, robot.pose(start)[:3, 3])
     tasks = build_tasks(job, robot, start)
+    path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     for label, table in job.strategies.items():
         invariant = build_invariant(table, robot)
