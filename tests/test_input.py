@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
+from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
+from holokin.job import open_job, read_job
 from holokin.job.build import build_invariant
 from holokin.job.schema import StrategyTable
 
@@ -193,3 +194,65 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     assert holokin("run", turned, "--out", out).code == 0
     far = write_job(tmp_path, robot=robot, path=path, start="[start]\nq = [900, 70, 10, 20, 50, 30]\n")
     assert "degrees = true" not in holokin("run", far, "--out", out).err
+
+
+@pytest.mark.parametrize("ending", [".toml", ".TOML"])
+def test_a_job_file_named_without_its_ending_is_recognised(
+    holokin: Command, tmp_path: Path, out: Path, ending: str
+) -> None:
+    file = write_job(tmp_path, "my-job" + ending)
+    assert_refused(holokin("run", tmp_path / "my-job", "--out", out), f"did you mean '{file}'")
+    assert_untouched(out)
+    assert holokin("run", file, "--out", out).code == 0
+    assert (out / "my-job" / "report.html").is_file()
+
+
+def test_a_new_job_may_end_in_capitals_and_says_what_its_expectations_are_of(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "MINE.TOML"
+    assert holokin("new", file).code == 0
+    text = file.read_text()
+    assert text.count("as copied") == 1
+    assert text.index("as copied") < text.index("[expect.")
+    assert read_job(file) == open_job("panda-circle")[1]
+
+
+@pytest.mark.parametrize("name", ["poly.toml", "poly.txt"])
+def test_what_is_no_urdf_is_told_what_is_wanted(holokin: Command, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(SOUND["title"])
+    outcome = holokin("robots", tmp_path / name)
+    assert_refused(outcome, name, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)")
+    assert "mend the line" not in outcome.err
+
+
+MINE = "[strategies.mine]\n"
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        ({"path": SOUND["path"] + "speed = -1\n"}, "[path.speed] is -1; give a number above 0\n"),
+        ({"path": SOUND["path"].replace("= 20", "= 0")}, "[path.samples] is 0; give at least 1\n"),
+        ({"path": SOUND["path"].replace("= 20", "= 2.5")}, "[path.samples] is 2.5; give a whole number\n"),
+        ({"path": SOUND["path"] + 'speed = "1"\n'}, "[path.speed] is '1'; give a number\n"),
+        ({"path": SOUND["path"].replace("samples", "sample")}, "did you mean 'samples'? known: kind, center"),
+        ({"path": '[path]\nkind = "circel"\n'}, "did you mean 'circle'? known: circle, arc, polyline"),
+        ({"path": '[path]\nkind = "circle"\ncenter = [1]\n'}, "[path.center] is [1]; give at least 2 of them\n"),
+        ({"strategies": MINE + 'kind = "moore-penros"\n'}, "did you mean 'moore-penrose'? known: moore-penrose, weig"),
+        ({"strategies": MINE + 'kind = "weighted"\nw = 3\n'}, "did you mean 'W'? known: kind, W, method, invariant;"),
+        ({"strategies": MINE + 'kind = "coupled"\ngain = "x"\n'}, "is 'x'; give a number or a list, in [ ]\n"),
+        ({"strategies": MINE + 'kind = "coupled"\ngain = [[1, "x"]]\n'}, "gain.0.1] is 'x'; give a number\n"),
+        ({"strategies": MINE + 'kind = "custom"\ng = [true]\n'}, "g.0] is True; give a text in quotes or a number"),
+        ({"task": '[task]\norientation = ["zyz", "rp"]\n'}, "[task.orientation.1] is 'rp'; did you mean 'rpy'?"),
+        ({"start": SOUND["start"] + "degrees = 1\n"}, "[start.degrees] is 1; give true or false\n"),
+        ({"expect": "[expect.moore-penrose]\ndrift = 3\n"}, "[expect.moore-penrose.drift] is 3; give a table\n"),
+        ({"expect": "[expect.moore-penrose]\ndrift = { belo = 3 }\n"}, "did you mean 'below'? known: below, above"),
+        ({"expect": "[verdicts]\n"}, "did you mean 'verdict'?"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_told_in_plain_words_what_does(
+    holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], words: str
+) -> None:
+    outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
+    assert_refused(outcome, "job.toml", words)
+    assert not any(word in outcome.err for word in ("Input", "valid", "change it"))
+    assert_untouched(out)

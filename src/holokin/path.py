@@ -289,7 +289,8 @@ def arc(
     if abs(off) > 1e-9 * radius:
         cure = f"make it perpendicular to the line from center to start: start lies {off:.3g} m along it from center"
         raise ArgumentError("normal", n.tolist(), cure)
-    return Path((Segment(c, x, np.cross(n / size, x), float(angle), np.zeros(3), _vector("turn", turn)),), speed)
+    y = np.asarray(np.cross(n / size, x), dtype=float)
+    return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
 
 def circle(

@@ -25,6 +25,11 @@ from .schema import ExpectTable, Job, read_job
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
 
+_COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
+# (delete this part, run, read the table), then write here what must stay true.
+"""
+"""What a copied job says above its expectations."""
+
 
 def packaged_jobs() -> tuple[str, ...]:
     """Names of the jobs that come with the library."""
@@ -46,11 +51,12 @@ def expand(names: list[str]) -> list[str]:
 
 def open_job(name: str) -> tuple[str, Job, FilePath]:
     """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
-    if name.endswith(".toml"):
+    if name.lower().endswith(".toml"):
         path = FilePath(name)
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
-        raise UnknownNameError("job", name, [*packaged_jobs(), "paper", "or a path ending in .toml"])
+        beside = [file for file in (f"{name}.toml", f"{name}.TOML") if FilePath(file).is_file()]
+        raise UnknownNameError("job", name, [*beside, *packaged_jobs(), "paper", "or a path ending in .toml"])
     with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
 
@@ -179,8 +185,8 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
 
 def new_job(path: FilePath, template: str) -> None:
     """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
-    text = packaged_text(template)
-    if path.suffix != ".toml":
+    text = packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1)
+    if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
     try:
         with path.open("x", encoding="utf-8") as stream:

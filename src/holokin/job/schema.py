@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from ..errors import JobError
+from ..errors import JobError, closest
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
@@ -40,7 +42,7 @@ Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class RobotTable(_Table):
@@ -247,21 +249,82 @@ def read_job(path: Path) -> Job:
 
 
 def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
-    """The first fault of the file, as a sentence."""
-    fault = problem.errors()[0]
-    key = _key(fault["loc"], table)
+    """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
+    faults = [(_key(fault["loc"], table), fault) for fault in problem.errors()]
+    first = faults[0][0]
+    key, fault = max((f for f in faults if f"{f[0]}.".startswith(f"{first}.")), key=lambda f: f[0].count("."))
     if fault["type"] == "missing":
         return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
     if fault["type"] == "extra_forbidden":
-        return JobError(path, key, "is an unknown key", "check its spelling; `holokin new` writes a complete example")
+        nearest = closest(key.rpartition(".")[2], _known_keys(key, table))
+        cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
+        return JobError(path, key, "is an unknown key", cure)
     value = fault.get("input", table)
     if isinstance(value, float) and not isfinite(value):
         return JobError(path, key, f"is {value}", "give a finite number")
-    shown = "" if isinstance(value, dict) else f"is {value!r}: "
-    message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
-    if not key:  # of the whole job: the message begins with the key
-        key, _, message = message.partition(": ")
-    return JobError(path, key, f"{shown}{message}", cure or "change it")
+    if fault["type"] == "value_error":
+        shown = "" if isinstance(value, dict) else f"is {value!r}: "
+        message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
+        if not key:  # of the whole job: the message begins with the key
+            key, _, message = message.partition(": ")
+        return JobError(path, key, f"{shown}{message}", cure)
+    shown = "is a table" if isinstance(value, dict) else f"is {value!r}"
+    choices = [w for k, f in faults if k == key for w in re.findall("'([^']+)'", _context(f, "expected"))]
+    if choices and isinstance(value, str):
+        return JobError(path, key, shown, closest(value, choices))
+    cures = dict.fromkeys(_cure(f) for k, f in faults if k == key)
+    return JobError(path, key, shown, f"give {' or '.join(cures)}")
+
+
+def _cure(fault: Mapping[str, Any]) -> str:
+    """What pydantic wants, in a job writer's words."""
+    kind = fault["type"].removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")
+    bound = next((_context(fault, word) for word in _BOUNDS if _context(fault, word)), "").removesuffix(".0")
+    return _CURES.get(kind, "{}").format(bound) if kind in _CURES else f"what this asks for: {fault['msg']}"
+
+
+def _context(fault: Mapping[str, Any], word: str) -> str:
+    """A fact of a fault; empty if it has none."""
+    return str(fault.get("ctx", {}).get(word, ""))
+
+
+_BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
+_CURES = {
+    "greater_than": "a number above {}",
+    "greater_than_equal": "at least {}",
+    "less_than_equal": "at most {}",
+    "too_short": "at least {} of them",
+    "too_long": "at most {} of them",
+    "literal_error": "one of {}",
+    "string": "a text in quotes",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "list": "a list, in [ ]",
+    "dict": "a table",
+    "model": "a table",
+}
+
+
+def _known_keys(key: str, table: dict[str, Any]) -> list[str]:
+    """The keys that stand beside a key; of a strategy those of its kind."""
+    parts = key.split(".")
+    if len(parts) == 1:
+        return list(Job.model_fields)
+    if parts[0] == "strategies":
+        kind = table["strategies"][parts[1]].get("kind")
+        if kind in _USES:
+            every = {word for pair in _USES.values() for words in pair for word in words}
+            used = {word for words in _USES[kind] for word in words}
+            return [word for word in StrategyTable.model_fields if word not in every - used]
+    return list(_TABLES["bound" if len(parts) > 3 else parts[0]].model_fields)
+
+
+_TABLES: dict[str, type[_Table]] = {
+    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "strategies": StrategyTable,
+    "expect": ExpectTable, "verdict": VerdictTable, "bound": Bound,
+}  # fmt: skip
 
 
 def _key(loc: tuple[int | str, ...], table: Any) -> str:

@@ -202,6 +202,8 @@ def _read(path: str | Path) -> Any:
     except OSError as problem:
         raise RobotFileError(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
     except expat.ExpatError as problem:
+        if not tags:
+            raise RobotFileError(path, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)") from None
         raise RobotFileError(path, f"is not XML ({problem})", "mend the line it names") from None
     if tags[0] != "robot":
         raise RobotFileError(path, f"is not a URDF, its root is <{tags[0]}>", "give a URDF of a robot")
