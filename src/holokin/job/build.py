@@ -13,6 +13,7 @@ from ..constraint import (
     centring_cost,
     coupled,
     custom,
+    gravity_cost,
     height,
     linear,
     lock,
@@ -22,9 +23,21 @@ from ..constraint import (
     stationary,
 )
 from ..errors import ArgumentError, JobError, JointLimitError
+from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
-from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
+from ..strategy import (
+    Strategy,
+    coupled_twist,
+    holonomic,
+    impedance,
+    inertia_weighted,
+    moore_penrose,
+    null_basis,
+    pfaffian,
+    radial,
+    weighted,
+)
 from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
 from ..task import Task, pose, position
 from ..tolerances import TOLERANCES
@@ -143,6 +156,10 @@ def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -
             constraint = stack(*(height(joint) for joint in table.joints or []))
         case "stationary":
             constraint = stationary(_cost(table), free=tuple(table.free) if table.free else None)
+        case "inertia-weighted":
+            return inertia_weighted(task, name=name)
+        case "impedance":
+            return impedance(task, _springs(table), force=table.force or "pseudo-inverse", name=name)
         case "radial":
             given = moore_penrose(task) if table.W is None else weighted(task, _matrix(table.W, names))
             return radial(given, start, steps=table.steps or 4, name=name)
@@ -155,6 +172,19 @@ def build_invariant(table: StrategyTable, robot: Robot) -> Function | None:
         return None
     q = symbol("q", robot.n)
     return Function("invariant", {"q": q}, {"value": _column(table.invariant, robot.joint_names)(q)})
+
+
+def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
+    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one settled from it.
+
+    Raises: as `settle`.
+    """
+    if table.leaf is None:
+        return start, ""
+    begin = settle(strategy, start, table.leaf)
+    leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
+    joints = ", ".join(f"{value:.6g}" for value in begin)
+    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."
 
 
 def _three(joints: list[str] | None) -> tuple[str, str, str] | None:
@@ -171,8 +201,14 @@ def _cost(table: StrategyTable) -> Cost:
             return centring_cost()
         case "manipulability":
             return manipulability_cost()
+        case "gravity":
+            return gravity_cost()
         case _:
-            return posture_cost(table.preferred or [])
+            return _springs(table)
+
+
+def _springs(table: StrategyTable) -> Cost:
+    return posture_cost(table.preferred or [], 1.0 if table.stiffness is None else table.stiffness)
 
 
 def _gain(table: StrategyTable) -> float | list[list[float]]:

@@ -19,7 +19,7 @@ from ..strategy import Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector
-from .build import build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
+from .build import build_begin, build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
 from .schema import ExpectTable, Job, read_job
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
@@ -74,6 +74,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     tasks = build_tasks(job, robot, start)
     path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
+    about = job.about
     for label, table in job.strategies.items():
         invariant = build_invariant(table, robot)
         variants = []
@@ -81,7 +82,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
             strategy = build_strategy(title, table, task, start)
-            variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
+            begin, note = build_begin(table, strategy, start)
+            about = f"{about} {note}"
+            variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
         apart = _apart(variants)
         expect = job.expect.get(label, ExpectTable())
         for variant in variants:
@@ -90,7 +93,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
     seconds = time.perf_counter() - began
     return JobResult(
-        name, job.title, job.about, robot, task_name, start, path, job.path.cycles, tuple(results), seconds
+        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds
     )
 
 

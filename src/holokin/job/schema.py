@@ -19,22 +19,24 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Formula = str | Number
 Kind = Literal[
     "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist",
-    "arm-angle", "height", "stationary", "radial",
+    "arm-angle", "height", "stationary", "radial", "inertia-weighted", "impedance",
 ]  # fmt: skip
 _USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "moore-penrose": ((), ()),
     "weighted": (("W",), ()),
     "null-basis": (("N_G",), ()),
     "pfaffian": (("A",), ()),
-    "custom": (("g",), ()),
-    "linear": (("matrix",), ()),
-    "lock": (("joints",), ()),
-    "coupled": (("gain",), ("orientation",)),
+    "custom": (("g",), ("leaf",)),
+    "linear": (("matrix",), ("leaf",)),
+    "lock": (("joints",), ("leaf",)),
+    "coupled": (("gain",), ("orientation", "leaf")),
     "coupled-twist": (("gain",), ()),
-    "arm-angle": ((), ("arm", "joints")),
-    "height": (("joints",), ()),
-    "stationary": (("cost",), ("preferred", "free")),
+    "arm-angle": ((), ("arm", "joints", "leaf")),
+    "height": (("joints",), ("leaf",)),
+    "stationary": (("cost",), ("preferred", "stiffness", "free", "leaf")),
     "radial": ((), ("W", "steps")),
+    "inertia-weighted": ((), ()),
+    "impedance": (("preferred",), ("stiffness", "force")),
 }
 """For each kind of strategy the keys that it needs, and those that it may have."""
 
@@ -113,10 +115,13 @@ class StrategyTable(_Table):
     gain: Number | list[list[Number]] | None = None
     orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
     arm: Literal["stereographic", "conventional"] | None = None
-    cost: Literal["posture", "centring", "manipulability"] | None = None
+    cost: Literal["posture", "centring", "manipulability", "gravity"] | None = None
     preferred: list[Number] | None = None
+    stiffness: Positive | list[Positive] | None = None
+    force: Literal["pseudo-inverse", "stiffness"] | None = None
     free: list[str] | None = None
     steps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    leaf: Number | list[Number] | None = None
     method: Literal["velocity", "leaf"] | None = None
     invariant: list[Formula] = []
 
@@ -139,6 +144,8 @@ class StrategyTable(_Table):
                 raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
         if self.kind == "stationary" and (self.cost == "posture") != (self.preferred is not None):
             raise ValueError("cost = 'posture' and preferred go together; add or leave out preferred")
+        if self.kind == "stationary" and self.stiffness is not None and self.cost != "posture":
+            raise ValueError(f"cost = {self.cost!r} has no stiffness; leave it out")
         return self
 
 
