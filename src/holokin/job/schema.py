@@ -40,6 +40,12 @@ _USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """For each kind of strategy the keys that it needs, and those that it may have."""
 
+_SHAPES = {
+    "center": ("circle", "arc"), "normal": ("circle", "arc"), "clockwise": ("circle", "arc"), "angle_deg": ("arc",),
+    "points": ("polyline",), "turns_deg": ("polyline",), "closed": ("polyline",),
+}  # fmt: skip
+"""The kinds of path that use a key; the other keys serve all."""
+
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
@@ -97,6 +103,9 @@ class PathTable(_Table):
         missing = [key for key in needs if getattr(self, key) is None]
         if missing:
             raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
+        for key in sorted(self.model_fields_set & _SHAPES.keys()):
+            if self.kind not in _SHAPES[key]:
+                raise ValueError(f"a {self.kind} does not use {key}; leave it out")
         if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
             raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
         return self
