@@ -94,7 +94,7 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
         ),
         (
             {"strategies": '[strategies.mine]\nkind = "moore"\n'},
-            ("job.toml", "[strategies.mine.kind] is 'moore'", "'moore-penrose'", "'null-basis'"),
+            ("job.toml", "[strategies.mine.kind] is 'moore'", "did you mean 'moore-penrose'?", "null-basis"),
         ),
         ({"strategies": "[strategies]\n"}, ("job.toml", "[strategies]")),
         (

@@ -13,7 +13,8 @@ import holokin as hk
 
 ROOT = Path(hk.__file__).parent
 LAYERS = [
-    {"errors", "types", "tolerances"},
+    {"errors"},
+    {"types", "tolerances"},
     {"symbolic"},
     {"robot"},
     {"task"},

@@ -12,8 +12,15 @@ def _posture(q: Iterable[float]) -> str:
     return "[" + ", ".join(f"{float(value):.6g}" for value in q) + "]"
 
 
-def _closest(word: str, known: Sequence[str]) -> str:
-    close = get_close_matches(word, known, n=1, cutoff=0.5)
+def _near(word: str, known: Sequence[str]) -> list[str]:
+    """The known name most like a word, whatever the case; none if none is like it."""
+    found = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
+    return [k for k in known if k.lower() in found]
+
+
+def closest(word: str, known: Sequence[str]) -> str:
+    """The known name nearest to a word, as a question, and all that are known."""
+    close = [k for k in known if k.partition(".")[0] == word] or _near(word, known)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return f"{hint}known: {', '.join(known) if known else 'none'}"
 
@@ -27,7 +34,7 @@ class UnknownNameError(HolokinError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        super().__init__(f"unknown {kind} {name!r}; {_closest(name, self.known)}")
+        super().__init__(f"unknown {kind} {name!r}; {closest(name, self.known)}")
 
 
 class ShapeError(HolokinError):

@@ -13,10 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from .errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
-from .types import Array, ArrayLike, Indices, Matrix, Vector
+from .types import Array, ArrayLike, Indices, Matrix, Vector, numbers, whole
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
+
+ROUND_OFF = 1e-9
+"""Share of a path's duration by which a time may lie outside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +180,19 @@ class Path:
         return self.gap <= CLOSED
 
     def at(self, t: ArrayLike) -> Samples:
-        """The path at times t (k,) in [0, duration]; at a corner the segment that begins there."""
-        t = np.atleast_1d(np.asarray(t, dtype=float))
+        """The path at times t (k,) in [0, duration]; at a corner the segment that begins there.
+
+        Raises:
+            ArgumentError, NotFiniteError: no such times. Round-off beyond the ends is forgiven.
+        """
+        t = np.atleast_1d(numbers("t", t))
+        if not np.isfinite(t).all():
+            raise NotFiniteError("t", t.tolist())
+        outside = np.maximum(-t, t - self.duration)
+        if t.size and outside.max() > ROUND_OFF * self.duration:
+            worst = float(t.flat[np.argmax(outside)])
+            raise ArgumentError("t", worst, f"the path lasts from 0 to {self.duration:.9g} s")
+        t = np.clip(t, 0.0, self.duration)
         index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.segments) - 1)
         return self.on(index, (t - self._starts[index]) / self._durations[index])
 
@@ -205,9 +219,7 @@ class Path:
 
     def counts(self, samples: int) -> Indices:
         """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
-        if samples < 1:
-            raise ArgumentError("samples", samples, "give at least 1")
-        return np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
+        return np.maximum(1, np.ceil(whole("samples", samples) * self._durations / self.duration - 1e-9)).astype(int)
 
     def times(self, counts: Indices) -> Vector:
         """Time [s] at the end of each step, for the given steps of each segment."""
@@ -281,8 +293,10 @@ def arc(
     size, radius = float(np.linalg.norm(n)), float(np.linalg.norm(x))
     if radius == 0.0 or size == 0.0 or not np.isfinite(angle) or angle == 0.0:
         raise ArgumentError("an arc's (radius, normal, angle)", (radius, n.tolist(), angle), "none of them may vanish")
-    if abs(float(x @ n)) > 1e-9 * radius * size:
-        raise ArgumentError("normal", n.tolist(), "it must be perpendicular to the line from center to start")
+    off = float(x @ n) / size
+    if abs(off) > 1e-9 * radius:
+        cure = f"make it perpendicular to the line from center to start: start lies {off:.3g} m along it from center"
+        raise ArgumentError("normal", n.tolist(), cure)
     y = np.asarray(np.cross(n / size, x), dtype=float)
     return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
@@ -309,12 +323,12 @@ def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
     """
-    corners = [as_point(p) for p in np.atleast_2d(np.asarray(points, dtype=float))]
+    corners = [as_point(p) for p in np.atleast_2d(numbers("the points of a polyline", points))]
     if closed:
         corners.append(corners[0])
     if len(corners) < 2:
         raise ArgumentError("the number of points of a polyline", len(corners), "give at least two")
-    spins = np.zeros((len(corners) - 1, 3)) if turns is None else np.asarray(turns, dtype=float)
+    spins = np.zeros((len(corners) - 1, 3)) if turns is None else numbers("turns", turns)
     if spins.shape != (len(corners) - 1, 3):
         raise ShapeError("turns", (len(corners) - 1, 3), spins.shape, "one rotation vector a line")
     zero = np.zeros(3)
@@ -335,7 +349,7 @@ def join(*paths: Path) -> Path:
 
 def as_point(point: ArrayLike) -> Vector:
     """A point (3,); a planar one (2,) gets z = 0. Raises: ShapeError, NotFiniteError."""
-    p = np.asarray(point, dtype=float)
+    p = numbers("a point", point)
     if p.shape == (2,):
         p = np.append(p, 0.0)
     return _vector("a point", p)
@@ -349,7 +363,7 @@ def _rotations(vectors: Array) -> Array:
 
 
 def _vector(what: str, value: ArrayLike) -> Vector:
-    v = np.asarray(value, dtype=float)
+    v = numbers(what, value)
     if v.shape != (3,):
         raise ShapeError(what, (3,), v.shape)
     if not np.isfinite(v).all():

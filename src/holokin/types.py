@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import ArgumentError
+
 Array = NDArray[np.float64]
 """A float64 array of any shape."""
 
@@ -26,3 +28,18 @@ Indices = NDArray[np.intp]
 
 ArrayLike = NDArray[Any] | Sequence[Any] | float
 """What a caller may pass where an array is wanted."""
+
+
+def whole(what: str, value: Any) -> int:
+    """A whole number of at least 1. Raises: ArgumentError for anything else, True and 2.0 included."""
+    if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= 1):
+        raise ArgumentError(what, value, "give a whole number, at least 1")
+    return int(value)
+
+
+def numbers(what: str, value: Any) -> Array:
+    """An array of floats. Raises: ArgumentError for what is no array of numbers, ragged lists included."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ArgumentError(what, value, "give numbers, in rows of one length") from None

@@ -12,7 +12,7 @@ from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityErro
 from ..strategy import Strategy
 from ..symbolic import Function, as_expression, factorise, horzcat, pairwise_brackets, symbol
 from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
+from ..types import Matrix, Vector, whole
 from .curvature import curvature_function, pairs
 from .region import Region
 
@@ -72,11 +72,12 @@ def involutivity(
 
     Raises:
         EmptyRegionError: every sampled posture is singular. ShapeError: the region has not n joints.
+        ArgumentError: `samples` is not a whole number of at least 1.
     """
     task = strategy.task
     if region.n != task.n:
         raise ShapeError("the region", (task.n,), (region.n,))
-    Q = region.sample(samples, seed)
+    Q = region.sample(whole("samples", samples), seed)
     F, G, conditioning, margin = curvature_function(strategy).batch(Q)
     F, G = F.reshape(len(Q), task.n, -1), G.reshape(len(Q), task.n, task.m)
     figure = np.minimum(conditioning, margin)
@@ -127,7 +128,7 @@ def involutivity_of(
     normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]
     outputs = {"F": horzcat(*normal), "B": B, "conditioning": Q_frame.conditioning()}
     area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
-    Q = area.sample(samples, seed)
+    Q = area.sample(whole("samples", samples), seed)
     F, frames, conditioning = Function("distribution", {"q": q}, outputs).batch(Q)
     sound = conditioning > JUDGED
     if not sound.any():

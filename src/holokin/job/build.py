@@ -13,6 +13,7 @@ from ..constraint import (
     centring_cost,
     coupled,
     custom,
+    gravity_cost,
     height,
     linear,
     lock,
@@ -21,12 +22,25 @@ from ..constraint import (
     stack,
     stationary,
 )
-from ..errors import ArgumentError, JobError
-from ..path import Path, arc, as_point, circle, polyline
+from ..errors import ArgumentError, JobError, JointLimitError
+from ..motion import settle
+from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
-from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
+from ..strategy import (
+    Strategy,
+    coupled_twist,
+    holonomic,
+    impedance,
+    inertia_weighted,
+    moore_penrose,
+    null_basis,
+    pfaffian,
+    radial,
+    weighted,
+)
 from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
 from ..task import Task, pose, position
+from ..tolerances import TOLERANCES
 from ..types import Vector
 from .schema import Formula, Job, StrategyTable
 
@@ -41,13 +55,24 @@ def build_robot(job: Job, file: FilePath) -> Robot:
 
 
 def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
-    """The start posture (n,) in rad and m. Raises: JobError."""
+    """The start posture (n,) in rad and m. Raises: JobError, JointLimitError."""
     q = np.array(job.start.q, dtype=float)
     if len(q) != robot.n:
         names = ", ".join(robot.joint_names)
         raise JobError(file, "start.q", f"has {len(q)} numbers", f"give {robot.n}, for {names}")
+    scales = np.array([np.pi / 180 if c.unit == "rad" else 1.0 for c in robot.coordinates])
     if job.start.degrees:
-        q = np.array([np.deg2rad(v) if c.unit == "rad" else v for v, c in zip(q, robot.coordinates, strict=True)])
+        q = scales * q
+    try:
+        robot.check_limits(q)
+    except JointLimitError as problem:
+        inside = (robot.lower <= scales * q) & (scales * q <= robot.upper)
+        if job.start.degrees or not inside.all():
+            raise
+        fact = f"puts joint {problem.joint!r} at {problem.value:.6g} rad, outside its limits"
+        limits = f"[{problem.lower:.6g}, {problem.upper:.6g}]"
+        cure = "say degrees = true if these are degrees, or choose another start posture"
+        raise JobError(file, "start.q", f"{fact} {limits}", cure) from None
     return q
 
 
@@ -60,9 +85,10 @@ def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
     return [pose(robot, kind, reference=robot.pose(start)[:3, :3], rows=table.rows) for kind in kinds]
 
 
-def build_path(job: Job, tool: Vector) -> Path:
-    """The path, beginning at the tool's start point (3,)."""
+def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> Path:
+    """The path, beginning at the tool's start point. Raises: JobError, ArgumentError."""
     table = job.path
+    tool = task.robot.pose(start)[:3, 3]
     origin = tool if table.relative else np.zeros(3)
 
     def placed(point: list[float]) -> Vector:
@@ -71,12 +97,34 @@ def build_path(job: Job, tool: Vector) -> Path:
     if table.kind == "polyline":
         points = np.array([placed(p) for p in table.points or []])
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
-        return polyline(points, turns=turns, closed=table.closed, speed=table.speed)
+        path = polyline(points, turns=turns, closed=table.closed, speed=table.speed)
+        _check_begin(path, table.relative, tool, task, file)
+        return path
     center = placed(table.center or [])
-    sign = -1.0 if table.clockwise else 1.0
-    if table.kind == "circle":
-        return circle(tool, center, table.normal, clockwise=table.clockwise, speed=table.speed)
-    return arc(tool, center, sign * np.deg2rad(table.angle_deg or 0.0), table.normal, speed=table.speed)
+    angle = 360.0 if table.angle_deg is None else table.angle_deg
+    try:
+        return arc(tool, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
+    except ArgumentError as problem:
+        if problem.what != "normal" or table.relative:
+            raise
+        fact = f"is {problem.value}, the tool starts at {_typed(tool)}"
+        cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
+        raise JobError(file, "path.normal", fact, cure) from None
+
+
+def _check_begin(path: Path, relative: bool, tool: Vector, task: Task, file: FilePath) -> None:
+    """Raises: JobError when a polyline begins elsewhere than at the tool, in the rows of the task."""
+    rows = [row for row in task.rows if row < 3]
+    gap = float(np.abs((path.start - tool)[rows]).max(initial=0.0))
+    if gap > TOLERANCES.start:
+        fact = f"the tool at the start posture, {_typed(tool)}, is {gap:.3g} m away from the start of the path"
+        cure = "begin with [0, 0, 0]" if relative else "set relative = true, or make the tool's point the first one"
+        raise JobError(file, "path.points.0", fact, cure)
+
+
+def _typed(point: Vector) -> str:
+    """A point as one would type it into a job, within the tolerance of a start."""
+    return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
 def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -> Strategy:
@@ -108,6 +156,10 @@ def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -
             constraint = stack(*(height(joint) for joint in table.joints or []))
         case "stationary":
             constraint = stationary(_cost(table), free=tuple(table.free) if table.free else None)
+        case "inertia-weighted":
+            return inertia_weighted(task, name=name)
+        case "impedance":
+            return impedance(task, _springs(table), force=table.force or "pseudo-inverse", name=name)
         case "radial":
             given = moore_penrose(task) if table.W is None else weighted(task, _matrix(table.W, names))
             return radial(given, start, steps=table.steps or 4, name=name)
@@ -120,6 +172,19 @@ def build_invariant(table: StrategyTable, robot: Robot) -> Function | None:
         return None
     q = symbol("q", robot.n)
     return Function("invariant", {"q": q}, {"value": _column(table.invariant, robot.joint_names)(q)})
+
+
+def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
+    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one settled from it.
+
+    Raises: as `settle`.
+    """
+    if table.leaf is None:
+        return start, ""
+    begin = settle(strategy, start, table.leaf)
+    leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
+    joints = ", ".join(f"{value:.6g}" for value in begin)
+    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."
 
 
 def _three(joints: list[str] | None) -> tuple[str, str, str] | None:
@@ -136,8 +201,14 @@ def _cost(table: StrategyTable) -> Cost:
             return centring_cost()
         case "manipulability":
             return manipulability_cost()
+        case "gravity":
+            return gravity_cost()
         case _:
-            return posture_cost(table.preferred or [])
+            return _springs(table)
+
+
+def _springs(table: StrategyTable) -> Cost:
+    return posture_cost(table.preferred or [], 1.0 if table.stiffness is None else table.stiffness)
 
 
 def _gain(table: StrategyTable) -> float | list[list[float]]:
@@ -145,8 +216,10 @@ def _gain(table: StrategyTable) -> float | list[list[float]]:
 
 
 def _names(q: SX, joints: tuple[str, ...]) -> dict[str, SX]:
-    numbered = {f"q{i + 1}": q[i] for i in range(len(joints))}
-    return numbered | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+    """The joints by name; and by number, q1 to qn, unless a joint of its own is called like one of these."""
+    numbered = [f"q{i + 1}" for i in range(len(joints))]
+    free = {} if set(numbered) & set(joints) else {name: q[i] for i, name in enumerate(numbered)}
+    return free | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
 
 
 def _column(rows: list[Formula], joints: tuple[str, ...]) -> Callable[[SX], SX]:

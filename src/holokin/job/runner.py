@@ -19,11 +19,16 @@ from ..strategy import Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector
-from .build import build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
+from .build import build_begin, build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
 from .schema import ExpectTable, Job, read_job
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
+
+_COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
+# (delete this part, run, read the table), then write here what must stay true.
+"""
+"""What a copied job says above its expectations."""
 
 
 def packaged_jobs() -> tuple[str, ...]:
@@ -46,11 +51,12 @@ def expand(names: list[str]) -> list[str]:
 
 def open_job(name: str) -> tuple[str, Job, FilePath]:
     """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
-    if name.endswith(".toml"):
+    if name.lower().endswith(".toml"):
         path = FilePath(name)
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
-        raise UnknownNameError("job", name, [*packaged_jobs(), "paper", "or a path ending in .toml"])
+        beside = [file for file in (f"{name}.toml", f"{name}.TOML") if FilePath(file).is_file()]
+        raise UnknownNameError("job", name, [*beside, *packaged_jobs(), "paper", "or a path ending in .toml"])
     with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
 
@@ -65,10 +71,10 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     began = time.perf_counter()
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
-    robot.check_limits(start)
-    path = build_path(job, robot.pose(start)[:3, 3])
     tasks = build_tasks(job, robot, start)
+    path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
+    about = job.about
     for label, table in job.strategies.items():
         invariant = build_invariant(table, robot)
         variants = []
@@ -76,7 +82,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
             strategy = build_strategy(title, table, task, start)
-            variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
+            begin, note = build_begin(table, strategy, start)
+            about = f"{about} {note}"
+            variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:
@@ -85,7 +93,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
     seconds = time.perf_counter() - began
     return JobResult(
-        name, job.title, job.about, robot, task_name, start, path, job.path.cycles, tuple(results), seconds
+        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds
     )
 
 
@@ -188,8 +196,8 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
 
 def new_job(path: FilePath, template: str) -> None:
     """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
-    text = packaged_text(template)
-    if path.suffix != ".toml":
+    text = packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1)
+    if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
     try:
         with path.open("x", encoding="utf-8") as stream:

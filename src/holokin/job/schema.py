@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from ..errors import JobError
+from ..errors import JobError, closest
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
@@ -17,30 +19,38 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Formula = str | Number
 Kind = Literal[
     "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist",
-    "arm-angle", "height", "stationary", "radial",
+    "arm-angle", "height", "stationary", "radial", "inertia-weighted", "impedance",
 ]  # fmt: skip
 _USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "moore-penrose": ((), ()),
     "weighted": (("W",), ()),
     "null-basis": (("N_G",), ()),
     "pfaffian": (("A",), ()),
-    "custom": (("g",), ()),
-    "linear": (("matrix",), ()),
-    "lock": (("joints",), ()),
-    "coupled": (("gain",), ("orientation",)),
+    "custom": (("g",), ("leaf",)),
+    "linear": (("matrix",), ("leaf",)),
+    "lock": (("joints",), ("leaf",)),
+    "coupled": (("gain",), ("orientation", "leaf")),
     "coupled-twist": (("gain",), ()),
-    "arm-angle": ((), ("arm", "joints")),
-    "height": (("joints",), ()),
-    "stationary": (("cost",), ("preferred", "free")),
+    "arm-angle": ((), ("arm", "joints", "leaf")),
+    "height": (("joints",), ("leaf",)),
+    "stationary": (("cost",), ("preferred", "stiffness", "free", "leaf")),
     "radial": ((), ("W", "steps")),
+    "inertia-weighted": ((), ()),
+    "impedance": (("preferred",), ("stiffness", "force")),
 }
 """For each kind of strategy the keys that it needs, and those that it may have."""
+
+_SHAPES = {
+    "center": ("circle", "arc"), "normal": ("circle", "arc"), "clockwise": ("circle", "arc"), "angle_deg": ("arc",),
+    "points": ("polyline",), "turns_deg": ("polyline",), "closed": ("polyline",),
+}  # fmt: skip
+"""The kinds of path that use a key; the other keys serve all."""
 
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class RobotTable(_Table):
@@ -93,6 +103,9 @@ class PathTable(_Table):
         missing = [key for key in needs if getattr(self, key) is None]
         if missing:
             raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
+        for key in sorted(self.model_fields_set & _SHAPES.keys()):
+            if self.kind not in _SHAPES[key]:
+                raise ValueError(f"a {self.kind} does not use {key}; leave it out")
         if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
             raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
         return self
@@ -111,10 +124,13 @@ class StrategyTable(_Table):
     gain: Number | list[list[Number]] | None = None
     orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
     arm: Literal["stereographic", "conventional"] | None = None
-    cost: Literal["posture", "centring", "manipulability"] | None = None
+    cost: Literal["posture", "centring", "manipulability", "gravity"] | None = None
     preferred: list[Number] | None = None
+    stiffness: Positive | list[Positive] | None = None
+    force: Literal["pseudo-inverse", "stiffness"] | None = None
     free: list[str] | None = None
     steps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    leaf: Number | list[Number] | None = None
     method: Literal["velocity", "leaf"] | None = None
     invariant: list[Formula] = []
 
@@ -137,6 +153,8 @@ class StrategyTable(_Table):
                 raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
         if self.kind == "stationary" and (self.cost == "posture") != (self.preferred is not None):
             raise ValueError("cost = 'posture' and preferred go together; add or leave out preferred")
+        if self.kind == "stationary" and self.stiffness is not None and self.cost != "posture":
+            raise ValueError(f"cost = {self.cost!r} has no stiffness; leave it out")
         return self
 
 
@@ -248,21 +266,82 @@ def read_job(path: Path) -> Job:
 
 
 def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
-    """The first fault of the file, as a sentence."""
-    fault = problem.errors()[0]
-    key = _key(fault["loc"], table)
+    """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
+    faults = [(_key(fault["loc"], table), fault) for fault in problem.errors()]
+    first = faults[0][0]
+    key, fault = max((f for f in faults if f"{f[0]}.".startswith(f"{first}.")), key=lambda f: f[0].count("."))
     if fault["type"] == "missing":
         return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
     if fault["type"] == "extra_forbidden":
-        return JobError(path, key, "is an unknown key", "check its spelling; `holokin new` writes a complete example")
+        nearest = closest(key.rpartition(".")[2], _known_keys(key, table))
+        cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
+        return JobError(path, key, "is an unknown key", cure)
     value = fault.get("input", table)
     if isinstance(value, float) and not isfinite(value):
         return JobError(path, key, f"is {value}", "give a finite number")
-    shown = "" if isinstance(value, dict) else f"is {value!r}: "
-    message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
-    if not key:  # of the whole job: the message begins with the key
-        key, _, message = message.partition(": ")
-    return JobError(path, key, f"{shown}{message}", cure or "change it")
+    if fault["type"] == "value_error":
+        shown = "" if isinstance(value, dict) else f"is {value!r}: "
+        message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
+        if not key:  # of the whole job: the message begins with the key
+            key, _, message = message.partition(": ")
+        return JobError(path, key, f"{shown}{message}", cure)
+    shown = "is a table" if isinstance(value, dict) else f"is {value!r}"
+    choices = [w for k, f in faults if k == key for w in re.findall("'([^']+)'", _context(f, "expected"))]
+    if choices and isinstance(value, str):
+        return JobError(path, key, shown, closest(value, choices))
+    cures = dict.fromkeys(_cure(f) for k, f in faults if k == key)
+    return JobError(path, key, shown, f"give {' or '.join(cures)}")
+
+
+def _cure(fault: Mapping[str, Any]) -> str:
+    """What pydantic wants, in a job writer's words."""
+    kind = fault["type"].removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")
+    bound = next((_context(fault, word) for word in _BOUNDS if _context(fault, word)), "").removesuffix(".0")
+    return _CURES.get(kind, "{}").format(bound) if kind in _CURES else f"what this asks for: {fault['msg']}"
+
+
+def _context(fault: Mapping[str, Any], word: str) -> str:
+    """A fact of a fault; empty if it has none."""
+    return str(fault.get("ctx", {}).get(word, ""))
+
+
+_BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
+_CURES = {
+    "greater_than": "a number above {}",
+    "greater_than_equal": "at least {}",
+    "less_than_equal": "at most {}",
+    "too_short": "at least {} of them",
+    "too_long": "at most {} of them",
+    "literal_error": "one of {}",
+    "string": "a text in quotes",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "list": "a list, in [ ]",
+    "dict": "a table",
+    "model": "a table",
+}
+
+
+def _known_keys(key: str, table: dict[str, Any]) -> list[str]:
+    """The keys that stand beside a key; of a strategy those of its kind."""
+    parts = key.split(".")
+    if len(parts) == 1:
+        return list(Job.model_fields)
+    if parts[0] == "strategies":
+        kind = table["strategies"][parts[1]].get("kind")
+        if kind in _USES:
+            every = {word for pair in _USES.values() for words in pair for word in words}
+            used = {word for words in _USES[kind] for word in words}
+            return [word for word in StrategyTable.model_fields if word not in every - used]
+    return list(_TABLES["bound" if len(parts) > 3 else parts[0]].model_fields)
+
+
+_TABLES: dict[str, type[_Table]] = {
+    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "strategies": StrategyTable,
+    "expect": ExpectTable, "verdict": VerdictTable, "bound": Bound,
+}  # fmt: skip
 
 
 def _key(loc: tuple[int | str, ...], table: Any) -> str:

@@ -24,7 +24,7 @@ from ..path import Path
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Vector, whole
 from .leaf import NativeLeaf, leaf_stepper, native_leaf
 from .reach import out_of_reach
 from .velocity import velocity_stepper
@@ -71,13 +71,11 @@ def follow(
     if limits:
         robot.check_limits(start)
     chosen = _method(strategy, method)
-    if not (isinstance(cycles, int | np.integer) and cycles >= 1):
-        raise ArgumentError("cycles", cycles, "give a whole number, at least 1")
-    if cycles > 1 and not path.closed:
+    if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
     tool = robot.pose(start, task.tip)
-    plan = make_plan(task, path, samples, tool[:3, :3])
+    plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
     off = task.error(start, *plan.first)
     if np.abs(off).max() > TOLERANCES.start:
         raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0])

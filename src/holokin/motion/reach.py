@@ -34,17 +34,27 @@ def _nearest(plan: Plan, q: Vector, position: Vector, rotation: Matrix, limits: 
     robot = plan.task.robot
     lower = robot.lower if limits else np.full(robot.n, -np.inf)
     upper = robot.upper if limits else np.full(robot.n, np.inf)
-    span = np.clip(lower, q - np.pi, None), np.clip(upper, None, q + np.pi)
+    free = lower < upper  # a joint whose limits are equal stays where it is
+    here = np.clip(q, lower, upper)
+    span = np.clip(lower, q - np.pi, None)[free], np.clip(upper, None, q + np.pi)[free]
     rng = np.random.default_rng(0)
-    best, least = q, np.inf
-    for trial in range(RESTARTS + 1):
-        guess = np.clip(q, lower, upper) if trial == 0 else rng.uniform(*span)
+
+    def posture(values: Vector) -> Vector:
+        full = here.copy()
+        full[free] = values
+        return full
+
+    best, least = here, float(np.abs(plan.task.error(here, position, rotation)).max())
+    for trial in range((RESTARTS + 1) if free.any() else 0):
         found = least_squares(
-            lambda posture: plan.task.error(posture, position, rotation), guess, bounds=(lower, upper), xtol=1e-12
+            lambda values: plan.task.error(posture(values), position, rotation),
+            here[free] if trial == 0 else rng.uniform(*span),
+            bounds=(lower[free], upper[free]),
+            xtol=1e-12,
         )
         missing = float(np.abs(found.fun).max())
         if missing < least:
-            best, least = found.x, missing
+            best, least = posture(found.x), missing
         if least <= TOLERANCES.tracking / 10:
             break
     return best, least
