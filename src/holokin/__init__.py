@@ -73,7 +73,19 @@ from .control import (
     repetitive_motion,
 )
 from .errors import HolokinError
-from .motion import Drift, InverseKinematics, Spread, drift, follow, inverse, path_spread, settle
+from .motion import (
+    Drift,
+    InverseKinematics,
+    Servo,
+    Spread,
+    StepStatus,
+    controller,
+    drift,
+    follow,
+    inverse,
+    path_spread,
+    settle,
+)
 from .path import Path, arc, circle, join, line, polyline
 from .recording import Recording, read_recording
 from .robot import DHRow, Robot, catalogue, from_dh, from_urdf, load, mass_matrix, urdf_tips
@@ -123,8 +135,10 @@ __all__ = [
     "Region",
     "Robot",
     "SelfMotion",
+    "Servo",
     "Spread",
     "Status",
+    "StepStatus",
     "Strategy",
     "Task",
     "Trajectory",
@@ -142,6 +156,7 @@ __all__ = [
     "centring_cost",
     "circle",
     "closed_loop",
+    "controller",
     "coupled",
     "coupled_twist",
     "curvature",

@@ -8,6 +8,7 @@ from casadi import (
     cross,
     densify,
     dot,
+    fabs,
     fmax,
     fmin,
     horzcat,
@@ -24,17 +25,20 @@ from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brac
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
-from .kernel import FollowKernel, FollowRules
+from .kernel import LARGEST, FollowKernel, FollowRules, StepKernel
 from .linear import Factorisation, factorise, solve
+from .native import enabled, engine
 from .qp import NearestPoint
 
 __all__ = [
+    "LARGEST",
     "SX",
     "Factorisation",
     "FollowKernel",
     "FollowRules",
     "Function",
     "NearestPoint",
+    "StepKernel",
     "as_expression",
     "as_map",
     "atan2",
@@ -44,6 +48,9 @@ __all__ = [
     "densify",
     "directional",
     "dot",
+    "enabled",
+    "engine",
+    "fabs",
     "factorise",
     "fmax",
     "fmin",

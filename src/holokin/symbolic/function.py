@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -72,6 +72,7 @@ class Function:
             self.casadi = ca.Function(name, list(inputs.values()), ca.cse(dense))
         self._port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
         self._map: _Port | None = None
+        self._kept: list[_Port] = []
         self._kernel: BatchKernel | None = None
         self._follower: FollowKernel | None = None
 
@@ -140,6 +141,15 @@ class Function:
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._kernel if enabled() else None
+
+    def port(self) -> tuple[Callable[[], None], list[Array], list[Array]]:
+        """(trigger, arguments, results): memory of this function's own, for one thread that calls it often.
+
+        Write the arguments, call trigger(), read the results.
+        """
+        port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
+        self._kept.append(port)
+        return port.trigger, port.arguments, port.results
 
     def follower(self) -> FollowKernel | None:
         """The loop of following a path by this Newton step, as native code; None where there can be none."""

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Sequence
+import sysconfig
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ..errors import NativeError
 from ..types import Array, Indices
 from .emit import LANES, SCALAR, emit, prelude
-from .native import library
+from .native import library, path_of
 
 Shapes = Sequence[tuple[int, ...]]
 
@@ -113,3 +119,61 @@ class FollowKernel:
             segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,
             *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
         )  # fmt: skip
+
+
+class StepKernel:
+    """hk_step of a control step (q, pose, dx, c) -> (dq, scale, conditioning, margin), and its binding to Python."""
+
+    def __init__(self, function: ca.Function, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
+        self._library = library(step_source(function, inputs, outputs, figures))
+        self._run: Any = self._library.hk_step
+        self._run.argtypes = [ctypes.c_void_p] * 5
+        self._run.restype = ctypes.c_int
+        self.sizes = tuple(int(np.prod(shape)) for shape in inputs[:3])
+
+    def bind(self, leaf: Array, out: Array, answer: Array, slow: Callable[..., Array]) -> Callable[..., Array]:
+        """(q, pose, dx) -> answer, a view of out (dq, scale, status); `slow` is called with what is no float array."""
+        glue = _glue()
+        if glue is not None:
+            address = ctypes.cast(self._run, ctypes.c_void_p).value
+            return glue.bind(address, leaf.ctypes.data, out.ctypes.data, *self.sizes, len(out) - 1, answer, slow)
+        run, leaf_at, out_at = self._run, leaf.ctypes.data, out.ctypes.data
+        copies = [np.empty(size) for size in self.sizes]
+        places = [copy.ctypes.data for copy in copies]
+
+        def step(q: Array, pose: Array, dx: Array) -> Array:
+            for copy, value in zip(copies, (q, pose, dx), strict=True):
+                if np.shape(value) != copy.shape and np.size(value) != copy.size:
+                    return slow(q, pose, dx)
+                copy[:] = np.ravel(value)
+            out[-1] = run(*places, out_at, leaf_at)
+            return answer
+
+        return step
+
+
+def step_source(function: ca.Function, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
+    """The C of a control step: prelude, sizes, generated body, hk_step."""
+    each = [int(np.prod(shape)) for shape in inputs]
+    sizes = dict(zip(("N", "POSE", "M", "R"), each, strict=True))
+    sizes |= {"NX": sum(each), "NY": sum(int(np.prod(shape)) for shape in outputs)}
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in (sizes | figures).items())
+    return prelude(SCALAR) + head + body(function, inputs, outputs) + prelude("step.c")
+
+
+@cache
+def _glue() -> Any:
+    """The extension module that binds C steps to Python; None where Python's headers are missing."""
+    folder = sysconfig.get_paths().get("include", "")
+    if not (Path(folder) / "Python.h").is_file():
+        return None
+    try:
+        built = library(prelude("glue.c"), includes=(folder,))
+        loader = ExtensionFileLoader("holokin_glue", str(path_of(built)))
+        spec = spec_from_loader("holokin_glue", loader)
+        module = module_from_spec(spec) if spec is not None else None
+        if module is not None:
+            loader.exec_module(module)
+        return module
+    except (NativeError, ImportError):
+        return None

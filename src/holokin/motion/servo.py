@@ -1,0 +1,213 @@
+"""`controller`: a strategy as one control step, for a loop in real time (theory 5.9).
+
+    dq = [J; J_g]^-1 [x' + K e; -K_g (g(q) - c)]
+
+e is the task error, so the tool comes back to its path, and g - c the distance from the leaf, so the joints come
+back to theirs. Limits are met by going slower along the path, never by leaving the leaf. Without a constraint it
+is dq = G (x' + K e).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError
+from ..strategy import Strategy
+from ..symbolic import (
+    LARGEST,
+    SX,
+    Function,
+    StepKernel,
+    enabled,
+    engine,
+    fabs,
+    factorise,
+    fmax,
+    fmin,
+    if_else,
+    symbol,
+    vertcat,
+    wrapped,
+)
+from ..tolerances import TOLERANCES
+from ..types import ArrayLike, Vector
+from .leaf import leaf_value
+
+HELD = 1e-6
+"""Share of the wanted speed below which a joint stands at its limit."""
+
+
+class StepStatus(IntEnum):
+    """What became of a step; from SINGULAR on dq is zero."""
+
+    OK = 0
+    SLOWED = 1
+    LIMIT = 2
+    SINGULAR = 3
+    NOT_FINITE = 4
+
+
+class Servo:
+    """One control step of a strategy. Make one with `controller`.
+
+    `step(q, x_des, dx_des) -> dq`: q (n,); x_des, the wanted tool pose (4, 4), or position (3,) for a position task;
+    dx_des (m,) its rate in task rows. dq (n,) is the same array at every call; copy it to keep it.
+    """
+
+    step: Callable[[ArrayLike, ArrayLike, ArrayLike], Vector]
+
+    def __init__(self, strategy: Strategy, dt: float, gain: float, leaf_gain: float, leaf: Vector, limits: bool):
+        self.strategy, self.dt, self.leaf = strategy, dt, leaf
+        task = strategy.task
+        self._function = _expression(strategy, dt, gain, leaf_gain, limits)
+        self._out = np.zeros(task.n + 2)  # dq, scale, status
+        self._dq = self._out[: task.n]
+        self._leaf = np.append(leaf, 0.0)
+        self.engine = "CasADi's virtual machine"
+        self.step = self._machine()
+        if enabled() and self._function.casadi.n_instructions() <= LARGEST:
+            try:
+                self._kernel = StepKernel(*self.generated)
+                self.step = self._kernel.bind(self._leaf, self._out, self._dq, self._converted)
+                self.engine = engine()
+            except NativeError as problem:
+                logging.getLogger("holokin").warning("%s", problem)
+
+    def __repr__(self) -> str:
+        return f"Servo({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
+
+    @property
+    def status(self) -> StepStatus:
+        """What became of the last step."""
+        return StepStatus(int(self._out[-1]))
+
+    @property
+    def scale(self) -> float:
+        """How far the last step was slowed, 0 to 1: go on along the path by scale * dt."""
+        return float(self._out[-2])
+
+    @property
+    def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
+        """What native code is made of: (function, input shapes, output shapes, thresholds)."""
+        f = self._function
+        figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "HELD": HELD}
+        return f.casadi, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
+
+    def _converted(self, *arguments: ArrayLike) -> Vector:
+        """The step of arguments that are no float arrays of the right size. Raises: ShapeError, ArgumentError."""
+        shapes = list(self._function.input_shapes.values())[:3]
+        if len(arguments) != 3:
+            raise ArgumentError("the arguments of a step", len(arguments), "give q, x_des and dx_des")
+        out = []
+        for what, value, shape in zip(("q", "x_des", "dx_des"), arguments, shapes, strict=True):
+            try:
+                array = np.ascontiguousarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise ArgumentError(what, value, f"give numbers of shape {shape}") from None
+            if array.shape != shape:
+                raise ShapeError(what, shape, array.shape)
+            out.append(array)
+        return self.step(*out)
+
+    def _machine(self) -> Callable[[Any, Any, Any], Vector]:
+        """The step by CasADi's virtual machine, on memory of its own."""
+        trigger, (q_in, pose_in, dx_in, leaf_in), results = self._function.port()
+        leaf_in[...] = self.leaf.reshape(leaf_in.shape)
+        rates, scale, conditioning, margin = results
+        out, dq, slow = self._out, self._dq, self._converted
+        shapes = (q_in.shape, pose_in.shape, dx_in.shape)
+        least, clear = TOLERANCES.singular, TOLERANCES.representation
+
+        def step(q: Any, x_des: Any, dx_des: Any) -> Vector:
+            try:
+                if (q.shape, x_des.shape, dx_des.shape) != shapes:
+                    return slow(q, x_des, dx_des)
+            except AttributeError:
+                return slow(q, x_des, dx_des)
+            q_in[...], pose_in[...], dx_in[...] = q, x_des, dx_des
+            trigger()
+            share = scale.item()
+            size = rates @ rates + share
+            if size - size == 0.0 and conditioning.item() > least and margin.item() > clear:
+                dq[...] = rates
+                out[-2] = share
+                out[-1] = 0 if share >= 1.0 else 1 if share > HELD else 2
+                return dq
+            out[:-1] = 0.0
+            given = np.isfinite(q).all() and np.isfinite(x_des).all() and np.isfinite(dx_des).all()
+            out[-1] = StepStatus.SINGULAR if given else StepStatus.NOT_FINITE
+            return dq
+
+        return step
+
+
+def controller(
+    strategy: Strategy,
+    *,
+    dt: float,
+    start: ArrayLike | None = None,
+    gain: float | None = None,
+    leaf_gain: float | None = None,
+    limits: bool = True,
+) -> Servo:
+    """A strategy as a control step, native code if there is a compiler, else CasADi's virtual machine.
+
+    Args:
+        dt: the loop's step [s].
+        start: posture (n,) whose leaf is held; needed by a strategy with a constraint.
+        gain, leaf_gain: K and K_g [1/s]; 0.1/dt by default, an error then fades by a tenth each step.
+        limits: keep joint speeds, and positions one step ahead, by slowing along the path.
+
+    Raises:
+        ArgumentError: no start for a strategy with a constraint, or a bad dt or gain. ShapeError, NotFiniteError.
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise ArgumentError("dt", dt, "give a positive step in seconds")
+    gains = [0.1 / dt if g is None else float(g) for g in (gain, leaf_gain)]
+    for what, value in zip(("gain", "leaf_gain"), gains, strict=True):
+        if not (np.isfinite(value) and 0 <= value * dt < 2):
+            raise ArgumentError(what, value, f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable")
+    leaf = np.zeros(0)
+    if strategy.constraint is not None and strategy.task.n > strategy.task.m:
+        if start is None:
+            raise ArgumentError("start", None, f"{strategy.name!r} has leaves: give a posture on the one to hold")
+        q0 = strategy.task.robot.checked(start, "the start posture")
+        strategy(q0)
+        leaf = leaf_value(strategy, q0)
+    if not np.isfinite(leaf).all():
+        raise NotFiniteError("the leaf", leaf.tolist())
+    return Servo(strategy, float(dt), gains[0], gains[1], leaf, limits)
+
+
+def _expression(strategy: Strategy, dt: float, gain: float, leaf_gain: float, limits: bool) -> Function:
+    """(q, pose, dx, c) -> (dq, scale, conditioning, margin); pose (4, 4), or (3,) where the task is a position."""
+    e, task = strategy.expressions, strategy.task
+    r = task.n - task.m if strategy.constraint is not None else 0
+    pose = symbol("pose", 3) if task.orientation is None else symbol("pose", 4, 4)
+    p, R = (pose, SX.eye(3)) if task.orientation is None else (pose[:3, 3], pose[:3, :3])
+    dx, c = symbol("dx", task.m), symbol("c", r)
+    u = dx + gain * task.error_expression(e.kinematics, p, R)
+    if strategy.constraint is not None:
+        g = strategy.constraint
+        gap = g.bind(task, e.kinematics, e.q) - c if r else SX(0, 1)
+        gap = vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular[:r])))
+        extended = factorise(vertcat(e.J, e.planes))
+        dq, conditioning = extended.solve(vertcat(u, -leaf_gain * gap)), extended.conditioning()
+    else:
+        dq, conditioning = e.rate(u)
+    scale = SX(1)
+    if limits:
+        for i, joint in enumerate(task.robot.coordinates):
+            if np.isfinite(joint.max_velocity):
+                scale = fmin(scale, joint.max_velocity / fmax(fabs(dq[i]), 1e-12))
+            for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
+                if np.isfinite(bound):
+                    room, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
+                    scale = fmin(scale, if_else(speed > 1e-12, room / fmax(speed, 1e-12), 1))
+    outputs = {"dq": scale * dq, "scale": scale, "conditioning": conditioning, "margin": strategy.margin_expression}
+    return Function("step", {"q": e.q, "pose": pose, "dx": dx, "c": c}, outputs)
