@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import __version__
-from .errors import ArgumentError, HolokinError, UnknownNameError
+from .errors import ArgumentError, HolokinError, RobotFileError, UnknownNameError
 
 if TYPE_CHECKING:
     from .job import Job
@@ -152,6 +152,8 @@ def robots(
     from .robot import catalogue, load, urdf_tips
 
     if urdf is not None:
+        if urdf.suffix.lower() != ".urdf":
+            raise RobotFileError(urdf, "is not called a URDF", "give a .urdf file, or nothing for the catalogue")
         for tip, joints in urdf_tips(urdf).items():
             typer.echo(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
         return

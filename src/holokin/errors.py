@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
@@ -12,7 +13,8 @@ def _posture(q: Iterable[float]) -> str:
     return "[" + ", ".join(f"{float(value):.6g}" for value in q) + "]"
 
 
-def _closest(word: str, known: Sequence[str]) -> str:
+def closest(word: str, known: Sequence[str]) -> str:
+    """The cure for a name that does not exist: the nearest of the known ones, and all of them."""
     close = get_close_matches(word, known, n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return f"{hint}known: {', '.join(known) if known else 'none'}"
@@ -27,7 +29,7 @@ class UnknownNameError(HolokinError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        super().__init__(f"unknown {kind} {name!r}; {_closest(name, self.known)}")
+        super().__init__(f"unknown {kind} {name!r}; {closest(name, self.known)}")
 
 
 class ShapeError(HolokinError):
@@ -86,6 +88,16 @@ class ArgumentError(HolokinError):
         super().__init__(f"{what} is {value!r}; {cure}")
 
 
+def whole_number(what: str, value: object, least: int = 1) -> None:
+    """Raises: ArgumentError unless a value is a whole number that is large enough."""
+    try:
+        sound = operator.index(value) >= least  # type: ignore[arg-type]
+    except TypeError:
+        sound = False
+    if not sound:
+        raise ArgumentError(what, value, f"give a whole number, at least {least}")
+
+
 class TaskTooLargeError(HolokinError):
     """A task with more rows than the robot has joints: m > n."""
 
@@ -113,10 +125,9 @@ class JointLimitError(HolokinError):
 
     def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
         self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
-        super().__init__(
-            f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]; "
-            "choose another start posture or path, or widen the limits in the robot description"
-        )
+        self.fact = f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]"
+        self.cure = "choose another start posture or path, or widen the limits in the robot description"
+        super().__init__(f"{self.fact}; {self.cure}")
 
 
 class SingularityKind(Enum):
@@ -148,10 +159,10 @@ class StartError(HolokinError):
     """The start posture does not put the tool at the start of the path."""
 
     def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float]) -> None:
-        self.distance = distance
+        self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
-            f"tool {_posture(tool)}, path {_posture(path)}; move the path with path.starting_at(point), "
+            f"tool {_posture(self.tool)}, path {_posture(self.path)}; move the path with path.starting_at(point), "
             "or choose a start posture on it"
         )
 

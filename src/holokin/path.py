@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
+from .errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError, whole_number
 from .types import Array, ArrayLike, Indices, Matrix, Vector
 
 CLOSED = 1e-9
@@ -84,7 +84,7 @@ class Path:
         if not self.segments:
             raise ArgumentError("the number of segments of a path", 0, "give at least two points")
         for name, value in (("speed", self.speed), ("angular_speed", self.angular_speed)):
-            if not (np.isfinite(value) and value > 0):
+            if not (_numbers(name, value).shape == () and np.isfinite(value) and value > 0):
                 raise ArgumentError(name, value, "give a positive speed in m/s or rad/s")
         if not (self._durations > 0).all():
             raise ArgumentError("a segment's length", 0.0, "leave out repeated points")
@@ -169,8 +169,15 @@ class Path:
         return self.gap <= CLOSED
 
     def at(self, t: ArrayLike) -> Samples:
-        """The path at times t (k,) in [0, duration]; at a corner the segment that begins there."""
-        t = np.atleast_1d(np.asarray(t, dtype=float))
+        """The path at times t (k,) in [0, duration]; at a corner the segment that begins there.
+
+        Raises: ArgumentError for another time, but for round-off.
+        """
+        given = np.atleast_1d(_numbers("t", t))
+        t = np.clip(given, 0.0, self.duration)
+        if not np.allclose(given, t, rtol=0.0, atol=1e-9 * self.duration):  # NaN included
+            wrong = given[np.argmax(~(np.abs(given - t) <= 1e-9 * self.duration))]
+            raise ArgumentError("t", float(wrong), f"give times from 0 to the path's duration, {self.duration:.6g} s")
         index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.segments) - 1)
         return self.on(index, (t - self._starts[index]) / self._durations[index])
 
@@ -192,8 +199,7 @@ class Path:
 
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """At least `samples` steps of nearly equal time that never straddle a corner: (segment, u_start, u_stop)."""
-        if samples < 1:
-            raise ArgumentError("samples", samples, "give at least 1")
+        whole_number("samples", samples)
         counts = np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
         index = np.repeat(np.arange(len(counts)), counts)
         within = np.concatenate([np.arange(c) for c in counts])
@@ -257,11 +263,14 @@ def arc(
     a, c, n = as_point(start), as_point(center), _vector("normal", normal)
     x = a - c
     size, radius = float(np.linalg.norm(n)), float(np.linalg.norm(x))
-    if radius == 0.0 or size == 0.0 or not np.isfinite(angle) or angle == 0.0:
+    if radius == 0.0 or size == 0.0 or not np.isfinite(_numbers("angle", angle)) or angle == 0.0:
         raise ArgumentError("an arc's (radius, normal, angle)", (radius, n.tolist(), angle), "none of them may vanish")
-    if abs(float(x @ n)) > 1e-9 * radius * size:
-        raise ArgumentError("normal", n.tolist(), "it must be perpendicular to the line from center to start")
-    return Path((Segment(c, x, np.cross(n / size, x), float(angle), np.zeros(3), _vector("turn", turn)),), speed)
+    off = float(x @ n) / size
+    if abs(off) > 1e-9 * radius:
+        fact = f"it must be perpendicular to the line from center to start, but start is {off:.6g} m off along it"
+        raise ArgumentError("normal", n.tolist(), fact)
+    y = _vector("radius", np.cross(n / size, x))
+    return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
 
 def circle(
@@ -286,12 +295,12 @@ def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
     """
-    corners = [as_point(p) for p in np.atleast_2d(np.asarray(points, dtype=float))]
+    corners = [as_point(p) for p in np.atleast_2d(_numbers("points", points))]
     if closed:
         corners.append(corners[0])
     if len(corners) < 2:
         raise ArgumentError("the number of points of a polyline", len(corners), "give at least two")
-    spins = np.zeros((len(corners) - 1, 3)) if turns is None else np.asarray(turns, dtype=float)
+    spins = np.zeros((len(corners) - 1, 3)) if turns is None else _numbers("turns", turns)
     if spins.shape != (len(corners) - 1, 3):
         raise ShapeError("turns", (len(corners) - 1, 3), spins.shape, "one rotation vector a line")
     zero = np.zeros(3)
@@ -312,7 +321,7 @@ def join(*paths: Path) -> Path:
 
 def as_point(point: ArrayLike) -> Vector:
     """A point (3,); a planar one (2,) gets z = 0. Raises: ShapeError, NotFiniteError."""
-    p = np.asarray(point, dtype=float)
+    p = _numbers("a point", point)
     if p.shape == (2,):
         p = np.append(p, 0.0)
     return _vector("a point", p)
@@ -325,8 +334,16 @@ def _rotations(vectors: Array) -> Array:
     return Rotation.from_rotvec(vectors).as_matrix()
 
 
+def _numbers(what: str, value: ArrayLike) -> Array:
+    """An array of floats. Raises: ArgumentError for text, ragged lists and the like."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ArgumentError(what, value, "give plain numbers, rows of one length") from None
+
+
 def _vector(what: str, value: ArrayLike) -> Vector:
-    v = np.asarray(value, dtype=float)
+    v = _numbers(what, value)
     if v.shape != (3,):
         raise ShapeError(what, (3,), v.shape)
     if not np.isfinite(v).all():

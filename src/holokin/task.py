@@ -6,7 +6,7 @@ not the derivative of any coordinates; the other representations have x = f(q) a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -35,7 +35,7 @@ class Task:
 
     `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", or None for position only.
     `reference` (3, 3) is the rotation that "rotation-vector" counts from: log(R reference^T).
-    Iterating strategies over rows: `task[[0, 1]]` keeps the first two.
+    `task[[0, 1]]` keeps the first two rows; iterating gives a task for each row alone.
     """
 
     robot: Robot
@@ -58,6 +58,10 @@ class Task:
     def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
         """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
         return replace(self, rows=_chosen(self.rows, index))
+
+    def __iter__(self) -> Iterator[Task]:
+        """The task of each row. Raises: ArgumentError at rows that cannot stand alone, as a twist's angular ones."""
+        return (self[i] for i in range(self.m))
 
     @property
     def m(self) -> int:

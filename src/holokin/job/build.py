@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -21,7 +22,7 @@ from ..constraint import (
     stack,
     stationary,
 )
-from ..errors import ArgumentError, JobError
+from ..errors import ArgumentError, JobError, JointLimitError, StartError
 from ..path import Path, arc, as_point, circle, polyline
 from ..robot import Robot, load
 from ..strategy import Strategy, coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, radial, weighted
@@ -41,13 +42,21 @@ def build_robot(job: Job, file: FilePath) -> Robot:
 
 
 def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
-    """The start posture (n,) in rad and m. Raises: JobError."""
+    """The start posture (n,) in rad and m, within the limits. Raises: JobError."""
     q = np.array(job.start.q, dtype=float)
     if len(q) != robot.n:
         names = ", ".join(robot.joint_names)
         raise JobError(file, "start.q", f"has {len(q)} numbers", f"give {robot.n}, for {names}")
+    turned = np.array([np.deg2rad(v) if c.unit == "rad" else v for v, c in zip(q, robot.coordinates, strict=True)])
     if job.start.degrees:
-        q = np.array([np.deg2rad(v) if c.unit == "rad" else v for v, c in zip(q, robot.coordinates, strict=True)])
+        q = turned
+    try:
+        robot.check_limits(q)
+    except JointLimitError as problem:
+        cure = problem.cure
+        if not job.start.degrees and ((turned >= robot.lower) & (turned <= robot.upper)).all():
+            cure = "if these are degrees, set degrees = true; else " + cure
+        raise JobError(file, "start.q", problem.fact, cure) from problem
     return q
 
 
@@ -60,8 +69,8 @@ def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
     return [pose(robot, kind, reference=robot.pose(start)[:3, :3], rows=table.rows) for kind in kinds]
 
 
-def build_path(job: Job, tool: Vector) -> Path:
-    """The path, beginning at the tool's start point (3,)."""
+def build_path(job: Job, tool: Vector, file: FilePath) -> Path:
+    """The path, beginning at the tool's start point (3,). Raises: JobError, ArgumentError."""
     table = job.path
     origin = tool if table.relative else np.zeros(3)
 
@@ -73,6 +82,13 @@ def build_path(job: Job, tool: Vector) -> Path:
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
         return polyline(points, turns=turns, closed=table.closed, speed=table.speed)
     center = placed(table.center or [])
+    normal = np.array(table.normal)
+    off = float((tool - center) @ normal) / max(float(np.linalg.norm(normal)), 1e-300)
+    if not table.relative and abs(off) > 1e-9 * np.linalg.norm(tool - center):
+        fact = f"is {abs(off):.6g} m off the plane through the tool, {_typed(tool)}, that is normal to {table.normal}"
+        inside = center - tool + off * normal / np.linalg.norm(normal)
+        cure = f"set relative = true and count center from the tool: center = {_typed(inside)}"
+        raise JobError(file, "path.center", fact, cure)
     sign = -1.0 if table.clockwise else 1.0
     if table.kind == "circle":
         return circle(tool, center, table.normal, clockwise=table.clockwise, speed=table.speed)
@@ -145,8 +161,24 @@ def _gain(table: StrategyTable) -> float | list[list[float]]:
 
 
 def _names(q: SX, joints: tuple[str, ...]) -> dict[str, SX]:
-    numbered = {f"q{i + 1}": q[i] for i in range(len(joints))}
-    return numbered | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+    """The joints' names, and q1, q2, ... unless a joint is called like that, and perhaps not in this order."""
+    named = {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+    if any(re.fullmatch(r"q\d+", name) for name in joints):
+        return named
+    return {f"q{i + 1}": q[i] for i in range(len(joints))} | named
+
+
+def _typed(point: Vector) -> str:
+    """A point as one types it in a job file, with more digits than any start needs."""
+    return "[" + ", ".join(f"{value:.9g}" for value in point + 0.0) + "]"
+
+
+def off_path(problem: StartError, job: Job, file: FilePath) -> JobError:
+    """What a start posture off the path is to the writer of a job file."""
+    first = "points begin" if job.path.kind == "polyline" else "the path begins"
+    fact = f"{first} {problem.distance:.3g} m away from the tool at the start posture"
+    cure = f"set relative = true, or make {_typed(np.array(problem.tool))} the first point"
+    return JobError(file, "path", fact, cure)
 
 
 def _column(rows: list[Formula], joints: tuple[str, ...]) -> Callable[[SX], SX]:

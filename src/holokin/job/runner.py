@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import around, involutivity
-from ..errors import JobError, OutOfReachError, PathError, UnknownNameError
+from ..errors import ArgumentError, JobError, OutOfReachError, PathError, StartError, UnknownNameError
 from ..motion import follow
 from ..output.result import Check, JobResult, StrategyResult
 from ..path import Path
@@ -19,7 +19,7 @@ from ..strategy import Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector
-from .build import build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
+from .build import build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks, off_path
 from .schema import ExpectTable, Job, read_job
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
@@ -45,11 +45,14 @@ def expand(names: list[str]) -> list[str]:
 
 
 def open_job(name: str) -> tuple[str, Job, FilePath]:
-    """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
-    if name.endswith(".toml"):
+    """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, ArgumentError, JobError."""
+    if name.lower().endswith(".toml"):
         path = FilePath(name)
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
+        for file in (f"{name}.toml", f"{name}.TOML"):
+            if FilePath(file).is_file():
+                raise ArgumentError("the job", name, f"did you mean the file {file}?")
         raise UnknownNameError("job", name, [*packaged_jobs(), "paper", "or a path ending in .toml"])
     with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
@@ -65,8 +68,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     began = time.perf_counter()
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
-    robot.check_limits(start)
-    path = build_path(job, robot.pose(start)[:3, 3])
+    path = build_path(job, robot.pose(start)[:3, 3], file)
     tasks = build_tasks(job, robot, start)
     results: list[StrategyResult] = []
     for label, table in job.strategies.items():
@@ -76,7 +78,10 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
             strategy = build_strategy(title, table, task, start)
-            variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
+            try:
+                variants.append(_run_strategy(job, label, strategy, path, start, table.method, invariant))
+            except StartError as problem:
+                raise off_path(problem, job, file) from problem
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:
@@ -189,7 +194,7 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
 def new_job(path: FilePath, template: str) -> None:
     """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
     text = packaged_text(template)
-    if path.suffix != ".toml":
+    if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
     try:
         with path.open("x", encoding="utf-8") as stream:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from ..errors import JobError
+from ..errors import JobError, closest
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
@@ -58,6 +59,13 @@ class TaskTable(_Table):
     kind: Literal["position", "pose"] = "position"
     orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
     rows: list[int] | None = None
+
+    @field_validator("orientation")
+    @classmethod
+    def _once(cls, kinds: Any) -> Any:
+        if isinstance(kinds, list) and len(set(kinds)) != len(kinds):
+            raise ValueError("a representation stands there twice; name each once")
+        return kinds
 
 
 class StartTable(_Table):
@@ -247,6 +255,39 @@ def read_job(path: Path) -> Job:
         raise _named(path, problem, table) from None
 
 
+_SAID = {
+    "greater_than": ("it must be greater than {gt:g}", "give a larger number"),
+    "greater_than_equal": ("it must be at least {ge:g}", "give a larger number"),
+    "less_than_equal": ("it must be at most {le:g}", "give a smaller number"),
+    "literal_error": ("it must be {expected}", "choose one"),
+    "int_type": ("it must be a whole number", "give one"),
+    "int_parsing": ("it must be a whole number", "give one"),
+    "int_from_float": ("it must be a whole number", "leave out the decimals"),
+    "float_type": ("it must be a number", "give one, without quotes"),
+    "float_parsing": ("it must be a number", "give one, without quotes"),
+    "bool_type": ("it must be true or false", "write one, without quotes"),
+    "bool_parsing": ("it must be true or false", "write one, without quotes"),
+    "string_type": ("it must be text", "write it in quotes"),
+    "list_type": ("it must be a list", "write it in brackets"),
+    "dict_type": ("it must be a table", "write its keys below it in brackets, as `holokin new` does"),
+    "model_type": ("it must be a table", "write its keys below it in brackets, as `holokin new` does"),
+    "too_short": ("it has {actual_length} entries", "give at least {min_length}"),
+    "too_long": ("it has {actual_length} entries", "give at most {max_length}"),
+}
+"""What is wrong, and the cure, by pydantic's name of a fault."""
+
+
+def _known(loc: tuple[int | str, ...]) -> list[str]:
+    """The keys of a table of a job file, by its place."""
+    model: Any = Job
+    for part in loc:
+        if isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
+            kind = model.model_fields[str(part)].annotation
+            inner = [a for a in (kind, *get_args(kind)) if isinstance(a, type) and issubclass(a, BaseModel)]
+            model = inner[0] if inner else kind
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+
+
 def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
     """The first fault of the file, as a sentence."""
     fault = problem.errors()[0]
@@ -254,12 +295,19 @@ def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobEr
     if fault["type"] == "missing":
         return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
     if fault["type"] == "extra_forbidden":
-        return JobError(path, key, "is an unknown key", "check its spelling; `holokin new` writes a complete example")
+        word = str(fault["loc"][-1])
+        return JobError(path, key, "is an unknown key", closest(word, _known(fault["loc"][:-1])))
     value = fault.get("input", table)
     if isinstance(value, float) and not isfinite(value):
         return JobError(path, key, f"is {value}", "give a finite number")
     shown = "" if isinstance(value, dict) else f"is {value!r}: "
     message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
+    facts = fault.get("ctx", {})
+    if fault["type"] == "literal_error" and isinstance(value, str):
+        return JobError(path, key, f"is {value!r}", closest(value, re.findall(r"'([^']*)'", facts["expected"])))
+    if fault["type"] in _SAID:
+        said, cure = _SAID[fault["type"]]
+        return JobError(path, key, shown + said.format_map(facts), cure.format_map(facts))
     if not key:  # of the whole job: the message begins with the key
         key, _, message = message.partition(": ")
     return JobError(path, key, f"{shown}{message}", cure or "change it")

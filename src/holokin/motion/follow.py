@@ -17,6 +17,7 @@ from ..errors import (
     SingularityError,
     StartError,
     TrackingError,
+    whole_number,
 )  # fmt: skip
 from ..path import Path
 from ..strategy import Strategy
@@ -63,8 +64,7 @@ def follow(
     if limits:
         robot.check_limits(start)
     chosen = _method(strategy, method)
-    if not (isinstance(cycles, int | np.integer) and cycles >= 1):
-        raise ArgumentError("cycles", cycles, "give a whole number, at least 1")
+    whole_number("cycles", cycles)
     if cycles > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)

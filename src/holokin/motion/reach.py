@@ -34,17 +34,25 @@ def _nearest(plan: Plan, q: Vector, position: Vector, rotation: Matrix, limits: 
     robot = plan.task.robot
     lower = robot.lower if limits else np.full(robot.n, -np.inf)
     upper = robot.upper if limits else np.full(robot.n, np.inf)
-    span = np.clip(lower, q - np.pi, None), np.clip(upper, None, q + np.pi)
+    q = np.clip(q, lower, upper)
+    free = lower < upper  # a joint with equal limits stands still
+    bounds = lower[free], upper[free]
+    span = np.clip(bounds[0], q[free] - np.pi, None), np.clip(bounds[1], None, q[free] + np.pi)
+
+    def error(moving: Vector) -> Vector:
+        posture = q.copy()
+        posture[free] = moving
+        return plan.task.error(posture, position, rotation)
+
     rng = np.random.default_rng(0)
-    best, least = q, np.inf
-    for trial in range(RESTARTS + 1):
-        guess = np.clip(q, lower, upper) if trial == 0 else rng.uniform(*span)
-        found = least_squares(
-            lambda posture: plan.task.error(posture, position, rotation), guess, bounds=(lower, upper), xtol=1e-12
-        )
+    best, least = q, float(np.abs(error(q[free])).max())
+    for trial in range(RESTARTS + 1 if free.any() else 0):
+        guess = q[free] if trial == 0 else rng.uniform(*span)
+        found = least_squares(error, guess, bounds=bounds, xtol=1e-12)
         missing = float(np.abs(found.fun).max())
         if missing < least:
-            best, least = found.x, missing
+            best, least = q.copy(), missing
+            best[free] = found.x
         if least <= TOLERANCES.tracking / 10:
             break
     return best, least

@@ -11,6 +11,7 @@ from xml.parsers import expat
 import numpy as np
 
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from ..tolerances import TOLERANCES
 from ..types import Matrix
 from .model import Body, Coordinate, Joint, Robot, Tip
 
@@ -35,6 +36,7 @@ def from_urdf(
     Raises:
         RobotFileError: missing or malformed file, a joint type that cannot be used, a branching tree without `tip`.
         UnknownNameError: a link or joint that the file does not have.
+        ArgumentError: a locked joint that cannot move, or a value that is no number or outside its limits.
     """
     model = _read(path)
     links = [link.name for link in model.links]
@@ -47,8 +49,7 @@ def from_urdf(
             if word not in known:
                 raise UnknownNameError(f"{kind} of {path}", word, known)
     for joint, value in held.items():
-        if not np.isfinite(value):
-            raise ArgumentError(f"locked joint {joint!r}", value, "give a finite value in m or rad")
+        _check_locked(next(j for j in model.joints if j.name == joint), value)
     wanted_tips = _wanted_tips(path, tip, links, parent_joint, root)
     builder = _Builder(path, {joint.name: joint for joint in model.joints}, parent_joint, root, held)
     return builder.build(str(model.name or Path(path).stem), wanted_tips, model.links)
@@ -200,7 +201,7 @@ def _read(path: str | Path) -> Any:
     except OSError as problem:
         raise RobotFileError(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
     except expat.ExpatError as problem:
-        raise RobotFileError(path, f"is not XML ({problem})", "mend the line it names") from None
+        raise RobotFileError(path, f"is not XML ({problem})", "give a URDF, and mend the line if it is one") from None
     if tags[0] != "robot":
         raise RobotFileError(path, f"is not a URDF, its root is <{tags[0]}>", "give a URDF of a robot")
     import yourdfpy
@@ -289,6 +290,21 @@ def _wanted_tips(
         if link not in links:
             raise UnknownNameError(f"link of {path}", link, links)
     return wanted
+
+
+def _check_locked(joint: Any, value: Any) -> None:
+    """Raises: ArgumentError unless a joint can be held at a value."""
+    what = f"locked joint {joint.name!r}"
+    if joint.type not in MOVING:
+        raise ArgumentError(f"the type of {what}", joint.type, f"only {', '.join(MOVING)} joints can be held")
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        raise ArgumentError(what, value, "give a finite value in m or rad")
+    if joint.type == "continuous" or joint.limit is None:
+        return
+    lower = -np.inf if joint.limit.lower is None else float(joint.limit.lower)
+    upper = np.inf if joint.limit.upper is None else float(joint.limit.upper)
+    if not lower - TOLERANCES.limit <= value <= upper + TOLERANCES.limit:
+        raise ArgumentError(what, value, f"give a value within its limits, {lower:.6g} to {upper:.6g}")
 
 
 def _coordinate(joint: Any) -> Coordinate:
