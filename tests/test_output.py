@@ -18,7 +18,7 @@ from holokin.output.plots import best_azimuth
 from holokin.output.report import write_report
 from holokin.output.result import JobResult
 from holokin.output.table import columns, remarks, row
-from holokin.output.words import away, largest, speed_warning, stopped, verdict_lines, ways_end
+from holokin.output.words import away, largest, speed_warning, stopped, ways_end
 from holokin.trajectory import Status
 
 
@@ -235,14 +235,15 @@ def test_a_verdict_is_a_sentence_that_a_small_loop_confirms() -> None:
     """0.1 m by 0.1 m: the joints end 0.01 |F| away to first order in the area, here at a tenth of the size."""
     result = shortened("panda-circle", cycles=1, samples=40)
     pseudo, held = result.strategies[0], result.strategies[1]
-    told, shown = verdict_lines(pseudo)
     v = pseudo.verdict
+    told, shown = v.sentence, v.details
+    assert str(v).splitlines() == [told, f"  {shown}"]
     names = [pseudo.cycles.row_names[i] for i in v.plane]
     assert "-".join(names) in told and "-".join(names) in shown
     assert "is NOT holonomic" in told
     assert f"{0.01 * v.defect:.2g} rad" in told
-    assert f"{v.relative:.2g}/rad" in shown
-    assert "comes" not in told and verdict_lines(held)[0].startswith("lock-3 is holonomic")
+    assert f"{v.relative:.2g} per rad" in shown
+    assert "comes" not in told and held.verdict.sentence.startswith("lock-3, pose (twist) of panda, is holonomic")
     ppr = shortened(cycles=1)
     strategy = hk.moore_penrose(hk.position(ppr.robot))
     q = ppr.start

@@ -26,6 +26,10 @@ PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
 
 
+EXPECT_NOTE = "What follows holds for the robot, start and path above: after changing them, mend or delete it."
+"""Stands above the [expect] tables of a copied job."""
+
+
 def packaged_jobs() -> tuple[str, ...]:
     """Names of the jobs that come with the library."""
     names = (entry.name for entry in files("holokin.job").joinpath("packaged").iterdir())
@@ -192,8 +196,11 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
 
 
 def new_job(path: FilePath, template: str) -> None:
-    """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
-    text = packaged_text(template)
+    """Write a copy of a packaged job to a new file, with a word on its [expect] tables.
+
+    Raises: UnknownNameError, JobError if the file exists.
+    """
+    text = packaged_text(template).replace("\n[expect.", f"\n# {EXPECT_NOTE}\n[expect.", 1)
     if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
     try:

@@ -37,6 +37,13 @@ _USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """For each kind of strategy the keys that it needs, and those that it may have."""
 
+_PATHS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "circle": (("center",), ("normal", "clockwise")),
+    "arc": (("center", "angle_deg"), ("normal", "clockwise")),
+    "polyline": (("points",), ("turns_deg", "closed")),
+}
+"""The same for each kind of path; all may have relative, speed, samples and cycles."""
+
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
@@ -97,8 +104,7 @@ class PathTable(_Table):
 
     @model_validator(mode="after")
     def _complete(self) -> PathTable:
-        needs = {"circle": ["center"], "arc": ["center", "angle_deg"], "polyline": ["points"]}[self.kind]
-        missing = [key for key in needs if getattr(self, key) is None]
+        missing = [key for key in _PATHS[self.kind][0] if getattr(self, key) is None]
         if missing:
             raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
         if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
@@ -233,6 +239,16 @@ class Job(_Table):
             if name not in self.strategies:
                 raise ValueError(f"expect.{name}: is for no strategy of this job; known: {', '.join(self.strategies)}")
         return self
+
+
+def kinds_of_strategy() -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Kind of strategy -> (keys that it needs, keys that it may have besides method and invariant)."""
+    return {str(kind): keys for kind, keys in _USES.items()}
+
+
+def kinds_of_path() -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Kind of path -> (keys that it needs, keys that it may have besides relative, speed, samples and cycles)."""
+    return dict(_PATHS)
 
 
 def read_job(path: Path) -> Job:
