@@ -216,3 +216,77 @@ def test_changs_basis_serves_several_free_joints(irb140: hk.Robot) -> None:
 def test_constraints_that_make_no_sense_are_refused(panda: hk.Robot, constraint, error: type[Exception]) -> None:
     with pytest.raises(error):
         hk.holonomic(hk.pose(panda), constraint())
+
+
+def test_a_tilt_never_changes_algorithmic_singularities(panda: hk.Robot, irb140: hk.Robot) -> None:
+    """det [J; J_a - rho' J] = det [J; J_a] (theory 2e), and the leaves do change."""
+    cases = [
+        (hk.pose(panda), hk.arm_angle(), lambda x: 0.7 * x[0] ** 2 - ca.sin(x[4]), PANDA_START),
+        (hk.position(irb140), hk.coupled(1.0), lambda x: [x[0] * x[1], ca.cos(x[2]), x[0]], IRB_START),
+    ]
+    for task, a, rho, start in cases:
+        plain, tilted = hk.holonomic(task, a), hk.holonomic(task, hk.tilted(a, rho))
+        for q in start + np.random.default_rng(6).uniform(-0.3, 0.3, (5, task.n)):
+            one, other = (np.linalg.det(np.vstack([task.jacobian(q), s.rows(q)])) for s in (plain, tilted))
+            assert other == pytest.approx(one, rel=1e-9)
+        assert np.abs(plain(start) - tilted(start)).max() > 1e-3
+    with pytest.raises(ShapeError, match="tilt"):
+        hk.holonomic(hk.pose(panda), hk.tilted(hk.arm_angle(), lambda x: [x[0], x[1]]))
+
+
+def test_sums_and_weights_of_constraints(panda: hk.Robot) -> None:
+    task = hk.pose(panda)
+    mixed = hk.holonomic(task, hk.total(hk.lock(2), hk.linear([1, 0, 0, 0, 0, 0, -1]), weights=[2.0, 0.5]))
+    assert mixed.rows(PANDA_START)[0] == pytest.approx([0.5, 0, 2, 0, 0, 0, -0.5])
+    assert hk.total(hk.arm_angle(), hk.lock(2)).angular == (True,)
+    for constraints, weights in (
+        ((hk.lock(1), hk.lock(1, 2)), None),
+        ((hk.lock(1),), [1.0, 2.0]),
+        ((hk.lock(1),), [np.nan]),
+        ((hk.arm_angle(),), [0.5]),
+        ((), None),
+    ):
+        with pytest.raises(ArgumentError):
+            hk.total(*constraints, weights=weights)
+
+
+def test_some_angles_can_be_coupled_and_paired_at_will(irb140: hk.Robot) -> None:
+    """phi + 2 y with two joints held, and the same by a matrix: leaves as written."""
+    strategy = hk.holonomic(hk.position(irb140), hk.stack(hk.coupled([[0, 2.0, 0]], rows=[0]), hk.lock(4, 5)))
+    point = irb140.pose(IRB_START)[:3, 3]
+    walk = hk.follow(strategy, hk.circle(point, point - [0.03, 0, 0]), IRB_START, samples=40)
+    full = hk.pose(irb140, "zyz")
+    kept = [full(q)[3] + 2 * full(q)[1] for q in walk.q]
+    assert np.ptp(kept) < 1e-12
+    assert np.ptp(walk.q[:, 3]) > 1e-3
+    for rows, gain in (([0, 0], 1.0), ([3], 1.0), ([], 1.0)):
+        with pytest.raises(ArgumentError, match="rows of a coupling"):
+            hk.coupled(gain, rows=rows)
+    with pytest.raises(ShapeError):
+        hk.coupled(np.eye(3), rows=[0, 1])
+
+
+def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:
+    """At the leaf 0 of the gravity cost, moving the elbow changes no potential energy: by Pinocchio."""
+    import pinocchio as pin
+
+    from conftest import urdf
+
+    robot = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
+    strategy = hk.holonomic(hk.pose(robot), hk.stationary(hk.gravity_cost()))
+    q = hk.settle(strategy, PANDA_START + np.array([0, 0, 0.5, 0, 0, 0, 0]))
+    model = pin.buildModelFromUrdf(str(urdf("panda.urdf")))
+    data = model.createData()
+    N = hk.pose(robot).null_space(q)[:, 0]
+    padded = np.append(q, np.zeros(model.nq - 7))
+    weight = pin.computeGeneralizedGravity(model, data, padded)[:7]
+    assert abs(weight @ N) / np.linalg.norm(N) < 1e-9
+    assert np.abs(weight).max() > 1
+
+
+def test_a_given_inverse_must_be_one(ppr: hk.Robot) -> None:
+    task = hk.position(ppr)
+    sound = hk.right_inverse(task, lambda q: [[1, 0], [0, 1], [0, 0]])  # the hinge held
+    assert np.abs(sound(R3_START) - hk.holonomic(task, hk.lock(2))(R3_START)).max() < 1e-14
+    with pytest.raises(ArgumentError, match="J G - 1"):
+        hk.right_inverse(task, lambda q: [[1, 0], [0, 1], [1, 1]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,6 +65,29 @@ def test_repetitive_motion_is_gradient_projection_on_the_first_posture(task: hk.
     a = hk.drive(hk.repetitive_motion(task, 5.0), task, loop, START, dt=0.01).q
     b = hk.drive(hk.gradient_projection(task, hk.posture_cost(START), 5.0), task, loop, START, dt=0.01).q
     assert np.abs(a - b).max() < 1e-12
+
+
+def test_repetitive_motion_within_limits_is_the_same_until_a_limit_binds(panda: hk.Robot) -> None:
+    task = hk.pose(panda)
+    point = panda.pose(PANDA_START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0], speed=0.3)
+    free, held = (
+        hk.drive(hk.repetitive_motion(task, 2.0, limits=limits), task, loop, PANDA_START, dt=0.02)
+        for limits in (False, True)
+    )
+    assert np.abs(free.q - held.q).max() < 1e-6
+    wrist = np.abs(free.dq[:, 4]).max()
+    speeds = np.where(np.arange(7) == 4, 0.9 * wrist, 2.0)
+    slow = replace(
+        panda,
+        coordinates=tuple(replace(c, max_velocity=v) for c, v in zip(panda.coordinates, speeds, strict=True)),
+    )
+    bound = hk.drive(hk.repetitive_motion(hk.pose(slow), 2.0, limits=True), hk.pose(slow), loop, PANDA_START, dt=0.02)
+    assert np.abs(bound.dq[:, 4]).max() == pytest.approx(0.9 * wrist, rel=1e-6)
+    assert bound.tracking_error() < 2e-3
+    slower = replace(panda, coordinates=tuple(replace(c, max_velocity=0.05) for c in panda.coordinates))
+    with pytest.raises(ControllerError, match="no joint rates within the limits"):
+        hk.drive(hk.repetitive_motion(hk.pose(slower), 2.0, limits=True), hk.pose(slower), loop, PANDA_START, dt=0.02)
 
 
 def test_gradient_projection_in_plain_numpy(panda: hk.Robot) -> None:

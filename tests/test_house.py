@@ -22,6 +22,7 @@ LAYERS = [
     {"path"},
     {"trajectory"},
     {"control"},
+    {"recording"},
     {"analysis", "motion"},
     {"output"},
     {"job"},

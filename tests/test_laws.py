@@ -13,11 +13,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START
+from conftest import IRB_START, PANDA_START, PPR_START, urdf
 from holokin.task import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
 
 R3_START = np.array([0.3, 0.9, 0.7])
+ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it
+BEST = np.array(
+    [0.32594975, -0.39113262, 0.02312585, -2.00451891, 0.2251744, 1.72044542, 0.56278515]
+)  # most manipulable
 IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 0.6, 0.0])  # the tool tilted, away from the zyz singularity
 
 
@@ -63,11 +67,60 @@ def _strategies() -> dict[str, hk.Strategy]:
             task = hk.pose(robot, orientation, reference=robot.pose(start)[:3, :3])
             out[f"{name} {orientation} moore-penrose"] = hk.moore_penrose(task)
             out[f"{name} {orientation} linear"] = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
-    return out
+    return out | _more(p, t, hk.pose(panda), hk.pose(iiwa, "rpy"))
+
+
+def paper_inverse(q: ca.SX) -> list:
+    """[ZR11, (22)]"""
+    return [[ca.cos(q[2]) ** 2, 0], [ca.sin(q[2]) * ca.cos(q[2]), 1], [-ca.sin(q[2]), 0]]
+
+
+def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk.Strategy]:
+    """Every other constraint and strategy of the library."""
+    springs = hk.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
+    tilt = hk.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
+    heavy = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
+    weight = hk.pose(heavy)
+    given = hk.moore_penrose(arm)
+    postures = PANDA_START + np.random.default_rng(0).uniform(-0.4, 0.4, (300, 7))
+    constraints = {
+        "arm angle": hk.arm_angle(),
+        "conventional arm angle": hk.arm_angle(kind="conventional"),
+        "stationary posture": hk.stationary(hk.posture_cost(PANDA_START - 0.2)),
+        "stationary centring free": hk.stationary(hk.centring_cost(), free=("panda_joint5",)),
+        "tilted": tilt,
+        "total": hk.total(hk.lock(2), hk.height("panda_joint4"), weights=[1.0, 0.5]),
+    }
+    out = {f"panda {name}": hk.holonomic(arm, g) for name, g in constraints.items()}
+    return out | {
+        "aside height": hk.holonomic(arm, hk.height("panda_joint4")),
+        "best stationary manipulability": hk.holonomic(arm, hk.stationary(hk.manipulability_cost())),
+        "iiwa14 rpy arm angle": hk.holonomic(turned, hk.arm_angle()),
+        "iiwa14 rpy radial": hk.radial(hk.moore_penrose(turned), IIWA_START, steps=1),
+        "panda radial": hk.radial(given, PANDA_START, steps=1),
+        "panda fitted": hk.fitted(hk.holonomic(arm, hk.linear([1, 0, -1, 0, 0.2, 0, 0])), postures, degree=3),
+        "panda gravity": hk.holonomic(weight, hk.stationary(hk.gravity_cost())),
+        "panda inertia weighted": hk.inertia_weighted(weight),
+        "3r impedance": hk.impedance(t, springs),
+        "3r impedance by stiffness": hk.impedance(t, springs, force="stiffness"),
+        "ppr given": hk.right_inverse(p, paper_inverse),
+        "ppr from transport": hk.from_transport(
+            p, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
+            around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
+        ),
+    }  # fmt: skip
 
 
 def _cases() -> list[Case]:
-    starts = {"ppr": PPR_START, "3r": R3_START, "irb140": IRB_START, "panda": PANDA_START, "iiwa14": IIWA_START}
+    starts = {
+        "ppr": PPR_START,
+        "3r": R3_START,
+        "irb140": IRB_START,
+        "panda": PANDA_START,
+        "iiwa14": IIWA_START,
+        "aside": ASIDE,
+        "best": BEST,
+    }
     fails = ("moore-penrose", "weighted", "weighted q", "geometric")
     out = []
     for name in _strategies():
@@ -157,8 +210,9 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
     away = np.abs(walk.drift()).max()
     if case.holonomic:
         assert away < 1e-9
-    assert walk.tracking_error() < 1e-8
-    assert walk.tracking_error("rad") < 1e-8
+    exact = 1e-8 if strategy.constraint is not None else 1e-5  # a leaf is solved, a velocity integrated
+    assert walk.tracking_error() < exact
+    assert walk.tracking_error("rad") < exact
 
 
 @every

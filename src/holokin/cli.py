@@ -171,6 +171,48 @@ def robots(
         typer.echo(f"{name:12} {load(name).n} joints   {source}")
 
 
+@app.command()
+def audit(
+    log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
+    robot: Annotated[str, typer.Option(help="Catalogue name, .urdf or .toml file.")],
+    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
+    position: Annotated[
+        bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
+    ] = False,
+    degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Judge a log of joint motion: does the arm come home after each cycle of its tool?
+
+    Exits 0 when it comes home, 1 when it does not, 2 on bad input.
+    """
+    from rich.console import Console
+
+    from .analysis import Homecoming, audit_recording
+    from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
+    from .recording import read_recording
+    from .robot import load
+
+    is_urdf = Path(robot).suffix.lower() == ".urdf"
+    arm = load(robot, tip=tip if is_urdf else None)
+    found = audit_recording(
+        read_recording(log, arm, degrees=degrees, topic=topic), arm, tip=tip,
+        orientation=False if position else None, tolerance=tolerance,
+    )  # fmt: skip
+    if json is not None:
+        save_log_audit(found, json)
+    if plot is not None:
+        plot_log_audit(found, plot)
+    console = Console()
+    print_log_audit(found, console if console.is_terminal else Console(width=120))
+    raise typer.Exit(0 if found.verdict is Homecoming.COMES_HOME else 1)
+
+
 def main() -> None:
     """Entry point: runs the command line; a HolokinError becomes one sentence and exit code 2."""
     try:

@@ -65,6 +65,14 @@ class JobError(HolokinError):
         super().__init__(f"{path}: [{key}] {fact}; {cure}")
 
 
+class RecordingError(HolokinError):
+    """A log of joint motion that cannot be read or judged."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{path}: {fact}; {cure}")
+
+
 class ExpressionError(HolokinError):
     """A formula in a job file that cannot be read."""
 
@@ -220,6 +228,28 @@ class ControllerError(PathError):
         super().__init__(f"{name} stopped {fact}", cure, trajectory)
 
 
+class NotHolonomicError(HolokinError):
+    """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it."""
+
+    def __init__(self, name: str, witness: Iterable[float], gap: float) -> None:
+        self.witness, self.gap = tuple(float(v) for v in witness), gap
+        super().__init__(
+            f"{name!r} is not holonomic: from q = {_posture(self.witness)} two ways of the tool to one pose end "
+            f"{gap:.3g} (joint units) apart; hk.radial(strategy, start) is its holonomic twin"
+        )
+
+
+class InfeasibleError(HolokinError):
+    """No joint rates within the limits do what the task asks."""
+
+    def __init__(self, name: str, q: Iterable[float]) -> None:
+        self.q = tuple(float(v) for v in q)
+        super().__init__(
+            f"{name}: at q = {_posture(self.q)} no joint rates within the limits follow the path; "
+            "go slower, or choose another start or path"
+        )
+
+
 class EmptyRegionError(HolokinError):
     """No posture of a region could be judged."""
 
@@ -229,6 +259,13 @@ class EmptyRegionError(HolokinError):
             f"all {samples} sampled postures of the region are singular or nearly so, and nothing can be judged; "
             f"move or enlarge the region. The first said: {first}"
         )
+
+
+class NativeError(HolokinError):
+    """Native code that could not be made or loaded."""
+
+    def __init__(self, fact: str) -> None:
+        super().__init__(f"{fact}; everything works without native code too: set HOLOKIN_NATIVE=0")
 
 
 class MissingExtraError(HolokinError):

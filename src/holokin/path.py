@@ -111,6 +111,14 @@ class Path:
             out.append(_rotations(segment.turn) @ out[-1])
         return np.array(out)
 
+    def table(self, start_rotation: Matrix) -> Matrix:
+        """One row a segment (25): center, x, y, angle, v, turn, rotation at its start with R(0) = start_rotation."""
+        rows = [
+            np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start_rotation).ravel()])
+            for s, R in zip(self.segments, self._rotations, strict=False)
+        ]
+        return np.array(rows, dtype=float)
+
     @property
     def length(self) -> float:
         """Distance travelled by the point [m]."""
@@ -197,10 +205,24 @@ class Path:
             p[last], R[last] = self.start, np.eye(3)
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)
 
-    def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
-        """At least `samples` steps of nearly equal time that never straddle a corner: (segment, u_start, u_stop)."""
+    @property
+    def durations(self) -> Vector:
+        """Seconds that each segment takes."""
+        return self._durations
+
+    def counts(self, samples: int) -> Indices:
+        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
         whole_number("samples", samples)
-        counts = np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
+        return np.maximum(1, np.ceil(samples * self._durations / self.duration - 1e-9)).astype(int)
+
+    def times(self, counts: Indices) -> Vector:
+        """Time [s] at the end of each step, for the given steps of each segment."""
+        pieces = zip(self._starts, self._durations, counts, strict=False)
+        return np.concatenate([start + np.arange(1, k + 1) / k * d for start, d, k in pieces])
+
+    def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
+        """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
+        counts = self.counts(samples)
         index = np.repeat(np.arange(len(counts)), counts)
         within = np.concatenate([np.arange(c) for c in counts])
         total = counts[index]
@@ -269,7 +291,7 @@ def arc(
     if abs(off) > 1e-9 * radius:
         fact = f"it must be perpendicular to the line from center to start, but start is {off:.6g} m off along it"
         raise ArgumentError("normal", n.tolist(), fact)
-    y = _vector("radius", np.cross(n / size, x))
+    y = np.asarray(np.cross(n / size, x), dtype=float)
     return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -31,12 +33,21 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, eq=False)
+class Measures:
+    """How the figures of a trajectory are found; each is asked for once, when somebody wants it."""
+
+    dq: Callable[[], Matrix]
+    x: Callable[[], Matrix]
+    error: Callable[[], Matrix]
+    sigma: Callable[[], Vector]
+    residual: Callable[[], Vector]
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Joint motion at k instants.
 
-    t (k,) [s]; q (k, n), dq (k, n) [joint units, per s]; x (k, m) task values; error (k, m) target minus
-    reached [m, rad]; sigma (k,) smallest singular value of J; residual (k,) largest |g - c|, zero for a
-    strategy without constraint; marks: indices at which cycles begin, and the last one ends.
+    t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends.
     """
 
     joint_names: tuple[str, ...]
@@ -45,13 +56,34 @@ class Trajectory:
     row_units: tuple[str, ...]
     t: Vector
     q: Matrix
-    dq: Matrix
-    x: Matrix
-    error: Matrix
-    sigma: Vector
-    residual: Vector
     marks: tuple[int, ...]
     status: Status
+    measures: Measures
+
+    @cached_property
+    def dq(self) -> Matrix:
+        """Joint rates (k, n) [joint units per s]."""
+        return self.measures.dq()
+
+    @cached_property
+    def x(self) -> Matrix:
+        """Task values (k, m)."""
+        return self.measures.x()
+
+    @cached_property
+    def error(self) -> Matrix:
+        """Wanted minus reached (k, m) [m, rad]."""
+        return self.measures.error()
+
+    @cached_property
+    def sigma(self) -> Vector:
+        """Smallest singular value of J (k,)."""
+        return self.measures.sigma()
+
+    @cached_property
+    def residual(self) -> Vector:
+        """Largest |g - c| (k,); zero for a strategy without constraint."""
+        return self.measures.residual()
 
     def __len__(self) -> int:
         return len(self.t)

@@ -1,7 +1,50 @@
-"""Questions about strategies: curvature, involutivity."""
+"""Questions about strategies, controllers and logs: curvature, leaves, drift, price, audits."""
 
+from .audit import Audit, Finding, audit
 from .curvature import curvature
+from .fibre import DriftFree, SelfMotion, drift_free, self_motion
+from .filtration import Filtration, Holonomy, filtration
+from .forecast import Forecast, forecast
+from .general_form import GeneralForm, general_form
 from .involutivity import Verdict, involutivity, involutivity_of
-from .region import Region, around, box
+from .judge import Homecoming
+from .leaf_function import LeafFunction, leaf_function
+from .log_audit import LogAudit, audit_recording
+from .price import Deviation, Price, ball_postures, deviation, price
+from .region import Ball, Region, around, ball, box
 
-__all__ = ["Region", "Verdict", "around", "box", "curvature", "involutivity", "involutivity_of"]
+__all__ = [
+    "Audit",
+    "Ball",
+    "Deviation",
+    "DriftFree",
+    "Filtration",
+    "Finding",
+    "Forecast",
+    "GeneralForm",
+    "Holonomy",
+    "Homecoming",
+    "LeafFunction",
+    "LogAudit",
+    "Price",
+    "Region",
+    "SelfMotion",
+    "Verdict",
+    "around",
+    "audit",
+    "audit_recording",
+    "ball",
+    "ball_postures",
+    "box",
+    "curvature",
+    "deviation",
+    "drift_free",
+    "filtration",
+    "forecast",
+    "general_form",
+    "involutivity",
+    "involutivity_of",
+    "leaf_function",
+    "price",
+    "self_motion",
+]

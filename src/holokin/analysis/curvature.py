@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import ArgumentError
 from ..robot import hessian_expression
 from ..strategy import Expressions, Strategy
-from ..symbolic import SX, Function, directional, dot, factorise, horzcat, pairwise_brackets, vertcat
+from ..symbolic import SX, Function, as_expression, directional, dot, factorise, horzcat, pairwise_brackets, vertcat
 from ..types import Array, ArrayLike
 
 Method = Literal["auto", "hessian", "ad"]
@@ -84,7 +84,7 @@ def _hessian_brackets(strategy: Strategy, e: Expressions) -> dict[tuple[int, int
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
     task = strategy.task
     every = hessian_expression(task.robot, e.q, task.tip)
-    H, W = [every[row] for row in task.rows], SX(strategy.constant_weight)
+    H, W = [every[row] for row in task.rows], as_expression(strategy.constant_weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 
 

@@ -57,3 +57,25 @@ def around(q: ArrayLike, radius: ArrayLike) -> Region:
     """The box q +- radius, radius a number or (n,) [joint units]."""
     center = np.asarray(q, dtype=float)
     return box(center - radius, center + radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Tool positions within `radius` [m] of the tool at the posture `start` (n,), orientation kept there.
+
+    `along` [joint units]: postures of the self-motion through the start, up to so far each way, belong to it too.
+    """
+
+    start: Vector
+    radius: float
+    along: float = 0.0
+
+
+def ball(start: ArrayLike, radius: float, *, along: float = 0.0) -> Ball:
+    """The region of tool positions about a posture. Raises: NotFiniteError, ArgumentError for a bad radius."""
+    q = np.asarray(start, dtype=float)
+    if not np.isfinite(q).all():
+        raise NotFiniteError("the start of a ball", q.tolist())
+    if not (np.isfinite(radius) and radius > 0 and np.isfinite(along) and along >= 0):
+        raise ArgumentError("the (radius, along) of a ball", (radius, along), "give a positive radius in metres")
+    return Ball(q, float(radius), float(along))

@@ -140,7 +140,8 @@ def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None
     redundant joint every holonomic strategy near a leaf of a is of this form.
 
     Args:
-        rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad).
+        rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad); rotation vectors, also those
+            of a twist task, count from its `reference` and jump half a turn from it.
 
     Raises (when bound): ShapeError: rho has another number of rows.
     """

@@ -1,7 +1,9 @@
 """Control: laws that run in a loop, and the loop."""
 
+from .adapters import PostureTask, mink_controller, pink_controller, placo_controller
 from .controller import Controller, Law, as_controller, open_loop
 from .drive import drive
+from .integrate import checked_rate, runge_kutta
 from .memory import impedance_with_memory
 from .plan import Plan, make_plan, record
 from .progress import progress
@@ -11,16 +13,22 @@ __all__ = [
     "Controller",
     "Law",
     "Plan",
+    "PostureTask",
     "as_controller",
     "asymptotically_cyclic",
+    "checked_rate",
     "closed_loop",
     "damped",
     "drive",
     "gradient_projection",
     "impedance_with_memory",
     "make_plan",
+    "mink_controller",
     "open_loop",
+    "pink_controller",
+    "placo_controller",
     "progress",
     "record",
     "repetitive_motion",
+    "runge_kutta",
 ]

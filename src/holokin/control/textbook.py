@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..constraint import Constraint, Cost
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError, InfeasibleError, ShapeError
 from ..strategy import Strategy, holonomic, null_basis_expression
-from ..symbolic import SX, factorise, jacobian, vertcat, wrapped
+from ..symbolic import SX, NearestPoint, factorise, jacobian, vec, vertcat, wrapped
 from ..task import Task
-from ..types import ArrayLike
-from .controller import Controller, Symbols, compiled
+from ..types import ArrayLike, Matrix, Vector
+from .controller import Controller, Law, Symbols, compiled
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
@@ -66,15 +66,42 @@ def gradient_projection(
 
 
 def repetitive_motion(
-    task: Task, rate: float = 1.0, gain: float = GAIN, *, name: str = "repetitive motion"
+    task: Task, rate: float = 1.0, gain: float = GAIN, *, limits: bool = False, name: str = "repetitive motion"
 ) -> Controller:
-    """dq = J^+ (x' + K e) - rate (1 - J^+ J)(q - q(0)): repetitive motion planning without its limits. [ZZ11]
+    """The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: repetitive motion planning. [ZZ11]
 
-    The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: gradient projection on the posture that the run
-    began with. The error of closing a loop falls with rate^-2 (theory 2g).
+    Without limits it is dq = J^+ (x' + K e) - rate (1 - J^+ J)(q - q(0)), gradient projection on the posture that
+    the run began with. The error of closing a loop falls with rate^-2 (theory 2g).
+
+    Args:
+        rate: [1/s].
+        limits: keep joint speeds, and positions one step ahead, within the robot's limits, by a quadratic programme.
+
+    Raises (when it runs, with limits):
+        InfeasibleError: no joint rates within the limits follow the path.
     """
     K, pull = _positive("gain", gain), _positive("rate", rate)
-    return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
+    if not limits:
+        return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
+    wanted = compiled(name, task, lambda s: (vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
+    nearest, robot = NearestPoint(task.n, task.m), task.robot
+
+    def begin(q0: Vector) -> Law:
+        ask = wanted.begin(q0)
+
+        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            values = ask(q, pose, twist, dt)
+            u, J = values[: task.m], values[task.m :].reshape(task.n, task.m).T
+            lower = np.maximum(-robot.max_velocity, (robot.lower - q) / dt)
+            upper = np.minimum(robot.max_velocity, (robot.upper - q) / dt)
+            dq = nearest(-pull * (q - q0), J, u, np.minimum(lower, upper), np.maximum(lower, upper))
+            if dq is None:
+                raise InfeasibleError(name, q)
+            return dq
+
+        return law
+
+    return Controller(name, begin)
 
 
 def asymptotically_cyclic(

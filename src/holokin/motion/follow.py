@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..control import Plan, make_plan, progress, record
@@ -24,11 +26,17 @@ from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector
-from .leaf import leaf_stepper
+from .leaf import NativeLeaf, leaf_stepper, native_leaf
 from .reach import out_of_reach
 from .velocity import velocity_stepper
 
 METHODS = ("velocity", "leaf")
+
+NATIVE_FROM = 5_000
+"""Steps from which following by leaf is worth a compiler's second, once."""
+
+BLOCK = 10_000
+"""Native steps between two looks at the clock and the keyboard."""
 
 
 def follow(
@@ -100,9 +108,13 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
     def so_far(status: Status) -> Trajectory:
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
+    fast = native_leaf(strategy, plan, q, limits) if method == "leaf" and total >= NATIVE_FROM else None
+    native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
-            for step in range(total):
+            for done, q in native:  # noqa: B007  q goes on below
+                report(done)
+            for step in range(done, total):
                 q = stepper(q, step % plan.steps)
                 if limits and not ((q >= lower) & (q <= upper)).all():
                     robot.check_limits(q)
@@ -130,18 +142,39 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
     return so_far(Status.COMPLETE)
 
 
+def _native_steps(
+    fast: NativeLeaf, plan: Plan, q: Vector, cycles: int, postures: Matrix
+) -> Iterator[tuple[int, Vector]]:
+    """(steps done, posture) after each block of native steps; ends early where they halt, for `stepper` to tell why."""
+    done = 0
+    for _ in range(cycles):
+        for first in range(0, plan.steps, BLOCK):
+            last = min(plan.steps, first + BLOCK)
+            did = fast.run(q, first, last, postures[done + 1 : done + 1 + last - first])
+            done += did
+            q = postures[done].copy()
+            yield done, q
+            if did < last - first:
+                return
+
+
 def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
     task = strategy.task
-    index = np.arange(len(q) - 1) % plan.steps
-    dx = np.vstack([plan.rates[0][:1], plan.rates[2][index]])
-    residual = np.zeros(len(q))
-    if strategy.constraint is not None and task.n > task.m:
+
+    def dq() -> Matrix:
+        rates = plan.rates_at_ends()
+        index = 1 + np.arange(len(q) - 1) % plan.steps
+        return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]]))[0].reshape(len(q), task.n)
+
+    def residual() -> Vector:
+        if strategy.constraint is None or task.n == task.m:
+            return np.zeros(len(q))
         values = strategy.constraint_value.batch(q).reshape(len(q), -1)
         gap = values - values[0]
         angular = np.array(strategy.constraint.angular)
         gap[:, angular] = np.arctan2(np.sin(gap[:, angular]), np.cos(gap[:, angular]))
-        residual = np.abs(gap).max(axis=1)
-    dq = strategy.rate.batch(q, dx)[0].reshape(len(q), task.n)
+        return np.abs(gap).max(axis=1)
+
     return record(task, plan, q, dq, cycles, status, residual)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..control.plan import Plan
+from ..control import Plan
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 

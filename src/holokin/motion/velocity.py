@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..control.plan import Plan
+from ..control import Plan, checked_rate, runge_kutta
 from ..errors import TrackingError
 from ..strategy import Strategy
 from ..tolerances import TOLERANCES
@@ -19,21 +19,11 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
     Raises (when called):
         SingularityError: G is not defined there. TrackingError: the tool lost the path.
     """
-    rate, error = strategy.rate, strategy.task.error_function
+    rate, error = checked_rate(strategy), strategy.task.error_function
     x0, x1, x2 = plan.rates
 
-    def velocity(q: Vector, dx: Vector) -> Vector:
-        dq, conditioning, margin = rate(q, dx)
-        strategy.check(q, conditioning, margin)
-        return dq
-
     def step(q: Vector, i: int) -> Vector:
-        h = plan.h[i]
-        k1 = velocity(q, x0[i])
-        k2 = velocity(q + h / 2 * k1, x1[i])
-        k3 = velocity(q + h / 2 * k2, x1[i])
-        k4 = velocity(q + h * k3, x2[i])
-        new = q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        new = runge_kutta(rate, q, plan.h[i], x0[i], x1[i], x2[i])
         p, R = plan.target(i, 1.0)
         off = float(np.abs(error(new, p, R)).max())
         if not off < TOLERANCES.tracking:

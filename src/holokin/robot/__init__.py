@@ -2,6 +2,7 @@
 
 from .catalog import catalogue, load
 from .dh import DHRow, from_dh
+from .export import to_mjcf, to_urdf
 from .hessian import hessian, hessian_expression
 from .inertia import mass_matrix, mass_matrix_expression, potential_expression
 from .model import Body, Coordinate, Joint, Kinematics, Robot, Tip
@@ -24,5 +25,7 @@ __all__ = [
     "mass_matrix",
     "mass_matrix_expression",
     "potential_expression",
+    "to_mjcf",
+    "to_urdf",
     "urdf_tips",
 ]

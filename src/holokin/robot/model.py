@@ -12,7 +12,7 @@ from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError,
 from ..symbolic import SX, Function, cross, densify, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,11 @@ class Robot:
         T = np.eye(4)
         T[:3, 3], T[:3, :3], _ = self._numeric(tip)(self.checked(q))
         return T
+
+    def pose_batch(self, Q: Matrix, tip: str | None = None) -> tuple[Matrix, Array]:
+        """Positions (k, 3) and rotations (k, 3, 3) of a tip at postures (k, n), unchecked. Raises: UnknownNameError."""
+        position, rotation, _ = self._numeric(tip).batch(Q)
+        return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
 
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit]."""

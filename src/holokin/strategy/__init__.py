@@ -2,6 +2,8 @@
 
 from .base import Expressions, Field, Form, Strategy, check_regular
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
+from .family import from_transport
+from .fitted import fitted
 from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted, null_basis_expression
 from .radial import radial
 
@@ -12,6 +14,8 @@ __all__ = [
     "Strategy",
     "check_regular",
     "coupled_twist",
+    "fitted",
+    "from_transport",
     "geometric_stiffness",
     "gradient_and_stiffness",
     "holonomic",

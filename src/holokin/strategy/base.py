@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from ..constraint import Constraint
-from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
+from ..errors import ArgumentError, NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, factorise, fmin, jacobian, symbol, vertcat
 from ..symbolic.geometry import wrapped
@@ -107,6 +107,15 @@ class Strategy:
         if self.form == "kernel":
             return self(q)
         return np.reshape(self._frame(self.task.robot.checked(q)), (self.task.n, self.task.m))
+
+    def rows(self, q: ArrayLike) -> Matrix:
+        """A (r, n): the rows that annul range G, as the strategy was given by them, J_g for one from a constraint.
+
+        Raises: ArgumentError for a strategy given by a frame.
+        """
+        if self.form != "kernel":
+            raise ArgumentError("the form of the strategy", self.form, "only strategies given by rows have them")
+        return np.reshape(self._frame(self.task.robot.checked(q)), (self.task.n - self.task.m, self.task.n))
 
     def H(self, q: ArrayLike) -> Matrix:
         """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""

@@ -24,12 +24,17 @@ from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brac
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
+from .kernel import FollowKernel, FollowRules
 from .linear import Factorisation, factorise, solve
+from .qp import NearestPoint
 
 __all__ = [
     "SX",
     "Factorisation",
+    "FollowKernel",
+    "FollowRules",
     "Function",
+    "NearestPoint",
     "as_expression",
     "as_map",
     "atan2",

@@ -6,18 +6,28 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
-from ..errors import ShapeError
+from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike
+
+if TYPE_CHECKING:
+    from .kernel import BatchKernel, FollowKernel
+
+NATIVE_FROM = 50_000
+"""Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
 
 CHUNK = 256
 """Samples that one mapped evaluation takes: enough to hide the call, little enough to stay in cache."""
+
+SHARED = 20_000
+"""Operations up to which common ones are looked for: it saves up to a fifth, and takes 5 us for each."""
 
 
 class _Port(threading.local):
@@ -58,8 +68,12 @@ class Function:
         self.output_shapes = {key: _shape(value) for key, value in outputs.items()}
         dense = [ca.densify(ca.SX(value)) for value in outputs.values()]
         self.casadi = ca.Function(name, list(inputs.values()), dense)
+        if self.casadi.n_instructions() <= SHARED:
+            self.casadi = ca.Function(name, list(inputs.values()), ca.cse(dense))
         self._port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
         self._map: _Port | None = None
+        self._kernel: BatchKernel | None = None
+        self._follower: FollowKernel | None = None
 
     def __repr__(self) -> str:
         return f"Function({self.casadi})"
@@ -71,8 +85,11 @@ class Function:
         outs = [_out(result, shape) for result, shape in pairs]
         return outs[0] if len(outs) == 1 else tuple(outs)
 
-    def batch(self, *args: ArrayLike, **named: ArrayLike) -> Any:
+    def batch(self, *args: ArrayLike, threads: int | None = None, **named: ArrayLike) -> Any:
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
+
+        From NATIVE_FROM samples on by native code, if there is a compiler, on `threads` threads (all by default);
+        it agrees with the virtual machine to round-off.
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
@@ -92,6 +109,10 @@ class Function:
             for value, (_, shape) in zip(values, shapes, strict=True)
         ]
         results = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
+        kernel = self._native() if count >= NATIVE_FROM else None
+        if kernel is not None:
+            kernel([_rows(v) for v in stacked], results, threads)
+            return self._unwrapped(results, count)
         whole = count - count % CHUNK if count % CHUNK < CHUNK // 4 else count
         for start in range(0, whole, CHUNK):
             here = slice(start, min(start + CHUNK, count))
@@ -100,8 +121,40 @@ class Function:
             self._evaluate([v[i] for v in stacked])
             for result, slot in zip(results, self._port.results, strict=True):
                 result[i] = slot
+        return self._unwrapped(results, count)
+
+    def _unwrapped(self, results: list[Array], count: int) -> Any:
         outs = [r.reshape(count) if s == (1,) else r for r, s in zip(results, self.output_shapes.values(), strict=True)]
         return outs[0] if len(outs) == 1 else tuple(outs)
+
+    def _native(self) -> BatchKernel | None:
+        """The batch as native code, built when first wanted; None where it cannot be."""
+        from .kernel import LARGEST, BatchKernel
+        from .native import enabled
+
+        if self._kernel is None and enabled() and self.casadi.n_instructions() <= LARGEST:
+            try:
+                self._kernel = BatchKernel(
+                    self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values())
+                )
+            except NativeError as problem:
+                logging.getLogger("holokin").warning("%s", problem)
+        return self._kernel if enabled() else None
+
+    def follower(self) -> FollowKernel | None:
+        """The loop of following a path by this Newton step, as native code; None where there can be none."""
+        from .kernel import LARGEST, FollowKernel
+        from .native import enabled
+
+        if not enabled() or self.casadi.n_instructions() > LARGEST:
+            return None
+        if self._follower is None:
+            try:
+                shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
+                self._follower = FollowKernel(self.casadi, *shapes)
+            except NativeError as problem:
+                logging.getLogger("holokin").warning("%s", problem)
+        return self._follower
 
     def _evaluate(self, values: list[ArrayLike]) -> None:
         port = self._port
@@ -136,6 +189,13 @@ class Function:
         if len(values) != len(keys) or len(args) + len(named) != len(keys):
             raise ShapeError(f"{self.name}: the arguments", keys, [*range(len(args)), *named])
         return values
+
+
+def _rows(value: Array) -> Array:
+    """The samples with each one's numbers in a row; a repeated argument keeps its stride of 0."""
+    if value.strides[0] == 0:
+        return np.broadcast_to(np.ascontiguousarray(value[0]), value.shape)
+    return np.ascontiguousarray(value)
 
 
 def _shape(expression: ca.SX) -> tuple[int, ...]:

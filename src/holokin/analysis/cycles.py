@@ -1,0 +1,304 @@
+"""Cycles of a recorded tool path, found by themselves: whatever the speed, pauses, way in, way out and direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import RecordingError
+from ..recording import Recording
+from ..robot import Robot
+from ..types import Array, Indices, Matrix, Vector
+from .period import NOISE_STEPS, ToolPath, find_period, noise_level, tool_path, tool_points
+
+LENGTH_SCALE = 0.1
+"""Default length [m/rad] at which a turn of the tool counts like a move: from the wrist to the tool of a usual arm."""
+
+PHASES = 64
+"""Points of equal tool pose that are compared, evenly along the path."""
+
+_TEMPLATE = 256
+_STRAY = 0.04  # share of the loop's size by which the tool may leave the path before a cycle is lost
+_SHORT = 0.015  # share of a cycle that may lack at its ends: the tool gap there is measured and corrected
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Rounds of the tool on one closed path, in the order of time.
+
+    start, stop (c,): sample positions at which each begins and ends (12.4: 0.4 of the way from sample 12 to 13);
+    direction (c,): 1 as the first cycle runs, -1 against it; duration, moving (c,) [s], with and without pauses;
+    phase (P + 1,) from 0 to 1: equal tool poses; s (c, P + 1) [m] arc lengths of `path` and q (c, P + 1, n)
+    postures there, always along `direction` = 1;
+    residual (c,) [m]: largest distance of the tool from the first cycle (turns by the length scale);
+    length [m] of one; size [m], its extent; mirror: phase about which the path runs back on itself, or None;
+    left_out: cycles that span a gap in time; path: the tool's path by arc length.
+    """
+
+    start: Vector
+    stop: Vector
+    direction: Indices
+    duration: Vector
+    moving: Vector
+    phase: Vector
+    s: Matrix
+    q: Array
+    residual: Vector
+    length: float
+    size: float
+    mirror: float | None
+    left_out: int
+    path: ToolPath
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def begins(self) -> Matrix:
+        """Postures at which each cycle begins (c, n)."""
+        return np.where((self.direction > 0)[:, None], self.q[:, 0], self.q[:, -1])
+
+    @property
+    def ends(self) -> Matrix:
+        """Postures at which each cycle ends (c, n)."""
+        return np.where((self.direction > 0)[:, None], self.q[:, -1], self.q[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """A stretch on the template: anchors first..last with phases that rise (direction 1) or fall (-1)."""
+
+    s: Vector
+    phase: Vector
+    direction: int
+
+
+def find_cycles(
+    recording: Recording,
+    robot: Robot,
+    *,
+    tip: str | None = None,
+    orientation: bool = True,
+    length_scale: float = LENGTH_SCALE,
+) -> Cycles:
+    """Find the cycles of a recording.
+
+    Args:
+        orientation: whether the tool's orientation belongs to its path; False looks at positions alone.
+        length_scale: [m/rad], what one radian of turn counts beside metres in the distance of two poses.
+
+    Raises:
+        RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
+    """
+    position, rotation = robot.pose_batch(recording.q, tip)
+    z = tool_points(position, rotation if orientation else None, length_scale)
+    noise = noise_level(z)
+    extent = float(np.linalg.norm(z.max(axis=0) - z.min(axis=0)))
+    if extent < max(1e-6, 4 * NOISE_STEPS * noise):
+        fact = f"the tool moves by {extent:.2g} m only, with {noise:.2g} m of noise"
+        raise RecordingError(recording.source, fact, "log a motion of the arm, check tip and unit")
+    coarse = tool_path(z, recording.q, max(extent / 400, NOISE_STEPS * noise), noise)
+    period = find_period(coarse) if len(coarse.index) >= 16 else None
+    if period is None:
+        raise _no_cycles(recording, robot, tip, orientation, length_scale)
+    step = max(period.length / _TEMPLATE, NOISE_STEPS * noise)
+    path = tool_path(z, recording.q, step, noise)
+    finer = path.length / coarse.length  # other anchors cut corners otherwise
+    home, length = _home(path, period.begin * finer, period.length * finer, noise)
+    template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
+    mirror = _mirror(template)
+    size = float(np.linalg.norm(template.max(axis=0) - template.min(axis=0)))
+    if mirror is not None:
+        turn = home + mirror * length
+        if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
+            home, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
+            template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
+    tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * step), mirror)
+    return _cut(recording, path, tracks, home, length, size, mirror)
+
+
+def _no_cycles(
+    recording: Recording, robot: Robot, tip: str | None, orientation: bool, length_scale: float
+) -> RecordingError:
+    fact = "the tool repeats no path in the same direction, so there are fewer than two cycles"
+    cure = "log at least two whole cycles, check tip and unit"
+    if orientation:
+        try:
+            find_cycles(recording, robot, tip=tip, orientation=False, length_scale=length_scale)
+        except RecordingError:
+            pass
+        else:
+            fact = "the pose of the tool repeats no path, but its position does"
+            cure = "pass --position (orientation=False) if the orientation is free"
+    return RecordingError(recording.source, fact, cure)
+
+
+def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[float, float]:
+    """Arc length at which the repeating begins, to the last anchor, and the length of the round from there."""
+    first, last = max(0.0, begin - 0.2 * length), min(begin + length, path.length - length)
+    grid = np.asarray(np.arange(first, last, path.step / 2), dtype=float)
+    lag = length
+    if len(grid) > 4:
+        z = path.point(grid)
+        ahead = np.minimum(nearest(path, z, grid + length, 0.02 * length), path.length)
+        gap = np.linalg.norm(path.point(ahead) - z, axis=1)
+        against = np.einsum("ij,ij->i", path.slope(ahead), path.slope(grid)) < -0.5  # beyond a turn: the way back
+        inside = grid >= begin + 0.2 * length
+        usual = np.median(gap[inside]) if inside.any() else np.median(gap)
+        sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(int))).reshape(-1, 2)
+        runs = edges[edges[:, 1] - edges[:, 0] >= 0.1 * length / (path.step / 2)]
+        begin = float(grid[runs[0, 0]]) if len(runs) else begin
+        lag = float(np.median(ahead - grid))
+    begin = 0.0 if begin < path.step else begin
+    there = path.point(np.array([begin]))
+    stop = nearest(path, there, np.array([min(begin + lag, path.length)]), 0.02 * lag)
+    return begin, float(stop[0]) - begin
+
+
+def nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
+    """Arc lengths near the guesses (k,), at most `reach` [m] away, at which the tool is closest to targets (k, d)."""
+    low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length)
+    count = int(np.clip(2 * reach / path.step, 8, 80)) // 2 * 2 + 1
+    tries = np.clip(guess + np.linspace(-1, 1, count)[:, None] * reach, low, high)
+    distance = np.linalg.norm(path.point(tries) - target, axis=2)
+    s = np.take_along_axis(tries, np.argmin(distance, axis=0)[None], axis=0)[0]
+    best = distance.min(axis=0)
+    width = 2 * reach / (count - 1)
+    for _ in range(18):  # halving search: sure at corners, where Newton's method swings
+        width /= 1.6
+        for side in (-1, 1):
+            trial = np.clip(s + side * width, low, high)
+            d = np.linalg.norm(path.point(trial) - target, axis=1)
+            better = d < best
+            s, best = np.where(better, trial, s), np.where(better, d, best)
+    return s
+
+
+def _mirror(template: Matrix) -> float | None:
+    """Phase about which the closed path runs back on itself, z(a + u) = z(a - u) for all u; None if about none."""
+    z = template - template.mean(axis=0)
+    spectrum = np.fft.fft(z, axis=0)
+    products = np.fft.ifft(spectrum**2, axis=0).real.sum(axis=1)  # sum over i of z(i) . z(m - i)
+    m = int(np.argmax(products))
+    energy = float((z**2).sum())
+    return m / 2 / len(z) if 2 * (energy - products[m]) < (2 * _STRAY) ** 2 * energy else None
+
+
+def _tracks(
+    path: ToolPath, template: Matrix, length: float, stray: float, mirror: float | None
+) -> list[_Track]:  # fmt: skip
+    """Stretches of the log that run along the template, forward or backward, each as long as it goes."""
+    from scipy.spatial import KDTree
+
+    count = len(template)
+    distance, closest = KDTree(template).query(path.z)
+    facing = np.asarray(closest)
+    ahead = np.roll(template, -2, axis=0) - np.roll(template, 2, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
+    moves = np.gradient(path.z, axis=0)
+    moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
+    way = np.einsum("ij,ij->i", moves, ahead[facing])
+    seeds = (distance < stray) & (np.abs(way) > 0.8)
+    out: list[_Track] = []
+    j, done = 0, 0
+    while j < len(path.z):
+        if not seeds[j]:
+            j += 1
+            continue
+        sign, at = (1 if way[j] > 0 else -1), int(facing[j])
+        if mirror is not None and sign < 0:  # the way back is the second half of the path itself
+            sign, at = 1, round(2 * mirror * count - at) % count
+        later = _run(path, template, length, stray, j, at, sign, 1, len(path.z) - 1)
+        earlier = _run(path, template, length, stray, j, at, sign, -1, done)
+        phases = np.array([*earlier[:0:-1], *later]) * sign
+        anchors = np.arange(j - len(earlier) + 1, j + len(later))
+        low = int(np.flatnonzero(phases == phases.min())[-1])  # what stood before a turn belongs to no track
+        high = int(np.flatnonzero(phases == phases.max())[0])
+        if high > low:
+            keep = slice(low, high + 1)
+            out.append(_Track(path.s[anchors[keep]], phases[keep] * sign / count, sign))
+        done = int(anchors[max(high, 0)])
+        j = max(done, j) + 1
+    return out
+
+
+def _run(
+    path: ToolPath, template: Matrix, length: float, stray: float, j: int, at: int, sign: int, time: int, limit: int
+) -> list[int]:
+    """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
+    count = len(template)
+    found = [at]
+    while j != limit:
+        move = abs(float(path.s[j + time] - path.s[j]))
+        j += time
+        window = int(2.0 * move / length * count) + 3
+        indices = at + sign * time * np.arange(window + 1)
+        gap = template[indices % count] - path.z[j]
+        d = np.einsum("ij,ij->i", gap, gap)
+        best = int(np.argmin(d))
+        if d[best] > stray * stray:
+            break
+        at = int(indices[best])
+        found.append(at)
+    return found
+
+
+def _cut(
+    recording: Recording, path: ToolPath, tracks: list[_Track], home: float, length: float, size: float,
+    mirror: float | None,
+) -> Cycles:  # fmt: skip
+    """Whole rounds of the tracks, at `PHASES` equal tool poses."""
+    phase = np.arange(PHASES + 1) / PHASES
+    target = path.point(home + length * phase)
+    target[-1] = target[0]
+    rounds, direction = [], []
+    for track in tracks:
+        rising = np.maximum.accumulate(track.phase * track.direction)
+        edge = np.unique(rising, return_index=True)
+        first, last = int(np.ceil(rising[0] - _SHORT)), int(np.floor(rising[-1] + _SHORT))
+        for k in range(first, last):
+            rounds.append(np.interp(k + phase, edge[0], track.s[edge[1]]))
+            direction.append(track.direction)
+    spans = [(r[0], r[-1]) for r in rounds]
+    broken = _broken(recording, path, spans)
+    whole = [i for i in range(len(rounds)) if not broken[i]]
+    if len(whole) < 2:
+        raise RecordingError(
+            recording.source,
+            f"it holds {len(whole)} whole cycles of a path of {length:.3g} m, {sum(broken)} more span gaps",
+            "log at least two whole cycles",
+        )  # fmt: skip
+    ways = np.array([direction[i] for i in whole])
+    targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])
+    s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / _TEMPLATE)
+    residual = np.linalg.norm(path.point(s) - targets, axis=1).reshape(len(whole), -1).max(axis=1)
+    s = s.reshape(len(whole), -1)
+    q = path.posture(s)
+    times = recording.t[path.index]
+    start, stop = s[:, 0].copy(), s[:, -1].copy()
+    duration = np.interp(stop, path.s, times) - np.interp(start, path.s, times)
+    rest = np.concatenate([[0.0], np.cumsum(_rests(times))])
+    moving = duration - (np.interp(stop, path.s, rest) - np.interp(start, path.s, rest))
+    where = path.index.astype(float)
+    back = ways < 0
+    q[back], s[back] = q[back, ::-1], s[back, ::-1]
+    return Cycles(
+        np.interp(start, path.s, where), np.interp(stop, path.s, where), ways, duration, moving, phase, s, q, residual,
+        length, size, mirror, int(sum(broken)), path,
+    )  # fmt: skip
+
+
+def _rests(times: Vector) -> Vector:
+    """Time that each step between anchors lasted longer than ten usual ones [s]."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    return np.where(steps > 10 * usual, steps - usual, 0.0)
+
+
+def _broken(recording: Recording, path: ToolPath, spans: list[tuple[float, float]]) -> list[bool]:
+    """Whether a gap in time lies within each span of arc length."""
+    where = path.index.astype(float)
+    at = np.interp(recording.gaps + 0.5, where, path.s) if len(recording.gaps) else np.empty(0)
+    return [bool(((at > a) & (at < b)).any()) for a, b in spans]

@@ -1,0 +1,123 @@
+"""The audit of a recorded log: table for the terminal, figure, JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..analysis import Homecoming, LogAudit
+from ..errors import ArgumentError
+from .figures import margins
+from .plots import INK, PALETTE, frame_robot, robot_stick, style, thin, tool_path
+
+MOST_JOINTS = 4
+"""Joints in the figure: those that move most."""
+
+
+def print_log_audit(audit: LogAudit, console: Any) -> None:
+    """Print the findings as a table, and the verdict below."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    for what, finding in audit.rows():
+        table.add_row(what, Text(finding))
+    console.print(table)
+    color = "green" if audit.verdict is Homecoming.COMES_HOME else "red"
+    console.print(Text(audit.sentence(), style=color), highlight=False)
+
+
+def save_log_audit(audit: LogAudit, file: FilePath) -> None:
+    """Write `LogAudit.summary` as JSON. Raises: ArgumentError when the file cannot be written."""
+    _write(file, lambda: file.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8"))
+
+
+def plot_log_audit(audit: LogAudit, file: FilePath) -> None:
+    """Write `log_figure` as an image of the file's type. Raises: ArgumentError when it cannot be written."""
+    from matplotlib import rc_context
+
+    with rc_context(style()):
+        figure = log_figure(audit)
+        _write(file, lambda: figure.savefig(file, dpi=130, facecolor="white"))
+
+
+def _write(file: FilePath, action: Any) -> None:
+    try:
+        action()
+    except (OSError, ValueError) as problem:
+        raise ArgumentError("the file to write", str(file), f"it cannot be written: {problem}") from None
+
+
+def log_figure(audit: LogAudit) -> Any:
+    """Joints at the cycles' home pose against the cycle number, and the tool's path, cycles by colour."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.4, 4.6))
+    margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
+    joints_at_home(figure.add_subplot(1, 2, 1), audit)
+    kind = {} if audit.robot.planar else {"projection": "3d"}
+    tool_cycles(figure.add_subplot(1, 2, 2, **kind), audit)
+    word = audit.verdict.name.lower().replace("_", " ")
+    figure.suptitle(
+        f"{FilePath(audit.recording.source).name}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
+    )
+    return figure
+
+
+def joints_at_home(axes: Any, audit: LogAudit) -> Any:
+    """Joints at the home pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
+    shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
+    order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
+    numbers = np.arange(len(shift))
+    allowed = audit.tolerance + audit.noise_floor
+    axes.axhspan(-allowed, allowed, color="#eceef1", zorder=0, label=f"tolerance {allowed:.2g}")
+    marker = "o-" if len(shift) <= 60 else "-"
+    for i, joint in enumerate(sorted(order)):
+        name = audit.robot.joint_names[joint]
+        axes.plot(numbers, shift[:, joint], marker, color=PALETTE[i], linewidth=1.6, markersize=3.5, label=name)
+    most = max(float(np.abs(shift).max()), 2 * allowed)
+    axes.set_ylim(-1.15 * most, 1.15 * most)
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("cycles done")
+    axes.set_ylabel("joint at home, less its start [rad or m]")
+    axes.set_title("Joints at home", loc="left", color=INK, fontsize=10)
+    axes.legend(fontsize=8, loc="best")
+    return axes
+
+
+def tool_cycles(axes: Any, audit: LogAudit) -> Any:
+    """The tool's path, cycles by colour, the way in and out in grey, and the arm at home after some of the cycles."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    robot, log, cycles = audit.robot, audit.recording, audit.cycles
+    at = thin(len(log), 20_000)
+    points, _ = robot.pose_batch(log.q[at], audit.task.tip)
+    tool_path(axes, robot, points, color="#c9cdd4", linewidth=1.0, zorder=1)
+    colors = colormaps["viridis"]
+    count = len(cycles)
+
+    def color(done: int) -> Any:
+        return colors(0.9 - 0.8 * done / count)
+
+    for i in thin(count, 30):
+        here = (at >= cycles.start[i]) & (at <= cycles.stop[i])
+        if here.any():
+            tool_path(axes, robot, points[here], color=color(int(i) + 1), linewidth=1.3)
+    clouds = [points]
+    home = np.vstack(
+        [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
+    )
+    for i in thin(count + 1, 6):
+        robot_stick(axes, robot, home[i], color(int(i)), width=1.8)
+        clouds += robot.skeleton(home[i])
+    frame_robot(axes, robot, clouds, "Path of the tool, and the arm at home")
+    bar = ScalarMappable(Normalize(0, count), colors.reversed())
+    axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.12, label="cycles done", ticks=[0, count])
+    return axes

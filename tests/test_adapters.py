@@ -1,0 +1,101 @@
+"""Other libraries as controllers, and the texts by which they get our robots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.control import PostureTask, mink_controller, pink_controller, placo_controller
+from holokin.errors import ArgumentError
+from holokin.robot import to_mjcf, to_urdf
+
+LIBRARIES = {"pink": pink_controller, "mink": mink_controller, "placo": placo_controller}
+every = pytest.mark.parametrize("library", LIBRARIES)
+
+
+def maker(library: str) -> Callable[..., hk.Controller]:
+    """Skips where the library is not installed; they are no part of the test extra."""
+    pytest.importorskip(library)
+    return LIBRARIES[library]
+
+
+@pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])
+def test_a_robot_written_as_urdf_is_the_same_robot_to_pinocchio_and_to_us(name: str, tmp_path) -> None:
+    robot = hk.load(name)
+    file = tmp_path / "again.urdf"
+    file.write_text(to_urdf(robot))
+    again = hk.from_urdf(file)
+    model = pin.buildModelFromUrdf(str(file))
+    data = model.createData()
+    for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
+        posture = pin.neutral(model)
+        for value, joint in zip(q, robot.joint_names, strict=True):
+            theirs = model.joints[model.getJointId(joint)]
+            posture[theirs.idx_q : theirs.idx_q + theirs.nq] = (
+                [value] if theirs.nq == 1 else [np.cos(value), np.sin(value)]
+            )
+        pin.framesForwardKinematics(model, data, posture)
+        theirs = data.oMf[model.getFrameId(robot.tips[0].name)].homogeneous
+        assert np.abs(robot.pose(q) - theirs).max() < 1e-12
+        assert np.abs(robot.pose(q) - again.pose(q)).max() < 1e-12
+        assert np.abs(robot.jacobian(q) - again.jacobian(q)).max() < 1e-12
+    assert again.joint_names == robot.joint_names
+    finite = np.isfinite(robot.lower)
+    assert np.abs(again.lower - robot.lower)[finite].max(initial=0) < 1e-15
+
+
+@pytest.mark.parametrize("name", ["ppr", "irb140", "panda", "iiwa14"])
+def test_a_robot_written_as_mjcf_is_the_same_robot_to_mujoco(name: str) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    robot = hk.load(name)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
+    data = mujoco.MjData(model)
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
+        for value, joint in zip(q, robot.joint_names, strict=True):
+            data.joint(joint).qpos[0] = value
+        mujoco.mj_forward(model, data)
+        site = data.site(robot.tips[0].name)
+        assert np.abs(site.xpos - robot.pose(q)[:3, 3]).max() < 1e-12
+        assert np.abs(site.xmat.reshape(3, 3) - robot.pose(q)[:3, :3]).max() < 1e-12
+        mujoco.mj_jacSite(model, data, linear, angular, model.site(robot.tips[0].name).id)
+        assert np.abs(np.vstack([linear, angular]) - robot.jacobian(q)).max() < 1e-12
+
+
+def test_what_mimics_is_not_written(tmp_path) -> None:
+    from conftest import urdf
+
+    hand = hk.from_urdf(urdf("panda.urdf"), tip=["panda_leftfinger", "panda_rightfinger"])
+    for write in (to_urdf, to_mjcf):
+        with pytest.raises(ArgumentError, match="mimic"):
+            write(hand)
+
+
+@every
+def test_without_a_posture_task_a_library_is_the_pseudo_inverse(panda: hk.Robot, library: str) -> None:
+    task = hk.pose(panda)
+    point = panda.pose(PANDA_START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    theirs = hk.drive(maker(library)(panda), task, loop, PANDA_START, dt=0.04)
+    ours = hk.drive(hk.closed_loop(hk.moore_penrose(task), 25.0), task, loop, PANDA_START, dt=0.04)
+    assert theirs.tracking_error() < 1e-4
+    assert np.abs(theirs.drift()).max() == pytest.approx(0.163, abs=2e-3)
+    assert np.abs(theirs.q - ours.q).max() < 1e-3
+
+
+@every
+def test_with_a_posture_task_it_repeats_but_two_ways_differ(panda: hk.Robot, library: str) -> None:
+    task = hk.pose(panda)
+    point = panda.pose(PANDA_START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    posture = PostureTask(1e-5 if library == "placo" else 1e-2, gain=1.0)
+    law = maker(library)(panda, posture)
+    walk = hk.drive(law, task, loop, PANDA_START, dt=0.04, cycles=2)
+    assert np.abs(walk.drift()[1]).max() < 1e-6
+    a, b = (hk.drive(law, task, way, PANDA_START, dt=0.04).q[-1] for way in loop.ways())
+    assert np.abs(a - b).max() > 1e-3

@@ -1,0 +1,172 @@
+"""The audit of black boxes: laws written here, in plain NumPy, that it has not seen."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.errors import ArgumentError, OpenPathError, StartError
+from test_control import START as R3_START
+
+COARSE = {"start": PANDA_START, "dt": 0.02, "cycles": 4}
+
+
+def pull(robot: hk.Robot, q: np.ndarray, pose: np.ndarray, dt: float) -> np.ndarray:
+    """Twist (6,) that reaches the wanted pose at the end of the step."""
+    here = robot.pose(q)
+    turn = Rotation.from_matrix(pose[:3, :3] @ here[:3, :3].T).as_rotvec()
+    return np.concatenate([pose[:3, 3] - here[:3, 3], turn]) / dt
+
+
+def pseudo_inverse(robot: hk.Robot):
+    def law(q, pose, twist, dt):
+        return np.linalg.pinv(robot.jacobian(q)) @ pull(robot, q, pose, dt)
+
+    return law
+
+
+def posture_task(robot: hk.Robot, preferred: np.ndarray, weight: float):
+    def law(q, pose, twist, dt):
+        J = robot.jacobian(q)
+        P = np.linalg.pinv(J)
+        return P @ pull(robot, q, pose, dt) + weight * (np.eye(7) - P @ J) @ (preferred - q)
+
+    return law
+
+
+def locked(robot: hk.Robot, joint: int):
+    def law(q, pose, twist, dt):
+        row = np.eye(7)[joint]
+        return np.linalg.solve(np.vstack([robot.jacobian(q), row]), np.append(pull(robot, q, pose, dt), 0.0))
+
+    return law
+
+
+def sluggish(robot: hk.Robot):
+    """The pseudo-inverse with a null-space velocity that remembers: a law with a state."""
+    state = np.zeros(7)
+
+    def law(q, pose, twist, dt):
+        J = robot.jacobian(q)
+        P = np.linalg.pinv(J)
+        least = P @ pull(robot, q, pose, dt)
+        state[:] = 0.99 * state + 0.01 * least
+        return least + (np.eye(7) - P @ J) @ state * 0.5 + 0.2 * (np.eye(7) - P @ J) @ (PANDA_START - q)
+
+    return law
+
+
+def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Robot) -> None:
+    found = hk.audit(pseudo_inverse(panda), panda, **COARSE)
+    assert found.verdict is hk.Homecoming.DRIFTS
+    assert found.exit_code == 1
+    assert found["cycles, loop 1"].figures["first"] == pytest.approx(0.1635, abs=2e-3)
+    assert found["ways"].figures["apart"] > 0.1
+    assert "does not depend" in found["speed"].sentence
+    assert "no memory" in found["history"].sentence
+    assert "keeps" in found["start"].sentence
+    assert "obey the area law" in found["small loops"].sentence
+    assert found["small loops"].figures["ratio"] == pytest.approx(4, abs=0.4)
+    F = hk.curvature(hk.moore_penrose(hk.pose(panda)), PANDA_START)[:, 0, 1]
+    assert found["small loops"].figures["drift_per_m2"] == pytest.approx(np.abs(F).max(), rel=0.15)
+
+
+def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk.Robot) -> None:
+    found = hk.audit(posture_task(panda, PANDA_START + 0.1, 1.0), panda, **COARSE)
+    assert found.verdict is hk.Homecoming.CONVERGES
+    assert "depends on speed" in found["speed"].sentence
+    assert "forgets" in found["start"].sentence
+    assert "obey no area law" in found["small loops"].sentence
+    assert found["ways"].figures["apart"] > 1e-2
+
+
+def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
+    found = hk.audit(locked(panda, 2), panda, **COARSE)
+    assert found.verdict is hk.Homecoming.COMES_HOME
+    assert found.exit_code == 0
+    assert "none drifts" in found["small loops"].sentence
+    assert found["cycles, loop 1"].figures["tracking_m"] < 1e-3
+
+
+def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
+    found = hk.audit(sluggish(panda), panda, **COARSE)
+    assert "remembers" in found["history"].sentence
+    assert found.verdict is not hk.Homecoming.COMES_HOME
+
+
+def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.Robot) -> None:
+    law = hk.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
+    coarse = hk.audit(law, panda, **COARSE)
+    assert coarse.verdict is hk.Homecoming.BUT_FOR_THE_STEP
+    assert coarse.exit_code == 1
+    fine = hk.audit(law, panda, start=PANDA_START, dt=0.002, cycles=3)
+    assert fine.verdict is hk.Homecoming.COMES_HOME
+
+
+def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.Robot, panda: hk.Robot) -> None:
+    task = hk.position(planar_3r)
+    point = planar_3r.pose(R3_START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    found = hk.audit(hk.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], start=R3_START)
+    assert found["cycles"].figures["first"] > 1e-4
+    free = hk.audit(hk.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), start=PANDA_START)
+    assert "not asked" in free["start"].sentence
+    assert free.verdict is hk.Homecoming.DRIFTS
+
+
+@pytest.mark.parametrize("kind", ["throws", "nan", "shape", "blocks", "at once"])
+def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind: str) -> None:
+    """It fails only where the tool is high: the loops reach there, the small circles do not."""
+    sound, height = locked(panda, 2), panda.pose(PANDA_START)[2, 3]
+
+    def law(q, pose, twist, dt):
+        if kind == "at once" or pose[2, 3] < height - 0.05:
+            if kind in ("throws", "at once"):
+                raise ZeroDivisionError("no solution here")
+            if kind == "blocks":
+                time.sleep(20)
+            return np.full(7, np.nan) if kind == "nan" else np.zeros(3)
+        return sound(q, pose, twist, dt)
+
+    began = time.monotonic()
+    found = hk.audit(law, panda, start=PANDA_START, patience=0.3, cycles=3, dt=0.03)
+    assert time.monotonic() - began < 60
+    assert found.verdict is hk.Homecoming.UNKNOWN
+    assert found.exit_code == 2
+    words = {"throws": "ZeroDivision", "nan": "NaN", "shape": "shape", "blocks": "did not return", "at once": "Zero"}
+    said = words[kind]
+    if kind == "at once":
+        assert all(said in f.fault for f in found.findings if f.question != "start")
+        return
+    assert said in found["cycles, loop 2"].fault
+    assert found["cycles, loop 1"].fault == ""
+    assert found["small loops"].figures["drift_per_m2"] < 1e-2
+    assert said in str(found)
+
+
+def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
+    import json
+
+    found = hk.audit(locked(panda, 2), panda, start=PANDA_START, cycles=3, dt=0.04)
+    told = json.loads(json.dumps(found.summary()))
+    assert told["verdict"] == "comes_home"
+    assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
+    with pytest.raises(ArgumentError, match="asked"):
+        found["weather"]
+
+
+def test_bad_questions_are_refused(panda: hk.Robot, ppr: hk.Robot) -> None:
+    law = locked(panda, 2)
+    point = panda.pose(PANDA_START)[:3, 3]
+    with pytest.raises(OpenPathError):
+        hk.audit(law, panda, loops=[hk.line(point, point + 0.1)], start=PANDA_START)
+    with pytest.raises(StartError):
+        hk.audit(law, panda, loops=[hk.circle(point + 0.1, point + [0.1, 0, 0.1])], start=PANDA_START)
+    for arguments in ({"cycles": 1}, {"tolerance": 0.0}, {"patience": -1.0}, {"task": hk.position(ppr)}, {"dt": 0.0}):
+        with pytest.raises(ArgumentError):
+            hk.audit(law, panda, start=PANDA_START, **arguments)
