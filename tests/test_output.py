@@ -181,6 +181,15 @@ def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
     assert creep / 49 == pytest.approx(2 * np.pi * (1 - np.sqrt(1 - 0.2012**2)), abs=1e-3)
 
 
+def test_the_mean_drift_is_not_the_total_over_the_cycles() -> None:
+    """After eleven circles of a Panda another joint drifts most, and the total is of no single joint."""
+    long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": StrategyTable(kind="moore-penrose")})
+    f, each = long.strategies[0].figures, np.abs(long.strategies[0].cycles.drift())
+    assert len(set(each.argmax(axis=1))) == 2
+    assert f["drift_mean"] == pytest.approx(each.max(axis=1).mean(), rel=1e-12)
+    assert f["drift_mean"] > 1.003 * f["drift_total"] / 14
+
+
 def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
     """One hinge locked to the tool's speed: twice the path's speed is twice the share, and the worst joint is named."""
     slow = shortened("panda-circle", cycles=1, samples=40)
