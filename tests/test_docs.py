@@ -67,7 +67,7 @@ def test_the_readmes_tables_are_what_the_jobs_print_today(job: str) -> None:
 
 EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
-    "own_constraint.py": "holonomic: custom, pose (twist) of iiwa14",
+    "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
 }
 

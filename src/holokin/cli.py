@@ -123,10 +123,19 @@ class _silence:
 
 
 @app.command()
-def jobs() -> None:
-    """List the packaged jobs."""
-    from .job import PAPER, open_job, packaged_jobs
+def jobs(
+    kinds: Annotated[
+        bool, typer.Option("--kinds", help="List the kinds of strategy that a job file may hold, and their keys.")
+    ] = False,
+) -> None:
+    """List the packaged jobs, or what a job file may hold."""
+    from .job import PAPER, kinds_of_strategy, open_job, packaged_jobs
 
+    if kinds:
+        for kind, (needed, optional) in kinds_of_strategy().items():
+            more = f"   may have {', '.join(optional)}" if optional else ""
+            typer.echo(f"{kind:16} {'needs ' + ', '.join(needed) if needed else ''}{more}".rstrip())
+        return
     for name in packaged_jobs():
         typer.echo(f"{name:22} {open_job(name)[1].title}")
     typer.echo(f"{'paper':22} {', '.join(PAPER)}")

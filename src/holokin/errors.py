@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
@@ -101,6 +102,16 @@ class ArgumentError(HolokinError):
         super().__init__(f"{what} is {value!r}; {cure}")
 
 
+def whole_number(what: str, value: object, least: int = 1) -> None:
+    """Raises: ArgumentError unless a value is a whole number that is large enough."""
+    try:
+        sound = operator.index(value) >= least  # type: ignore[arg-type]
+    except TypeError:
+        sound = False
+    if not sound:
+        raise ArgumentError(what, value, f"give a whole number, at least {least}")
+
+
 class TaskTooLargeError(HolokinError):
     """A task with more rows than the robot has joints: m > n."""
 
@@ -128,10 +139,9 @@ class JointLimitError(HolokinError):
 
     def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
         self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
-        super().__init__(
-            f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]; "
-            "choose another start posture or path, or widen the limits in the robot description"
-        )
+        self.fact = f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]"
+        self.cure = "choose another start posture or path, or widen the limits in the robot description"
+        super().__init__(f"{self.fact}; {self.cure}")
 
 
 class SingularityKind(Enum):
@@ -163,10 +173,10 @@ class StartError(HolokinError):
     """The start posture does not put the tool at the start of the path."""
 
     def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float]) -> None:
-        self.distance = distance
+        self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
-            f"tool {_posture(tool)}, path {_posture(path)}; move the path with path.starting_at(point), "
+            f"tool {_posture(self.tool)}, path {_posture(self.path)}; move the path with path.starting_at(point), "
             "or choose a start posture on it"
         )
 

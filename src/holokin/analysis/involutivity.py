@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
 from ..strategy import Strategy
 from ..symbolic import Function, as_expression, factorise, horzcat, pairwise_brackets, symbol
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector, whole
 from .curvature import curvature_function, pairs
@@ -46,15 +47,41 @@ class Verdict:
     samples: int
     singular: int
     subject: str = field(default="strategy")
+    rows: tuple[tuple[str, str], ...] = ()
+    """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict for everybody."""
+        if not self.rows:
+            word, where = ("involutive", "stay in it") if self.holonomic else ("NOT involutive", "leave it")
+            return f"{self.subject} is {word}: the Lie brackets of its fields {where}"
+        if self.holonomic:
+            return f"{self.subject}, is holonomic: after any closed path of the tool the joints are back at their start"
+        sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
+        joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
+        return (
+            f"{self.subject}, is NOT holonomic: a small loop of the tool in {self._plane}, of {sides}, leaves the "
+            f"joints about {0.01 * self.defect:.2g} {joint} away from their start, and each further round adds to it"
+        )
+
+    @property
+    def details(self) -> str:
+        """The figures behind the sentence."""
+        at = ", ".join(f"{value:.4g}" for value in self.witness)
+        skipped = f", {self.singular} singular ones left out" if self.singular else ""
+        return (
+            f"defect {self.defect:.3g} {self.unit} in {self._plane} at q = [{at}]; {self.relative:.2g} per rad "
+            f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged{skipped}"
+        )
+
+    @property
+    def _plane(self) -> str:
+        names = [name for name, _ in self.rows] or [f"field {k + 1}" for k in self.plane]
+        return f"the {'-'.join(dict.fromkeys(names))} {'plane' if self.rows else 'bracket'}"
 
     def __str__(self) -> str:
-        word = "holonomic" if self.holonomic else "NOT holonomic"
-        at = "[" + ", ".join(f"{v:.4g}" for v in self.witness) + "]"
-        skipped = f", {self.singular} singular" if self.singular else ""
-        return (
-            f"{word}: {self.subject}, defect {self.defect:.3g} {self.unit} (relative {self.relative:.2e}/rad, "
-            f"tolerance {self.tolerance:.0e}) in plane {self.plane} at q = {at}; {self.samples} postures{skipped}"
-        )
+        return f"{self.sentence}\n  {self.details}"
 
 
 def involutivity(
@@ -93,7 +120,7 @@ def involutivity(
     scale = np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
     units = [_unit(strategy, i, j) for i, j in planes]
     allowed = np.maximum(tolerance, ROUND_OFF / figure[sound] ** 2)
-    return _verdict(Q, F, sound, scale, planes, units, allowed, f"{strategy.name}, {task.name}")
+    return _verdict(Q, F, sound, scale, planes, units, allowed, f"{strategy.name}, {task.name}", task)
 
 
 def involutivity_of(
@@ -145,7 +172,7 @@ def involutivity_of(
 
 def _verdict(
     Q: Matrix, F: np.ndarray, sound: np.ndarray, scale: np.ndarray, planes: list[tuple[int, int]], units: list[str],
-    allowed: Vector, subject: str,
+    allowed: Vector, subject: str, task: Task | None = None,
 ) -> Verdict:  # fmt: skip
     sizes = np.linalg.norm(F[sound], axis=1)
     relative = sizes / scale
@@ -164,6 +191,7 @@ def _verdict(
         samples=int(sound.sum()),
         singular=int((~sound).sum()),
         subject=subject,
+        rows=() if task is None else tuple((task.row_names[k], task.units[k]) for k in planes[p]),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..errors import ArgumentError, NotFiniteError, ShapeError, whole_number
 from ..types import ArrayLike, Matrix, Vector
 
 
@@ -28,7 +28,11 @@ class Region:
         return (self.lower + self.upper) / 2
 
     def sample(self, count: int, seed: int = 0) -> Matrix:
-        """`count` postures (count, n): the centre, then a scrambled Sobol sequence, the same for the same seed."""
+        """`count` postures (count, n): the centre, then a scrambled Sobol sequence, the same for the same seed.
+
+        Raises: ArgumentError unless count is a whole number, at least 1.
+        """
+        whole_number("samples", count)
         from scipy.stats import qmc
 
         power = int(np.ceil(np.log2(max(count, 2))))

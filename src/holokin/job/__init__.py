@@ -1,6 +1,16 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
 from .runner import PAPER, expand, new_job, open_job, packaged_jobs, run_job
-from .schema import Job, read_job
+from .schema import Job, kinds_of_strategy, read_job
 
-__all__ = ["PAPER", "Job", "expand", "new_job", "open_job", "packaged_jobs", "read_job", "run_job"]
+__all__ = [
+    "PAPER",
+    "Job",
+    "expand",
+    "kinds_of_strategy",
+    "new_job",
+    "open_job",
+    "packaged_jobs",
+    "read_job",
+    "run_job",
+]

@@ -245,6 +245,11 @@ class Job(_Table):
         return self
 
 
+def kinds_of_strategy() -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Kind of strategy -> (keys that it needs, keys that it may have besides method and invariant)."""
+    return {str(kind): keys for kind, keys in _USES.items()}
+
+
 def read_job(path: Path) -> Job:
     """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
     try:

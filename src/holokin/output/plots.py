@@ -140,7 +140,7 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
     axes.set_xlim(middle[0] - size[0] / 2, middle[0] + size[0] / 2)
     axes.set_ylim(middle[1] - size[1] / 2, middle[1] + size[1] / 2)
     axes.set_zlim(middle[2] - size[2] / 2, middle[2] + size[2] / 2)
-    axes.set_box_aspect(size / size.max(), zoom=1.5 * size.max() / float(np.linalg.norm(size)))
+    axes.set_box_aspect(size / size.max(), zoom=1.38 * size.max() / float(np.linalg.norm(size)))
     axes.view_init(elev=ELEVATION, azim=azimuth)
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.pane.set_facecolor("#fafafa")

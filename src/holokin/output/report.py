@@ -18,7 +18,7 @@ from ..errors import ArgumentError
 from .figures import figures
 from .result import FIGURES, JobResult
 from .table import columns, remarks, row
-from .words import joint_unit, verdict_lines
+from .words import joint_unit
 
 FACTS = "result.json"
 """The file by which a folder is known as holokin's."""
@@ -152,7 +152,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
 def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:
     robot = result.robot
     start = ", ".join(f"{name} {value:.6g}" for name, value in zip(robot.joint_names, result.start, strict=True))
-    verdicts = [[escape(text) for text in verdict_lines(s)] for s in result.strategies]
+    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.details)) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
         f"<p>{escape(' '.join(result.about.split()))}</p>",
@@ -165,7 +165,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
             [escape(title) for title, _ in columns(result)], [[_cell(c) for c in row(s)] for s in result.strategies]
         ),
         "<ul>",
-        *(f"<li>{told}<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
+        *(f"<li>{told}.<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
         f"<p class='small'>{escape(_TERMS)}</p>",

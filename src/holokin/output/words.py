@@ -50,30 +50,6 @@ def away(walk: Trajectory, cycles: int) -> str:
     return f"after {count}: " + ("back home" if home else f"{largest(shift, walk.joint_units)} away")
 
 
-def verdict_lines(strategy: StrategyResult) -> tuple[str, str]:
-    """A verdict as a sentence for everybody, and the figures behind it."""
-    v = strategy.verdict
-    rows, units = strategy.cycles.row_names, strategy.cycles.row_units
-    i, j = v.plane
-    plane = f"{rows[i]}-{rows[j]}" if i != j else rows[i]
-    if v.holonomic:
-        told = f"{strategy.name} is holonomic: whatever closed path the tool runs, its joints come back to their start."
-    else:
-        sides = f"0.1 {units[i]} by 0.1 {units[j]}"
-        told = (
-            f"{strategy.name} is NOT holonomic: a small loop of the tool in the {plane} plane, of {sides}, leaves the "
-            f"joints about {0.01 * v.defect:.2g} {v.unit.partition('/')[0]} away from where they began, and each "
-            "further round adds to it."
-        )
-    at = ", ".join(f"{value:.4g}" for value in v.witness)
-    skipped = f", {v.singular} more were singular" if v.singular else ""
-    shown = (
-        f"Largest defect found: {v.defect:.3g} {v.unit}, in the {plane} plane at q = [{at}]; per rad of joint motion "
-        f"{v.relative:.2g}/rad, where up to {v.tolerance:.0e} counts as zero; {v.samples} postures judged{skipped}."
-    )
-    return told, shown
-
-
 def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
     """A sentence about the first joint that would have to be faster than it can; empty if none."""
     limits = result.robot.max_velocity
