@@ -59,15 +59,21 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         return lambda: hk.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
 
     twin = hk.radial(given, start).constraint
+    turned = hk.pose(robot, "rpy")  # impedance needs coordinates
+    bent = start + 0.3
+    weights = np.diag([1.0, 2.0, 1.0, 2.0, 1.0, 1.0, 0.5])
+    names = robot.joint_names
     rest = hk.posture_cost(start)
     return [
         ("Moore-Penrose", "no rule", lambda: hk.closed_loop(given, GAIN)),
         ("damped, 0.05", "no rule", lambda: hk.damped(task, 0.05, GAIN)),
+        ("weighted", "no rule", lambda: hk.closed_loop(hk.weighted(task, weights), GAIN)),
         ("pink", "no rule", lambda: pink_controller(robot)),
         ("mink", "no rule", lambda: mink_controller(robot)),
         ("placo", "no rule", lambda: placo_controller(robot)),
         ("gradient projection, 1/s", "posture", lambda: hk.gradient_projection(task, rest, 1.0, GAIN)),
         ("gradient projection, 10/s", "posture", lambda: hk.gradient_projection(task, rest, 10.0, GAIN)),
+        ("cyclic in the end, 1/s", "posture", lambda: to_the_leaf(task, start)),
         ("repetitive motion, 4/s", "posture", lambda: hk.repetitive_motion(task, 4.0, GAIN)),
         ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_controller(robot, PostureTask(1e-3, 0.05))),
         ("pink, cost 1e-3, gain 1", "posture", lambda: pink_controller(robot, PostureTask(1e-3))),
@@ -75,10 +81,20 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         ("mink, cost 1e-2, gain 1", "posture", lambda: mink_controller(robot, PostureTask(1e-2))),
         ("placo, weight 1e-4", "posture", lambda: placo_controller(robot, PostureTask(1e-4))),
         ("locked joint 3", "holonomic", held(hk.lock(2))),
+        ("linear, q1 - q3", "holonomic", held(hk.linear([1, 0, -1, 0, 0, 0, 0]))),
+        ("height of joint 4", "holonomic", held(hk.total(hk.height(names[3]), hk.lock(2), weights=[1.0, 0.2]))),
+        ("tilted arm angle", "holonomic", held(hk.tilted(hk.arm_angle(pole=(0, -1, 0)), lambda x: x[0] - x[1]))),
         ("arm angle", "holonomic", held(hk.arm_angle(pole=(0, -1, 0)))),
         ("stationary posture", "holonomic", held(hk.stationary(rest))),
+        ("stationary centring", "holonomic", held(hk.stationary(hk.centring_cost(), free=(names[2],)))),
+        ("impedance", "holonomic", lambda: hk.closed_loop(hk.impedance(turned, hk.posture_cost(bent)), GAIN)),
         ("radial twin", "holonomic", held(twin)),
     ]
+
+
+def to_the_leaf(task: hk.Task, start: np.ndarray) -> object:
+    """De Luca's law, begun 0.1 rad off its leaf."""
+    return hk.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
 
 
 def paths(point: np.ndarray) -> dict[str, hk.Path]:

@@ -1,0 +1,211 @@
+"""How fast? The speed benchmark: writes docs/speed.md.
+
+    python -m benchmarks.speed            # needs: pip install -e ".[rivals]" and a C compiler
+
+All in one run on one machine, Panda, pose task, the same circle: one control step called from Python, ours with
+feedback to the path and to the leaf, native and by the virtual machine, beside pink, mink, placo and
+Pinocchio with NumPy's pinv. The C floor is a bare scalar C loop over our generated step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import holokin as hk
+from benchmarks.drift import versions
+from holokin.analysis.curvature import curvature_function
+from holokin.control import Controller, PostureTask, drive, mink_controller, pink_controller, placo_controller
+from holokin.errors import MissingExtraError
+from holokin.symbolic.kernel import step_source
+from holokin.symbolic.native import engine, library
+
+START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+DT = 0.001
+ROOT = Path(__file__).resolve().parents[1]
+LOOP = """
+double floor_loop(long long count, const double *q, const double *pose, const double *dx, const double *leaf) {
+  double out[HK_N + 1], sum = 0.0;
+  for (long long i = 0; i < count; i++) {
+    hk_step(q + HK_N * (i % 256), pose, dx, out, leaf);
+    sum += out[0];
+  }
+  return sum;
+}
+"""
+
+
+def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple[float, float]:
+    """Seconds of one call: median and 99th percentile over rounds of `inner` calls."""
+    times = np.empty(rounds)
+    for k in range(rounds):
+        begin = time.perf_counter()
+        for _ in range(inner):
+            call()
+        times[k] = (time.perf_counter() - begin) / inner
+    return float(np.median(times)), float(np.percentile(times, 99))
+
+
+def c_floor(servo: hk.Servo, pose: np.ndarray, dx: np.ndarray) -> tuple[float, float]:
+    """Seconds of one step in a bare C loop."""
+    lib = library(step_source(*servo.generated) + LOOP)
+    run = lib.floor_loop
+    run.restype, run.argtypes = ctypes.c_double, [ctypes.c_longlong] + [ctypes.c_void_p] * 4
+    Q = START + np.random.default_rng(0).uniform(-0.05, 0.05, (256, 7))
+    leaf = np.append(servo.leaf, 0.0)
+    arguments = (20_000, Q.ctypes.data, pose.ctypes.data, dx.ctypes.data, leaf.ctypes.data)
+    median, p99 = median_and_p99(lambda: run(*arguments), 60, 1)
+    return median / 20_000, p99 / 20_000
+
+
+def without_compiler(make: Callable[[], hk.Servo]) -> hk.Servo:
+    """A servo on the virtual machine."""
+    before = os.environ.get("HOLOKIN_NATIVE")
+    os.environ["HOLOKIN_NATIVE"] = "0"
+    try:
+        return make()
+    finally:
+        os.environ.pop("HOLOKIN_NATIVE") if before is None else os.environ.__setitem__("HOLOKIN_NATIVE", before)
+
+
+def first_use(make: Callable[[], hk.Servo]) -> tuple[float, float]:
+    """Seconds to build, compile and load a new strategy, and again from the cache."""
+    before = os.environ.get("HOLOKIN_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HOLOKIN_CACHE"] = folder
+        try:
+            times = []
+            for _ in range(2):
+                begin = time.perf_counter()
+                make()
+                times.append(time.perf_counter() - begin)
+        finally:
+            os.environ.pop("HOLOKIN_CACHE") if before is None else os.environ.__setitem__("HOLOKIN_CACHE", before)
+    return times[0], times[1]
+
+
+def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
+    """The libraries, or why one is left out."""
+    import numpy.linalg as la
+
+    out: list[tuple[str, Controller | str]] = []
+    for name, make in (("pink", pink_controller), ("mink", mink_controller), ("placo", placo_controller)):
+        try:
+            out.append((name, make(robot, PostureTask(1e-3))))
+        except MissingExtraError as problem:
+            out.append((name, str(problem)))
+    try:
+        import pinocchio as pin
+    except ImportError:
+        return [*out, ("Pinocchio + pinv", "not installed")]
+    from holokin.robot import to_urdf
+
+    model = pin.buildModelFromXML(to_urdf(robot))
+    data, frame = model.createData(), model.getFrameId(robot.tips[0].name)
+
+    def law(q, pose, twist, dt):
+        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        here = data.oMf[frame]
+        e = np.concatenate([pose[:3, 3] - here.translation, pin.log3(pose[:3, :3] @ here.rotation.T)])
+        return la.pinv(J) @ (twist + 100.0 * e)
+
+    return [*out, ("Pinocchio + pinv", Controller("Pinocchio + pinv", lambda _q0: law))]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure, write, and say where."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="few rounds")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of speed.md")
+    given = parser.parse_args(arguments)
+    scale = 0.05 if given.quick else 1.0
+    robot = hk.load("panda")
+    task = hk.pose(robot)
+    pose, dx = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
+    pose[0, 3] += 1e-4
+
+    def make() -> hk.Servo:
+        return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
+
+    servo, machine = make(), without_compiler(make)
+    floor, floor99 = c_floor(servo, pose, dx)
+    rounds = max(20, int(200 * scale))
+    rows = [("C floor", floor, floor99)]
+    rows.append(("holokin, native", *median_and_p99(lambda: servo.step(START, pose, dx), rounds, 1000)))
+    rows.append(("holokin, virtual machine", *median_and_p99(lambda: machine.step(START, pose, dx), rounds, 200)))
+    left_out = []
+    for name, law in rivals(robot):
+        if isinstance(law, str):
+            left_out.append(f"{name} ({law})")
+            continue
+        step = law.begin(START.copy())
+        rows.append((name, *median_and_p99(lambda step=step: step(START, pose, dx, DT), rounds, 20)))
+    point = robot.pose(START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    strategy = hk.holonomic(task, hk.arm_angle())
+    samples = int(100_000 * max(scale, 0.06))
+    hk.follow(strategy, loop, START, samples=samples)
+    follow = min(_seconds(lambda: hk.follow(strategy, loop, START, samples=samples)) for _ in range(3)) / samples
+    count = int(1_000_000 * max(scale, 0.06))
+    Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (count, 7))
+    gain, planes = strategy.gain, curvature_function(strategy)
+    gain.batch(Q, threads=1), planes.batch(Q[: count // 10], threads=1)
+    batch = min(_seconds(lambda: gain.batch(Q, threads=1)) for _ in range(3)) / count
+    curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
+    cold, warm = first_use(make)
+    check = drive(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
+    text = page(rows, floor, follow, batch, curved, cold, warm, left_out, samples, count, check.tracking_error())
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "speed.md").write_text(text, "utf-8")
+    print(text)
+    return 0
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
+
+
+def page(rows, floor, follow, batch, curved, cold, warm, left_out, samples, count, tracking) -> str:
+    """docs/speed.md."""
+    ours = next(t for name, t, _ in rows if name == "holokin, native")
+    lines = [
+        "# The speed benchmark\n",
+        "Written by `python -m benchmarks.speed`; do not edit. Everything in one run, medians; machines differ, ratios",
+        "less so.\n",
+        f"Run with {versions()}; {engine()}; {platform.processor() or platform.machine()}, {os.cpu_count()} cores.\n",
+        "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
+        "path and to the leaf and with joint limits; the C floor is a bare C loop over the same generated step.\n",
+        "| one control step | median | p99 | in C floors | against holokin, native |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    lines += [
+        f"| {name} | {1e6 * t:.3g} us | {1e6 * p:.3g} us | {t / floor:.3g} | {t / ours:.3g} |" for name, t, p in rows
+    ]
+    lines += [
+        "",
+        "| loops in C | a sample, one core | in C floors |",
+        "|---|---:|---:|",
+        f"| `follow` by leaf, circle of {samples:,} samples | {1e6 * follow:.3g} us | {follow / floor:.3g} |",
+        f"| `G.batch`, {count:,} postures | {1e6 * batch:.3g} us | {batch / floor:.3g} |",
+        f"| curvature of all 15 planes | {1e6 * curved:.3g} us | {curved / floor:.3g} |",
+        "",
+        f"First use of a new strategy (build, compile, load): {cold:.2f} s; later, from the cache: {warm:.3f} s.",
+        f"The step followed the circle in a loop of 0.01 s to {1e3 * tracking:.2g} mm.",
+    ]
+    if left_out:
+        lines += ["\nLeft out: " + "; ".join(left_out) + "."]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
