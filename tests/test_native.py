@@ -63,7 +63,7 @@ def test_every_operation_is_the_virtual_machines(cache: Path) -> None:
     )
     unary = {name: getattr(ca, name)(x) for name in plain}
     outputs = unary | {
-        "sign": ca.sign(x), "sqrt": ca.sqrt(ca.fabs(x)), "log": ca.log(ca.fabs(x)), "add": x + y, "sub": x - y, "mul": x * y, "div": x / y,
+        "sqrt": ca.sqrt(ca.fabs(x)), "log": ca.log(ca.fabs(x)), "add": x + y, "sub": x - y, "mul": x * y, "div": x / y,
         "neg": -x, "sq": x * x, "inv": 1 / y, "atan2": ca.atan2(x, y), "pow": ca.fabs(x) ** y, "cube": x**3,
         "fmin": ca.fmin(x, y), "fmax": ca.fmax(x, y), "copysign": ca.copysign(x, y), "lt": x < y, "le": x <= y,
         "eq": x == y, "ne": x != y, "not": ca.logic_not(x < y), "and": ca.logic_and(x < 0, y < 0),
