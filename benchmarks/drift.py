@@ -63,6 +63,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
     bent = start + 0.3
     weights = np.diag([1.0, 2.0, 1.0, 2.0, 1.0, 1.0, 0.5])
     names = robot.joint_names
+    apart, swivel = hk.linear([1, 0, -1, 0, 0, 0, 0]), hk.arm_angle(pole=(0, -1, 0))
     rest = hk.posture_cost(start)
     return [
         ("Moore-Penrose", "no rule", lambda: hk.closed_loop(given, GAIN)),
@@ -73,7 +74,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         ("placo", "no rule", lambda: placo_controller(robot)),
         ("gradient projection, 1/s", "posture", lambda: hk.gradient_projection(task, rest, 1.0, GAIN)),
         ("gradient projection, 10/s", "posture", lambda: hk.gradient_projection(task, rest, 10.0, GAIN)),
-        ("cyclic in the end, 1/s", "posture", lambda: to_the_leaf(task, start)),
+        ("cyclic in the end, 1/s", "to a leaf", lambda: to_the_leaf(task, start)),
         ("repetitive motion, 4/s", "posture", lambda: hk.repetitive_motion(task, 4.0, GAIN)),
         ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_controller(robot, PostureTask(1e-3, 0.05))),
         ("pink, cost 1e-3, gain 1", "posture", lambda: pink_controller(robot, PostureTask(1e-3))),
@@ -81,13 +82,13 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         ("mink, cost 1e-2, gain 1", "posture", lambda: mink_controller(robot, PostureTask(1e-2))),
         ("placo, weight 1e-4", "posture", lambda: placo_controller(robot, PostureTask(1e-4))),
         ("locked joint 3", "holonomic", held(hk.lock(2))),
-        ("linear, q1 - q3", "holonomic", held(hk.linear([1, 0, -1, 0, 0, 0, 0]))),
-        ("height of joint 4", "holonomic", held(hk.total(hk.height(names[3]), hk.lock(2), weights=[1.0, 0.2]))),
-        ("tilted arm angle", "holonomic", held(hk.tilted(hk.arm_angle(pole=(0, -1, 0)), lambda x: x[0] - x[1]))),
-        ("arm angle", "holonomic", held(hk.arm_angle(pole=(0, -1, 0)))),
+        ("linear, q1 - q3", "holonomic", held(apart)),
+        ("height of joint 4 + q1 - q3", "holonomic", held(hk.total(apart, hk.height(names[3])))),
+        ("tilted arm angle", "holonomic", held(hk.tilted(swivel, lambda x: 0.2 * (x[0] - x[1])))),
+        ("arm angle", "holonomic", held(swivel)),
         ("stationary posture", "holonomic", held(hk.stationary(rest))),
         ("stationary centring", "holonomic", held(hk.stationary(hk.centring_cost(), free=(names[2],)))),
-        ("impedance", "holonomic", lambda: hk.closed_loop(hk.impedance(turned, hk.posture_cost(bent)), GAIN)),
+        ("impedance", "no feedback", lambda: hk.closed_loop(hk.impedance(turned, hk.posture_cost(bent)), GAIN)),
         ("radial twin", "holonomic", held(twin)),
     ]
 
@@ -251,6 +252,8 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         f"  {span(holonomic, 'ways')} rad, a later cycle drifts {span(holonomic, 'later')} rad.",
         "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
         f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",
+        "- Impedance and the weighted pseudo-inverse are driven without feedback to a leaf, since they have no constraint:",
+        "  the first is holonomic, and drifts by the error of the step alone, the second is not.",
         f"- Coming home costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial twin of",
         f"  the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
     ]
@@ -266,8 +269,20 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    colors = {"no rule": "#c0392b", "posture": "#e08e0b", "holonomic": "#1f77b4"}
-    meanings = {"no rule": "no rule for the redundant joint", "posture": "posture task", "holonomic": "holonomic"}
+    colors = {
+        "no rule": "#c0392b",
+        "posture": "#e08e0b",
+        "to a leaf": "#7d3c98",
+        "no feedback": "#16a085",
+        "holonomic": "#1f77b4",
+    }
+    meanings = {
+        "no rule": "no rule for the redundant joint",
+        "posture": "posture task",
+        "to a leaf": "nears a leaf",
+        "no feedback": "no leaf feedback",
+        "holonomic": "holonomic",
+    }
     rows = [r for r in found["panda"] if not r.fault]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 5.6), width_ratios=(1, 1.25), layout="constrained")
     for r in rows:
@@ -279,7 +294,7 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     left.set_xlabel("cycles of the circle")
     left.set_ylabel("largest joint's drift since the start [rad]")
     left.set_title("Does it come home?", loc="left", fontweight="bold")
-    left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, -0.3), ncols=3, columnspacing=1.2)
+    left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, -0.3), ncols=4, columnspacing=1.0, fontsize=9)
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
     for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):
