@@ -252,8 +252,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         f"  {span(holonomic, 'ways')} rad, a later cycle drifts {span(holonomic, 'later')} rad.",
         "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
         f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",
-        "- Impedance and the weighted pseudo-inverse are driven without feedback to a leaf, since they have no constraint:",
-        "  the first is holonomic, and drifts by the error of the step alone, the second is not.",
+        "- Impedance has no constraint to feed back: it is holonomic, and drifts by the error of the step alone.",
         f"- Coming home costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial twin of",
         f"  the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
     ]
@@ -276,13 +275,8 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
         "no feedback": "#16a085",
         "holonomic": "#1f77b4",
     }
-    meanings = {
-        "no rule": "no rule for the redundant joint",
-        "posture": "posture task",
-        "to a leaf": "nears a leaf",
-        "no feedback": "no leaf feedback",
-        "holonomic": "holonomic",
-    }
+    meanings = {"no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf"}
+    meanings |= {"no feedback": "holonomic, no feedback", "holonomic": "holonomic"}
     rows = [r for r in found["panda"] if not r.fault]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 5.6), width_ratios=(1, 1.25), layout="constrained")
     for r in rows:
@@ -294,7 +288,7 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     left.set_xlabel("cycles of the circle")
     left.set_ylabel("largest joint's drift since the start [rad]")
     left.set_title("Does it come home?", loc="left", fontweight="bold")
-    left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, -0.3), ncols=4, columnspacing=1.0, fontsize=9)
+    left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, -0.3), ncols=3, columnspacing=1.0)
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
     for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):
