@@ -13,7 +13,7 @@ import argparse
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, files, version
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +89,27 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         ("stationary posture", "holonomic", held(hk.stationary(rest))),
         ("stationary centring", "holonomic", held(hk.stationary(hk.centring_cost(), free=(names[2],)))),
         ("impedance", "no feedback", lambda: hk.closed_loop(hk.impedance(turned, hk.posture_cost(bent)), GAIN)),
+        ("impedance with memory", "no feedback", lambda: hk.impedance_with_memory(turned, hk.posture_cost(bent))),
         ("radial twin", "holonomic", held(twin)),
+        *with_masses(robot),
+    ]
+
+
+def with_masses(robot: hk.Robot) -> list[tuple[str, str, Callable[[], object]]]:
+    """Laws that need masses, for the Panda, whose URDF the package example-robot-data holds (the extra `test`)."""
+    try:
+        listed = files("example-robot-data") or []
+    except PackageNotFoundError:
+        return []
+    found = [Path(str(f.locate())) for f in listed if f.name == f"{robot.name}.urdf"]
+    if not found:
+        return []
+    task = hk.pose(hk.from_urdf(found[0], tip=robot.tips[0].name))
+    carried = hk.stationary(hk.gravity_cost())
+    leaf = hk.holonomic(task, carried).constraint_value(STARTS[robot.name])
+    return [
+        ("inertia-weighted", "no rule", lambda: hk.closed_loop(hk.inertia_weighted(task), GAIN)),
+        ("stationary gravity", "holonomic", lambda: hk.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN)),
     ]
 
 
@@ -288,7 +308,6 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     left.set_xlabel("cycles of the circle")
     left.set_ylabel("largest joint's drift since the start [rad]")
     left.set_title("Does it come home?", loc="left", fontweight="bold")
-    left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, -0.3), ncols=3, columnspacing=1.0)
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
     for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):
@@ -300,7 +319,8 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     right.set_xlabel("difference of the joints at one tool pose [rad]")
     right.set_title("Do the joints belong to the pose?", loc="left", fontweight="bold")
     right.grid(axis="y", color="0.92", zorder=0)
-    right.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.4, -0.3), ncols=2)
+    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=7, frameon=False, columnspacing=1.2)
     for ax in (left, right):
         ax.spines[["top", "right"]].set_visible(False)
     figure.savefig(file, dpi=110)

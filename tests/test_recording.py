@@ -263,3 +263,18 @@ def test_without_rosbags_the_extra_is_named(panda: hk.Robot, tmp_path: Path, mon
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     with pytest.raises(hk.HolokinError, match=r"holokin\[log\]"):
         hk.read_recording(tmp_path / "a.mcap", panda)
+
+
+def test_small_drifts_there_and_back_are_a_way_dependence_and_no_drift() -> None:
+    """A law with a posture task, round and back again: each cycle strays by less than counts, and none adds up."""
+    robot = hk.load("panda")
+    start = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    task, point = hk.pose(robot), robot.pose(start)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    law = hk.gradient_projection(task, hk.posture_cost(start), 5.0, 40.0)
+    walk = hk.drive(law, task, loop + loop.reversed(), start, dt=0.02, cycles=4)
+    found = hk.audit_recording(hk.Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
+    assert found.verdict is hk.Homecoming.CONVERGES
+    assert np.abs(found.drift).max() < 1e-3
+    assert found.by_way is not None
+    assert found.by_way.beyond

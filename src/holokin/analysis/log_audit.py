@@ -263,9 +263,10 @@ def audit_recording(
         at_crossings = distance(met - here, tolerance + more + 4 * np.sqrt(2) * noise, phase)
     tested = (between, by_way, by_speed, at_crossings)
     kinds = {trend.trend for trend in trends.values()}
-    if Trend.CONSTANT in kinds:
+    strays = bool(np.abs(drift).max() > tolerance + floor[0])  # else cycles there and back may undo each other
+    if Trend.CONSTANT in kinds and (between.beyond or strays):
         verdict = Homecoming.DRIFTS
-    elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in tested):
+    elif kinds != {Trend.ZERO} or any(d is not None and d.beyond for d in tested):
         verdict = Homecoming.CONVERGES
     else:
         verdict = Homecoming.COMES_HOME
