@@ -97,3 +97,31 @@ def test_a_rerun_keeps_what_others_have_put_into_its_folder(holokin: Command, tm
     assert "an old report" not in (folder / "report.html").read_text("utf-8")
     assert not (folder / "ways-moore-penrose.gif").exists()  # of the run before, and holokin's own
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
+
+
+def test_ctrl_c_in_the_middle_of_a_swap_leaves_the_folder_whole(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the two renames: the old report stands where it stood, with what others put there."""
+    file = write_job(tmp_path)
+    assert holokin("run", file, "--out", out).code == 0
+    (out / "job" / "notes.txt").write_text("keep me")
+    before = (out / "job" / "report.html").read_bytes()
+    rename = Path.rename
+
+    def interrupted(self: Path, target: Path) -> Path:
+        if self.name.startswith(".") and not self.name.endswith("-old"):
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    assert holokin("run", file, "--out", out).code == 130
+    assert (out / "job" / "notes.txt").read_text() == "keep me"
+    assert (out / "job" / "report.html").read_bytes() == before
+    assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
+
+
+def test_an_orientation_named_twice_is_refused(holokin: Command, tmp_path: Path, out: Path) -> None:
+    task = '[task]\nkind = "pose"\norientation = ["rpy", "rpy"]\n'
+    assert_refused(holokin("run", write_job(tmp_path, task=task), "--out", out), "names one twice")
+    assert_untouched(out)

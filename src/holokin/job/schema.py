@@ -69,6 +69,13 @@ class TaskTable(_Table):
     orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
     rows: list[int] | None = None
 
+    @model_validator(mode="after")
+    def _each_once(self) -> TaskTable:
+        kinds = self.orientation
+        if isinstance(kinds, list) and len(set(kinds)) < len(kinds):
+            raise ValueError(f"orientation = {kinds} names one twice; name each once")
+        return self
+
 
 class StartTable(_Table):
     """[start]: the posture, in joint units (rad, m), or in degrees for revolute joints."""

@@ -103,25 +103,28 @@ def _written(folder: FilePath) -> set[str] | None:
 
 
 def _put(work: FilePath, target: FilePath) -> None:
-    """Swap a finished folder in; move what is not holokin's from the old one into it."""
+    """Swap a finished folder in, with a copy of what is not holokin's in the old one."""
     if not target.exists():
         work.rename(target)
         return
     ours = _written(target) or set()
-    old = work.with_name(f"{work.name}-old")
-    target.rename(old)
-    try:
-        work.rename(target)
-    except OSError:
-        old.rename(target)
-        raise
-    for entry in old.iterdir():
+    for entry in target.iterdir():
         if entry.name not in ours:
-            place = target / entry.name
+            place = work / entry.name
             while place.exists():
                 place = place.with_name(f"{place.name}.kept")
-            entry.rename(place)
-    shutil.rmtree(old, ignore_errors=True)
+            if entry.is_dir() and not entry.is_symlink():
+                shutil.copytree(entry, place, symlinks=True)
+            else:
+                shutil.copy2(entry, place, follow_symlinks=False)
+    old = work.with_name(f"{work.name}-old")
+    try:
+        target.rename(old)
+        work.rename(target)
+    finally:  # whatever stops it, Ctrl-C included: the old folder or the new one stands there, whole
+        if not target.exists() and old.exists():
+            old.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def _fill(result: JobResult, folder: FilePath, version: str) -> None:
