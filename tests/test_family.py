@@ -152,7 +152,7 @@ def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(p
     point = panda_given.task.robot.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.05, 0, 0])
     assert hk.drift(fit, loop, PANDA_START, cycles=3, samples=40).largest.max() < 1e-12
-    assert fit.rate.casadi.n_instructions() * 20 < twin.rate.casadi.n_instructions()
+    assert fit.rate.program.instructions * 20 < twin.rate.program.instructions
 
 
 def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:

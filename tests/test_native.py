@@ -73,7 +73,7 @@ def test_every_operation_is_the_virtual_machines(cache: Path) -> None:
     rng = np.random.default_rng(0)
     X = np.concatenate([rng.uniform(-1, 1, 400), rng.uniform(-700, 700, 100), [0.0, 0.5, -0.5, 1e5, -3e5, 1e9]])
     Y = np.concatenate([rng.uniform(0.1, 3, 250), rng.uniform(-3, -0.1, 250), [0.5, 0.5, 0.5, 2.0, -2.0, 3.0]])
-    kernel = BatchKernel(f.casadi, list(f.input_shapes.values()), list(f.output_shapes.values()))
+    kernel = BatchKernel(f.program, list(f.input_shapes.values()), list(f.output_shapes.values()))
     results = [np.empty((len(X), 1)) for _ in outputs]
     kernel([X[:, None], Y[:, None]], results)
     for name, ours, theirs in zip(outputs, results, f.batch(X[:, None], Y[:, None]), strict=True):
@@ -87,7 +87,7 @@ def test_every_operation_is_the_virtual_machines(cache: Path) -> None:
 def test_vector_sines_are_right_to_the_last_bits(cache: Path) -> None:
     x = symbol("x", 1)
     f = Function("sines", {"x": x}, {"s": ca.sin(x), "c": ca.cos(x)})
-    kernel = BatchKernel(f.casadi, [(1,)], [(1,), (1,)])
+    kernel = BatchKernel(f.program, [(1,)], [(1,), (1,)])
     X = np.concatenate(
         [np.linspace(-50, 50, 20_001), np.arange(-40, 41) * np.pi / 4, [9.9e4, -9.9e4, 1.1e5, 1e300, np.inf]]
     )

@@ -62,7 +62,8 @@ def pairs(m: int) -> list[tuple[int, int]]:
 def _build(strategy: Strategy, method: str) -> Function:
     e, m = strategy.expressions, strategy.task.m
     rows = range(strategy.task.n - m)
-    G, conditioning = e.rate(SX.eye(m))
+    found = e.rate(SX.eye(m), written_out=True)
+    G, conditioning = found.X, found.conditioning
     if e.form == "kernel":
         A, brackets = e.planes, _brackets_of_rows(e, G, m)
     else:

@@ -64,7 +64,7 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
     posture = task.robot.checked(q)
     strategy(posture)
     e = strategy.expressions
-    G, _ = e.rate(SX.eye(task.m))
+    G = e.rate(SX.eye(task.m), written_out=True).X
     fields = [G[:, i] for i in range(task.m)]
     basis = _orthonormal([], _values(e.q, fields, posture))
     newest, dimensions = fields, [len(basis)]

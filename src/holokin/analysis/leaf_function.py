@@ -95,9 +95,14 @@ class LeafFunction:
         """(q, v, D, V) -> (G v, (G v)' D + G V, conditioning, margin)."""
         e, task = self.strategy.expressions, self.strategy.task
         v, D, V = symbol("v", task.m), symbol("D", task.n, task.n), symbol("V", task.m, task.n)
-        dq, conditioning = e.rate(v)
-        dD = jacobian(dq, e.q) @ D + e.rate(V)[0]
-        outputs = {"dq": dq, "dD": dD, "conditioning": conditioning, "margin": self.strategy.margin_expression}
+        found = e.rate(v, written_out=True)
+        dD = jacobian(found.X, e.q) @ D + e.rate(V, written_out=True).X
+        outputs = {
+            "dq": found.X,
+            "dD": dD,
+            "conditioning": found.conditioning,
+            "margin": self.strategy.margin_expression,
+        }
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 
 

@@ -187,7 +187,7 @@ def _circle_drifts(
 def _fibre_function(strategy: Strategy, Z: Vector) -> Function:
     """q -> (dA/dz (m,), |n| per unit z): A = Z^T G along the fibre, z = Z^T q."""
     e, task = strategy.expressions, strategy.task
-    G, _ = e.rate(SX.eye(task.m))
+    G = e.rate(SX.eye(task.m), written_out=True).X
     n = factorise(e.J.T).complement()
     per_z = n / (SX(Z).T @ n)
     A = SX(Z).T @ G

@@ -14,7 +14,7 @@ from typing import Any, cast
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategy import Strategy, check_regular
-from ..symbolic import SX, Function, symbol
+from ..symbolic import SX, Function, Solution, symbol
 from ..task import Task
 from ..types import Matrix, Vector
 
@@ -78,13 +78,13 @@ class Symbols:
 def compiled(
     name: str,
     task: Task,
-    rate: Callable[[Symbols], tuple[SX, SX]],
+    rate: Callable[[Symbols], Solution],
     strategy: Strategy | None = None,
 ) -> Controller:
     """A controller from an expression of its rates, compiled when first begun.
 
     Args:
-        rate: symbols -> (dq (n,), conditioning; 1 where nothing can be singular).
+        rate: symbols -> dq (n,) with its conditioning, 1 where nothing can be singular.
         strategy: the one whose expressions `rate` uses, if any.
     """
 
@@ -101,10 +101,11 @@ def compiled(
         )
         dx = task.rates_expression(R, twist[:3], twist[3:])
         now = task.error_expression(k, p, R) - dt * dx
-        dq, conditioning = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, now, dt, start))
+        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, now, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
-        return Function("law", inputs, {"dq": dq, "conditioning": conditioning, "margin": margin})
+        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin}
+        return Function("law", inputs, outputs, found.system)
 
     def begin(q0: Vector) -> Law:
         step = function()

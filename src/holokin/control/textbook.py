@@ -11,7 +11,7 @@ import numpy as np
 from ..constraint import Constraint, Cost
 from ..errors import ArgumentError, InfeasibleError, ShapeError
 from ..strategy import Strategy, holonomic, null_basis_expression
-from ..symbolic import SX, NearestPoint, factorise, jacobian, vec, vertcat, wrapped
+from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector
 from .controller import Controller, Law, Symbols, compiled
@@ -35,10 +35,10 @@ def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str =
     """
     K, size = _positive("gain", gain), _positive("damping", damping)
 
-    def rate(s: Symbols) -> tuple[SX, SX]:
+    def rate(s: Symbols) -> Solution:
         # least squares of [J; damping] dq = [u; 0], without squaring J
         tall = factorise(vertcat(s.J, size * SX.eye(task.n)))
-        return tall.solve(vertcat(s.dx + K * s.error, SX.zeros(task.n, 1))), SX(1)
+        return Solution(tall.solve(vertcat(s.dx + K * s.error, SX.zeros(task.n, 1))), SX(1))
 
     return compiled(name, task, rate)
 
@@ -56,7 +56,7 @@ def gradient_projection(
     """
     K = _positive("gain", gain)
 
-    def rate(s: Symbols) -> tuple[SX, SX]:
+    def rate(s: Symbols) -> Solution:
         U = cost.expression(task, s.kinematics, s.q)
         if U.shape != (1, 1):
             raise ShapeError(f"the cost {cost.name!r}", (1, 1), U.shape, "give a scalar")
@@ -83,7 +83,7 @@ def repetitive_motion(
     K, pull = _positive("gain", gain), _positive("rate", rate)
     if not limits:
         return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
-    wanted = compiled(name, task, lambda s: (vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
+    wanted = compiled(name, task, lambda s: Solution(vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
     nearest, robot = NearestPoint(task.n, task.m), task.robot
 
     def begin(q0: Vector) -> Law:
@@ -130,33 +130,30 @@ def asymptotically_cyclic(
     if c.shape != (g.rows,) or not np.isfinite(c).all():
         raise ShapeError("the leaf", (g.rows,), c.shape, "give a finite value for each row of g")
 
-    def rate(s: Symbols) -> tuple[SX, SX]:
+    def rate(s: Symbols) -> Solution:
         e = strategy.expressions
-        gap = g.bind(task, e.kinematics, e.q) - SX(c)
-        gap = vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular)))
-        u = s.dx + K * s.error
-        extended = factorise(vertcat(e.J, e.planes))
+        u, pulled = s.dx + K * s.error, pull * strategy.leaf_gap(SX(c))
         if exact:
-            return extended.solve(vertcat(u, -pull * gap)), extended.conditioning()
+            return e.rate(u, pulled)
         N = null_basis_expression(task, e.kinematics, e.q)
-        dq, conditioning = _least_norm(s, u)
-        return dq - pull * N @ factorise(e.planes @ N).solve(gap), conditioning
+        least = _least_norm(s, u)
+        return least._replace(X=least.X + N @ factorise(e.planes @ N).solve(pulled))
 
     return compiled(name, task, rate, strategy)
 
 
-def _least_norm(s: Symbols, u: SX) -> tuple[SX, SX]:
+def _least_norm(s: Symbols, u: SX) -> Solution:
     """(J^+ u, conditioning) by J^T = Q R: J^+ = Q R^-T."""
     frame = factorise(s.J.T)
     Q = frame.thin_q()
     inner = factorise(s.J @ Q)
-    return Q @ inner.solve(u), inner.conditioning()
+    return Solution(Q @ inner.solve(u), inner.conditioning())
 
 
-def _projected(s: Symbols, K: float, z: SX) -> tuple[SX, SX]:
+def _projected(s: Symbols, K: float, z: SX) -> Solution:
     """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
-    dq, conditioning = _least_norm(s, s.dx + K * s.error - s.J @ z)
-    return dq + z, conditioning
+    least = _least_norm(s, s.dx + K * s.error - s.J @ z)
+    return least._replace(X=least.X + z)
 
 
 def _positive(what: str, value: float) -> float:

@@ -26,13 +26,10 @@ from ..symbolic import (
     enabled,
     engine,
     fabs,
-    factorise,
     fmax,
     fmin,
     if_else,
     symbol,
-    vertcat,
-    wrapped,
 )
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Vector
@@ -64,16 +61,16 @@ class Servo:
     def __init__(self, strategy: Strategy, dt: float, gain: float, leaf_gain: float, leaf: Vector, limits: bool):
         self.strategy, self.dt, self.leaf = strategy, dt, leaf
         task = strategy.task
-        self._function = _expression(strategy, dt, gain, leaf_gain, limits)
+        self._function = step_function(strategy, limits)
         self._out = np.zeros(task.n + 2)  # dq, scale, status
         self._dq = self._out[: task.n]
-        self._leaf = np.append(leaf, 0.0)
+        self._held = np.append(leaf, (dt, gain, leaf_gain))
         self.engine = "CasADi's virtual machine"
         self.step = self._machine()
-        if enabled() and self._function.casadi.n_instructions() <= LARGEST:
+        if enabled() and self._function.program.instructions <= LARGEST:
             try:
                 self._kernel = StepKernel(*self.generated)
-                self.step = self._kernel.bind(self._leaf, self._out, self._dq, self._converted)
+                self.step = self._kernel.bind(self._held, self._out, self._dq, self._converted)
                 self.engine = engine()
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
@@ -96,7 +93,7 @@ class Servo:
         """What native code is made of: (function, input shapes, output shapes, thresholds)."""
         f = self._function
         figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "HELD": HELD}
-        return f.casadi, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
+        return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
 
     def _converted(self, *arguments: ArrayLike) -> Vector:
         """The step of arguments that are no float arrays of the right size. Raises: ShapeError, ArgumentError."""
@@ -116,8 +113,8 @@ class Servo:
 
     def _machine(self) -> Callable[[Any, Any, Any], Vector]:
         """The step by CasADi's virtual machine, on memory of its own."""
-        trigger, (q_in, pose_in, dx_in, leaf_in), results = self._function.port()
-        leaf_in[...] = self.leaf.reshape(leaf_in.shape)
+        trigger, (q_in, pose_in, dx_in, held_in), results = self._function.port()
+        held_in[...] = self._held
         rates, scale, conditioning, margin = results
         out, dq, slow = self._out, self._dq, self._converted
         shapes = (q_in.shape, pose_in.shape, dx_in.shape)
@@ -184,23 +181,23 @@ def controller(
     return Servo(strategy, float(dt), gains[0], gains[1], leaf, limits)
 
 
-def _expression(strategy: Strategy, dt: float, gain: float, leaf_gain: float, limits: bool) -> Function:
-    """(q, pose, dx, c) -> (dq, scale, conditioning, margin); pose (4, 4), or (3,) where the task is a position."""
+def step_function(strategy: Strategy, limits: bool) -> Function:
+    """(q, pose, dx, held) -> (dq, scale, conditioning, margin), with held = (c, dt, K, K_g).
+
+    pose (4, 4), or (3,) where the task is a position. Step and gains are data, so one compiled step serves them all.
+    """
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if strategy.constraint is not None else 0
     pose = symbol("pose", 3) if task.orientation is None else symbol("pose", 4, 4)
     p, R = (pose, SX.eye(3)) if task.orientation is None else (pose[:3, 3], pose[:3, :3])
-    dx, c = symbol("dx", task.m), symbol("c", r)
+    dx, held = symbol("dx", task.m), symbol("held", r + 3)
+    c, dt, gain, leaf_gain = held[:r], held[r], held[r + 1], held[r + 2]
     u = dx + gain * task.error_expression(e.kinematics, p, R)
     if strategy.constraint is not None:
-        g = strategy.constraint
-        gap = g.bind(task, e.kinematics, e.q) - c if r else SX(0, 1)
-        gap = vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular[:r])))
-        extended = factorise(vertcat(e.J, e.planes))
-        dq, conditioning = extended.solve(vertcat(u, -leaf_gain * gap)), extended.conditioning()
+        found = e.rate(u, leaf_gain * strategy.leaf_gap(c))
     else:
-        dq, conditioning = e.rate(u)
-    scale = SX(1)
+        found = e.rate(u)
+    dq, scale = found.X, SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             if np.isfinite(joint.max_velocity):
@@ -209,5 +206,10 @@ def _expression(strategy: Strategy, dt: float, gain: float, leaf_gain: float, li
                 if np.isfinite(bound):
                     room, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
                     scale = fmin(scale, if_else(speed > 1e-12, room / fmax(speed, 1e-12), 1))
-    outputs = {"dq": scale * dq, "scale": scale, "conditioning": conditioning, "margin": strategy.margin_expression}
-    return Function("step", {"q": e.q, "pose": pose, "dx": dx, "c": c}, outputs)
+    outputs = {
+        "dq": scale * dq,
+        "scale": scale,
+        "conditioning": found.conditioning,
+        "margin": strategy.margin_expression,
+    }
+    return Function("step", {"q": e.q, "pose": pose, "dx": dx, "held": held}, outputs, found.system)

@@ -18,7 +18,7 @@ import numpy as np
 from ..constraint import Constraint
 from ..errors import ArgumentError, NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
-from ..symbolic import SX, Function, as_expression, factorise, fmin, jacobian, symbol, vertcat
+from ..symbolic import SX, Function, Solution, as_expression, factorise, fmin, jacobian, solution, symbol, vertcat
 from ..symbolic.geometry import wrapped
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -42,16 +42,20 @@ class Expressions:
     form: Form
     planes: SX
 
-    def rate(self, dx: SX) -> tuple[SX, SX]:
-        """(G dx, conditioning): dx (m, k) -> (n, k), by orthogonal factorisations only."""
+    def rate(self, dx: SX, along: SX | None = None, *, written_out: bool = False) -> Solution:
+        """G dx, (m, k) -> (n, k), with its conditioning, by orthogonal factorisations only.
+
+        Args:
+            along: A dq (r, k) wanted of the rows A; zero by default. Only for planes given by rows.
+            written_out: for those who differentiate it: no system is left to numbers, however large.
+        """
         if self.form == "kernel":
-            extended = factorise(vertcat(self.J, self.planes))
-            zeros = SX.zeros(self.planes.shape[0], dx.shape[1])
-            return extended.solve(vertcat(dx, zeros)), extended.conditioning()
+            wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
+            return solution(vertcat(self.J, self.planes), vertcat(dx, wanted), written_out=written_out)
         frame = factorise(self.planes)
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)
-        return Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning())
+        return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,17 +166,18 @@ class Strategy:
     def gain(self) -> Function:
         """q -> (G, conditioning, representation margin), unchecked."""
         e = self.expressions
-        G, conditioning = e.rate(SX.eye(self.task.m))
-        return Function("gain", {"q": e.q}, {"G": G, "conditioning": conditioning, "margin": self.margin_expression})
+        found = e.rate(SX.eye(self.task.m))
+        outputs = {"G": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
+        return Function("gain", {"q": e.q}, outputs, found.system)
 
     @cached_property
     def rate(self) -> Function:
         """(q, dx) -> (dq = G dx, conditioning, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         e = self.expressions
         dx = symbol("dx", self.task.m)
-        dq, conditioning = e.rate(dx)
-        outputs = {"dq": dq, "conditioning": conditioning, "margin": self.margin_expression}
-        return Function("rate", {"q": e.q, "dx": dx}, outputs)
+        found = e.rate(dx)
+        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
+        return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
 
     @cached_property
     def constraint_value(self) -> Function:
@@ -188,18 +193,22 @@ class Strategy:
         """
         e = self.expressions
         p, R, c = symbol("p", 3), symbol("R", 3, 3), symbol("c", self.task.n - self.task.m)
-        g = self._constraint()
-        residual = c - g.bind(self.task, e.kinematics, e.q)
-        residual = vertcat(*(wrapped(residual[i]) if flag else residual[i] for i, flag in enumerate(g.angular)))
-        error = self.task.error_expression(e.kinematics, p, R)
-        extended = factorise(vertcat(e.J, e.planes))
+        found = e.rate(self.task.error_expression(e.kinematics, p, R), self.leaf_gap(c))
         outputs = {
-            "dq": extended.solve(vertcat(error, residual)),
-            "conditioning": extended.conditioning(),
+            "dq": found.X,
+            "conditioning": found.conditioning,
             "margin": self.margin_expression,
-            "det": extended.determinant(),
+            "det": found.determinant,
         }
-        return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs)
+        return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+
+    def leaf_gap(self, c: SX) -> SX:
+        """c - g(q) (r,) as an expression, angles in (-pi, pi], of a strategy from a constraint."""
+        e, g = self.expressions, self._constraint()
+        if self.task.n == self.task.m:
+            return SX(0, 1)
+        gap = c - g.bind(self.task, e.kinematics, e.q)
+        return vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular)))
 
     @cached_property
     def _frame(self) -> Function:

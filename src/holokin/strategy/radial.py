@@ -53,7 +53,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     def expression(_task: Task, k: Kinematics, q: SX) -> SX:
         e = replace(strategy, task=chart).expressions
         dx = symbol("dx", task.m)
-        rate = as_map([e.q, dx], e.rate(dx)[0])
+        rate = as_map([e.q, dx], e.rate(dx, written_out=True).X)
         v = chart.value_expression(k) - SX(x0)
         h = -1.0 / steps
         back = q

@@ -26,7 +26,7 @@ from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
 from .kernel import LARGEST, FollowKernel, FollowRules, StepKernel
-from .linear import Factorisation, factorise, solve
+from .linear import Factorisation, Solution, factorise, solution, solve
 from .native import enabled, engine
 from .qp import NearestPoint
 
@@ -38,6 +38,7 @@ __all__ = [
     "FollowRules",
     "Function",
     "NearestPoint",
+    "Solution",
     "StepKernel",
     "as_expression",
     "as_map",
@@ -64,6 +65,7 @@ __all__ = [
     "pairwise_brackets",
     "parse",
     "sin",
+    "solution",
     "solve",
     "sumsqr",
     "symbol",

@@ -30,6 +30,8 @@ _UNARY = {
     ca.OP_CEIL: "HK_CEIL({})",
 }  # fmt: skip
 
+_CONSTANT = {"inf": "HK_INF", "-inf": "(-HK_INF)", "nan": "HK_NAN", "-nan": "HK_NAN"}
+
 SCALAR, LANES = "scalar.h", "lanes.h"
 """The preludes: hk_t is one number, or a few side by side in a vector register."""
 
@@ -53,8 +55,9 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
             continue
         into = function.instruction_input(k)
         if op == ca.OP_CONST:
-            value = f"HK_C({function.instruction_constant(k)!r})"
-        elif op == ca.OP_INPUT:
+            register[out[0]] = _CONSTANT.get(repr(value := function.instruction_constant(k)), f"HK_C({value!r})")
+            continue
+        if op == ca.OP_INPUT:
             value = x(into[0], into[1])
         elif op in _BINARY:
             value = _BINARY[op].format(*(register[i] for i in into))
@@ -64,9 +67,7 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
             raise NativeError(f"{name} uses operation number {op} of CasADi, which has no C here")
         register[out[0]] = f"v{k}"
         lines.append(f"  const hk_t v{k} = {value};")
-    return (
-        "\n".join(lines).replace("HK_C(inf)", "HK_INF").replace("HK_C(-inf)", "-HK_INF").replace("HK_C(nan)", "HK_NAN")
-    )
+    return "\n".join(lines)
 
 
 def prelude(name: str) -> str:

@@ -7,7 +7,6 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,8 @@ import numpy as np
 
 from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike
+from .linear import System
+from .program import Port, program
 
 if TYPE_CHECKING:
     from .kernel import BatchKernel, FollowKernel
@@ -26,29 +27,6 @@ NATIVE_FROM = 50_000
 CHUNK = 256
 """Samples that one mapped evaluation takes: enough to hide the call, little enough to stay in cache."""
 
-SHARED = 20_000
-"""Operations up to which common ones are looked for: it saves up to a fifth, and takes 5 us for each."""
-
-
-class _Port(threading.local):
-    """One thread's evaluation memory: argument and result arrays bound to a CasADi buffer."""
-
-    def __init__(self, function: ca.Function, arguments: list[tuple[int, ...]], results: list[tuple[int, ...]]):
-        buffer: Any  # CasADi's stub of FunctionBuffer asks for arguments that it does not take
-        buffer, self.trigger = function.buffer()
-        self._buffer = buffer
-        # CasADi is column-major: a (rows, columns) matrix is the transpose of a C array (columns, rows).
-        memory_in = [np.zeros(shape[::-1]) for shape in arguments]
-        memory_out = [np.zeros(shape[::-1]) for shape in results]
-        for i, array in enumerate(memory_in):
-            if array.size:
-                buffer.set_arg(i, array.data)
-        for i, array in enumerate(memory_out):
-            if array.size:
-                buffer.set_res(i, array.data)
-        self.arguments = [array.T for array in memory_in]
-        self.results = [array.T for array in memory_out]
-
 
 class Function:
     """y_1, y_2, ... = F(x_1, x_2, ...) of a CasADi expression.
@@ -57,27 +35,32 @@ class Function:
         name: identifier, for messages and generated code.
         inputs: name -> symbol; a column symbol takes a vector (k,), others a matrix (rows, columns).
         outputs: name -> expression; columns come back as vectors, 1x1 as a float.
+        system: the linear system whose symbols the outputs hold, if any (see `linear.solution`).
 
     Raises:
         ShapeError: an argument of the wrong shape, or the wrong number of arguments.
     """
 
-    def __init__(self, name: str, inputs: Mapping[str, ca.SX], outputs: Mapping[str, ca.SX]) -> None:
+    def __init__(
+        self,
+        name: str,
+        inputs: Mapping[str, ca.SX],
+        outputs: Mapping[str, ca.SX],
+        system: System | None = None,
+    ) -> None:
         self.name = name
         self.input_shapes = {key: _shape(symbol) for key, symbol in inputs.items()}
         self.output_shapes = {key: _shape(value) for key, value in outputs.items()}
-        dense = [ca.densify(ca.SX(value)) for value in outputs.values()]
-        self.casadi = ca.Function(name, list(inputs.values()), dense)
-        if self.casadi.n_instructions() <= SHARED:
-            self.casadi = ca.Function(name, list(inputs.values()), ca.cse(dense))
-        self._port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
-        self._map: _Port | None = None
-        self._kept: list[_Port] = []
+        self.program = program(name, inputs, outputs, system)
+        self._shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
+        self._port = Port(self.program, *self._shapes)
+        self._map: Port | None = None
+        self._kept: list[Port] = []
         self._kernel: BatchKernel | None = None
         self._follower: FollowKernel | None = None
 
     def __repr__(self) -> str:
-        return f"Function({self.casadi})"
+        return f"Function({self.program.before})"
 
     def __call__(self, *args: ArrayLike, **named: ArrayLike) -> Any:
         """Evaluate once. Returns one array (float if 1x1), or a tuple when there are several outputs."""
@@ -133,11 +116,9 @@ class Function:
         from .kernel import LARGEST, BatchKernel
         from .native import enabled
 
-        if self._kernel is None and enabled() and self.casadi.n_instructions() <= LARGEST:
+        if self._kernel is None and enabled() and self.program.instructions <= LARGEST:
             try:
-                self._kernel = BatchKernel(
-                    self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values())
-                )
+                self._kernel = BatchKernel(self.program, *self._shapes)
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._kernel if enabled() else None
@@ -147,7 +128,7 @@ class Function:
 
         Write the arguments, call trigger(), read the results.
         """
-        port = _Port(self.casadi, list(self.input_shapes.values()), list(self.output_shapes.values()))
+        port = Port(self.program, *self._shapes)
         self._kept.append(port)
         return port.trigger, port.arguments, port.results
 
@@ -156,12 +137,11 @@ class Function:
         from .kernel import LARGEST, FollowKernel
         from .native import enabled
 
-        if not enabled() or self.casadi.n_instructions() > LARGEST:
+        if not enabled() or self.program.instructions > LARGEST:
             return None
         if self._follower is None:
             try:
-                shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
-                self._follower = FollowKernel(self.casadi, *shapes)
+                self._follower = FollowKernel(self.program, *self._shapes)
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._follower
@@ -178,10 +158,7 @@ class Function:
     def _evaluate_chunk(self, arguments: list[Array], results: list[Array]) -> None:
         if self._map is None:
             # A map lays samples side by side in columns, so the batch axis comes last in its arrays.
-            inputs, outputs = self.input_shapes.values(), self.output_shapes.values()
-            self._map = _Port(
-                self.casadi.map(CHUNK), [(*shape, CHUNK) for shape in inputs], [(*shape, CHUNK) for shape in outputs]
-            )
+            self._map = Port(self.program, *self._shapes, CHUNK)
         port = self._map
         k = len(results[0])
         for slot, value in zip(port.arguments, arguments, strict=True):

@@ -20,18 +20,64 @@ from ..errors import NativeError
 from ..types import Array, Indices
 from .emit import LANES, SCALAR, emit, prelude
 from .native import library, path_of
+from .program import Program, Shapes
 
-Shapes = Sequence[tuple[int, ...]]
+Place = Callable[[int, int], str]
+"""(argument, element in column-major order) -> C."""
 
-LARGEST = 25_000
-"""Operations up to which native code is made: beyond, a compiler takes minutes, and the virtual machine serves."""
+LARGEST = 50_000
+"""Operations up to which native code is made: beyond, a compiler takes half a minute, and the virtual machine serves."""
+
+LONG = 6_000
+"""Operations from which a compiler is told to take it easy: two seconds instead of ten for twice as many."""
 
 
-def body(function: ca.Function, inputs: Shapes, outputs: Shapes, name: str = "hk_body") -> str:
-    """C of `static void NAME(const hk_t *x, hk_t *y)`: all inputs after one another in x, rows as NumPy has them."""
+def body(made: Program, inputs: Shapes, outputs: Shapes, name: str = "hk_body") -> str:
+    """C of `static void NAME(const hk_t *x, hk_t *y)`: all inputs after one another in x, rows as NumPy has them.
+
+    A program with a system needs the text of solve.c before it.
+    """
     x, y = _places(inputs), _places(outputs)
-    code = emit(function, name, lambda a, i: f"x[{x(a, i)}]", lambda a, i: f"y[{y(a, i)}]")
-    return f"static void {name}(const hk_t *restrict x, hk_t *restrict y) {{\n{code}\n}}\n"
+
+    def stage(function: ca.Function, suffix: str, more: str, read: Place, write: Place) -> str:
+        code = emit(function, name, read, write)
+        return f"static void {name}{suffix}(const hk_t *restrict x, hk_t *restrict y{more}) {{\n{code}\n}}\n"
+
+    def given(a: int, i: int) -> str:
+        return f"x[{x(a, i)}]"
+
+    if made.after is None:
+        return stage(made.before, "", "", given, lambda a, i: f"y[{y(a, i)}]")
+    n, k, known, early = made.order, made.columns, len(inputs), len(made.early)
+    width = n + k
+
+    def before_writes(a: int, i: int) -> str:
+        if a < early:
+            return f"y[{y(made.early[a], i)}]"
+        return f"s[{i % n * width + i // n + (n if a > early else 0)}]"
+
+    def after_reads(a: int, i: int) -> str:
+        if a < known:
+            return given(a, i)
+        return f"s[{i % n * width + n + i // n}]" if a == known else f"f[{i}]"
+
+    def after_writes(a: int, i: int) -> str:
+        return f"y[{y(made.late[a], i)}]"
+
+    before = stage(made.before, "_before", ", hk_t *restrict s", given, before_writes)
+    more = ", const hk_t *restrict s, const hk_t *restrict f"
+    after = stage(made.after, "_after", more, after_reads, after_writes)
+    return (
+        f"{before}{after}static void {name}(const hk_t *restrict x, hk_t *restrict y) {{\n"
+        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y, s);\n"
+        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y, s, f);\n}}\n"
+    )
+
+
+def source(language: str, head: str, made: Program, inputs: Shapes, outputs: Shapes, driver: str) -> str:
+    """A whole C file: prelude, sizes, generated body, driver."""
+    solver = "" if made.after is None else prelude("solve.c")
+    return prelude(language) + head + solver + body(made, inputs, outputs) + prelude(driver)
 
 
 def _places(shapes: Shapes):
@@ -64,7 +110,7 @@ class FollowRules(ctypes.Structure):
 class BatchKernel:
     """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
 
-    def __init__(self, function: ca.Function, inputs: Shapes, outputs: Shapes) -> None:
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
         sizes_in, sizes_out = ([max(1, int(np.prod(s))) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
@@ -72,8 +118,9 @@ class BatchKernel:
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
-        code = prelude(LANES) + head + body(function, inputs, outputs) + prelude("batch.c")
-        self._library = library(code, fast=True)
+        self._library = library(
+            source(LANES, head, made, inputs, outputs, "batch.c"), fast=True, long=made.instructions > LONG
+        )
         self._run: Any = self._library.hk_batch
         self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
         self._run.restype = None
@@ -101,11 +148,11 @@ class BatchKernel:
 class FollowKernel:
     """hk_follow of a Newton step (q, p, R, c) -> (dq, conditioning, margin, det): a path on a leaf, in one call."""
 
-    def __init__(self, function: ca.Function, inputs: Shapes, outputs: Shapes) -> None:
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
         n = inputs[0][0]
         nx, ny = (sum(int(np.prod(s)) for s in shapes) for shapes in (inputs, outputs))
         head = f"#define HK_N {n}\n#define HK_NX {nx}\n#define HK_NY {ny}\n"
-        self._library = library(prelude(SCALAR) + head + body(function, inputs, outputs) + prelude("follow.c"))
+        self._library = library(source(SCALAR, head, made, inputs, outputs, "follow.c"), long=made.instructions > LONG)
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._run.restype = ctypes.c_longlong
@@ -122,22 +169,22 @@ class FollowKernel:
 
 
 class StepKernel:
-    """hk_step of a control step (q, pose, dx, c) -> (dq, scale, conditioning, margin), and its binding to Python."""
+    """hk_step of a control step (q, pose, dx, held) -> (dq, scale, conditioning, margin), and its binding to Python."""
 
-    def __init__(self, function: ca.Function, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
-        self._library = library(step_source(function, inputs, outputs, figures))
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
+        self._library = library(step_source(made, inputs, outputs, figures), long=made.instructions > LONG)
         self._run: Any = self._library.hk_step
         self._run.argtypes = [ctypes.c_void_p] * 5
         self._run.restype = ctypes.c_int
         self.sizes = tuple(int(np.prod(shape)) for shape in inputs[:3])
 
-    def bind(self, leaf: Array, out: Array, answer: Array, slow: Callable[..., Array]) -> Callable[..., Array]:
+    def bind(self, held: Array, out: Array, answer: Array, slow: Callable[..., Array]) -> Callable[..., Array]:
         """(q, pose, dx) -> answer, a view of out (dq, scale, status); `slow` is called with what is no float array."""
         glue = _glue()
         if glue is not None:
             address = ctypes.cast(self._run, ctypes.c_void_p).value
-            return glue.bind(address, leaf.ctypes.data, out.ctypes.data, *self.sizes, len(out) - 1, answer, slow)
-        run, leaf_at, out_at = self._run, leaf.ctypes.data, out.ctypes.data
+            return glue.bind(address, held.ctypes.data, out.ctypes.data, *self.sizes, len(out) - 1, answer, slow)
+        run, held_at, out_at = self._run, held.ctypes.data, out.ctypes.data
         copies = [np.empty(size) for size in self.sizes]
         places = [copy.ctypes.data for copy in copies]
 
@@ -146,19 +193,19 @@ class StepKernel:
                 if np.shape(value) != copy.shape and np.size(value) != copy.size:
                     return slow(q, pose, dx)
                 copy[:] = np.ravel(value)
-            out[-1] = run(*places, out_at, leaf_at)
+            out[-1] = run(*places, out_at, held_at)
             return answer
 
         return step
 
 
-def step_source(function: ca.Function, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
+def step_source(made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
     """The C of a control step: prelude, sizes, generated body, hk_step."""
     each = [int(np.prod(shape)) for shape in inputs]
-    sizes = dict(zip(("N", "POSE", "M", "R"), each, strict=True))
+    sizes = dict(zip(("N", "POSE", "M", "HOLD"), each, strict=True))
     sizes |= {"NX": sum(each), "NY": sum(int(np.prod(shape)) for shape in outputs)}
     head = "".join(f"#define HK_{key} {value}\n" for key, value in (sizes | figures).items())
-    return prelude(SCALAR) + head + body(function, inputs, outputs) + prelude("step.c")
+    return source(SCALAR, head, made, inputs, outputs, "step.c")
 
 
 @cache

@@ -8,8 +8,35 @@ through a solve stay right when a pivot entry is exactly zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
+
+DENSE_FROM = 10
+"""Order from which a square system is left to numbers: measured, docs/speed.md. As C both take 0.7 us at order 9."""
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A X = B, to be solved by numbers amid a `Function`: the symbols stand for what will be found."""
+
+    A: ca.SX
+    B: ca.SX
+    X: ca.SX
+    figures: ca.SX
+    """(2,): conditioning, determinant."""
+
+
+class Solution(NamedTuple):
+    """X = A^-1 B, 1 / cond A as `Factorisation.conditioning` estimates it, and det A; expressions.
+
+    Where `system` is given they are its symbols, and a `Function` of them must be told of it.
+    """
+
+    X: ca.SX
+    conditioning: ca.SX
+    determinant: ca.SX = ca.SX(1)
+    system: System | None = None
 
 
 @dataclass(frozen=True)
@@ -96,3 +123,13 @@ def back_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
 def solve(A: ca.SX, B: ca.SX) -> ca.SX:
     """X = A^-1 B; shapes (n, n), (n, k) -> (n, k)."""
     return factorise(A).solve(B)
+
+
+def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
+    """X = A^-1 B: written out for a small A, or when asked to, else a system for numbers, from order DENSE_FROM on."""
+    n, k = B.shape
+    if n < DENSE_FROM or written_out:
+        extended = factorise(A)
+        return Solution(extended.solve(B), extended.conditioning(), extended.determinant())
+    X, figures = ca.SX.sym("X", n, k), ca.SX.sym("figures", 2)
+    return Solution(X, figures[0], figures[1], System(ca.SX(A), ca.SX(B), X, figures))

@@ -93,11 +93,12 @@ def cache_folder() -> Path:
     return folder
 
 
-def library(source: str, *, fast: bool = False, includes: tuple[str, ...] = ()) -> ctypes.CDLL:
+def library(source: str, *, fast: bool = False, long: bool = False, includes: tuple[str, ...] = ()) -> ctypes.CDLL:
     """The shared library of a C source, from the cache or built now.
 
     Args:
         fast: let products and sums be fused, for vector code; scalar code keeps to the C standard's rounding.
+        long: thousands of lines without a branch, on which compilers' cleverest passes take minutes.
 
     Raises:
         NativeError: no compiler, or it refuses the source, or the result cannot be loaded.
@@ -105,7 +106,7 @@ def library(source: str, *, fast: bool = False, includes: tuple[str, ...] = ()) 
     chosen = compiler()
     if chosen is None:
         raise NativeError("no C compiler was found")
-    flags = _flags(fast, includes)
+    flags = _flags(fast, long, includes)
     key = hashlib.sha256(
         "\0".join([source, chosen.version, *chosen.command, *flags, _processor()]).encode()
     ).hexdigest()
@@ -124,15 +125,18 @@ def path_of(loaded: ctypes.CDLL) -> Path:
     return Path(loaded._name)
 
 
-def _flags(fast: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
+def _flags(fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
     flags = [
         "-std=gnu99",
-        "-O2",
+        "-O1" if long else "-O2",
         "-shared",
         "-fno-math-errno",
         "-fno-trapping-math",
+        "-fopenmp-simd",
         f"-ffp-contract={'fast' if fast else 'off'}",
     ]
+    if long:  # two passes of GCC that take time with the square of the length; Clang skips what it does not know
+        flags += ["-fno-tree-dse", "-fno-tree-fre", "-Wno-ignored-optimization-argument"]
     flags += [] if sys.platform == "win32" else ["-fPIC"]
     flags += ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
     if platform.machine().lower() in ("x86_64", "amd64"):

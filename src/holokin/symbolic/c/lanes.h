@@ -23,6 +23,7 @@ static inline hk_t hk_choose(hk_bits mask, hk_t a, hk_t b) {
 }
 
 #define HK_SIGN_BIT ((hk_bits)hk_all(-0.0))
+#define HK_SIMD
 #define HK_C(x) hk_all(x)
 #define HK_INF hk_all(HUGE_VAL)
 #define HK_NAN hk_all(NAN)

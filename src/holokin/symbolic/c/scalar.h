@@ -9,6 +9,7 @@ typedef float hk_t;
 #define HK_F(f) f##f
 #endif
 
+#define HK_SIMD _Pragma("omp simd")
 #define HK_C(x) ((hk_t)(x))
 #define HK_INF ((hk_t)HUGE_VAL)
 #define HK_NAN (HK_INF - HK_INF)
