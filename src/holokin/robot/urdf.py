@@ -14,6 +14,7 @@ from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from ..tolerances import TOLERANCES
 from ..types import Matrix
 from .model import Body, Coordinate, Joint, Robot, Tip
+from .reroot import rerooted
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -30,7 +31,8 @@ def from_urdf(
         path: the file; meshes are not needed.
         tip: link that carries the tool, or several for a robot with several arms (the first is the default
             tip). Without it the tree must end in one link only.
-        base: link that stays put and whose frame is used; by default the root of the tree.
+        base: link that stays put and whose frame is used; by default the root of the tree. It may be a hand: from
+            one hand of a two-armed robot to the other, the task is their relative pose and all joints share it.
         locked: joint name -> value [m or rad] of joints to hold still.
 
     Raises:
@@ -52,8 +54,13 @@ def from_urdf(
     for joint, value in held.items():
         _check_locked(path, by_name[joint], value)
     wanted_tips = _wanted_tips(path, tip, links, parent_joint, root)
+    bodies = model.links
+    if any(_chain(link, root, parent_joint) is None for link in wanted_tips):
+        joints, bodies = rerooted(model.joints, model.links, root)
+        by_name = {joint.name: joint for joint in joints}
+        parent_joint = {joint.child: joint for joint in joints}
     builder = _Builder(path, by_name, parent_joint, root, held)
-    return builder.build(str(model.name or Path(path).stem), wanted_tips, model.links)
+    return builder.build(str(model.name or Path(path).stem), wanted_tips, bodies)
 
 
 def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
@@ -88,7 +95,7 @@ class _Builder:
             chain = _chain(tip, self.root, self.parents)
             if chain is None:
                 raise RobotFileError(
-                    self.path, f"link {tip!r} is not below base {self.root!r}", "choose a base that carries the tip"
+                    self.path, f"link {tip!r} does not hang together with base {self.root!r}", "choose another base"
                 )
             try:
                 ends.append(self._add(tip, chain))

@@ -1,0 +1,220 @@
+"""Many joints: a system solved by numbers is the one written out, and two arms make one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, urdf
+from holokin.errors import SingularityError
+from holokin.motion.servo import StepStatus
+from holokin.symbolic import LARGEST, linear, native
+from holokin.symbolic import function as function_module
+from test_native import FOLLOW
+
+Patch = pytest.MonkeyPatch
+compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
+RNG = np.random.default_rng(4)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
+
+
+def chain(n: int) -> hk.Robot:
+    """A planar arm of n equal links, 1 m long in all."""
+    return hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"planar-{n}r")
+
+
+def shared_bend(n: int) -> hk.Constraint:
+    """g_i = q_(i+1) - 2 q_i + q_(i-1), one for each inner joint, a little bent: the arm stays a smooth curve."""
+    return hk.custom(lambda q: [q[i + 1] - 2 * q[i] + q[i - 1] + 0.1 * q[i] ** 2 for i in range(1, n - 1)], rows=n - 2)
+
+
+def panda() -> hk.Strategy:
+    return hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
+
+
+def snake() -> hk.Strategy:
+    return hk.holonomic(hk.position(chain(12)), shared_bend(12))
+
+
+# --- a system for numbers ---
+
+
+def both_ways(make: Callable[[], hk.Strategy], monkeypatch: Patch) -> list[hk.Strategy]:
+    """The same strategy with its solves written out, and left to numbers; their functions are built."""
+    out = []
+    for dense_from in (99, 0):
+        monkeypatch.setattr(linear, "DENSE_FROM", dense_from)
+        strategy = make()
+        strategy.gain, strategy.rate, strategy.leaf_step  # noqa: B018
+        out.append(strategy)
+    return out
+
+
+@pytest.mark.parametrize("make", [panda, snake])
+@pytest.mark.parametrize("engine", ["virtual machine", pytest.param("native", marks=compiled)])
+def test_a_system_left_to_numbers_is_the_one_written_out(
+    make: Callable[[], hk.Strategy], engine: str, monkeypatch: Patch
+) -> None:
+    """G, its conditioning, the leaf's Newton step and the sign of det [J; J_g], on 600 postures."""
+    written, numbers = both_ways(make, monkeypatch)
+    assert written.gain.program.after is None
+    assert numbers.gain.program.after is not None
+    monkeypatch.setattr(function_module, "NATIVE_FROM", 1 if engine == "native" else 10**9)
+    n = written.task.n
+    Q = (PANDA_START if n == 7 else np.full(n, 0.15)) + RNG.uniform(-0.1, 0.1, (600, n))
+    p, R = written.task.robot.pose_batch(Q + 0.01)
+    c = np.atleast_2d(written.constraint_value.batch(Q).T).T * 0.9
+    for arguments, name in (((Q,), "gain"), ((Q, np.ones(written.task.m)), "rate"), ((Q, p, R, c), "leaf_step")):
+        ours, theirs = (getattr(one, name).batch(*arguments, threads=1) for one in (numbers, written))
+        for a, b in zip(ours, theirs, strict=True):
+            assert a.shape == b.shape
+            assert np.abs(a - b).max() < 1e-11 * max(1.0, np.abs(b).max()), name
+        one = getattr(numbers, name)(*(value[0] if len(value) == 600 else value for value in arguments))
+        for a, b in zip(one, theirs, strict=True):
+            assert np.abs(a - b[0]).max() < 1e-11 * max(1.0, np.abs(b[0]).max())
+    det = numbers.leaf_step.batch(Q, p, R, c)[3]
+    A = np.concatenate([written.task.jacobian_batch(Q)[0], np.array([written.rows(q) for q in Q])], axis=1)
+    assert det == pytest.approx(np.linalg.det(A), rel=1e-9)
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+def test_a_long_arm_comes_home(native_from: int, monkeypatch: Patch) -> None:
+    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    strategy, q0 = snake(), np.full(12, 0.2)
+    at = strategy.task.robot.pose(q0)[:3, 3]
+    walk = hk.follow(strategy, hk.circle(at, at - [0.1, 0.05, 0]), q0, samples=60, cycles=2)
+    assert np.abs(walk.drift()).max() < 1e-12
+    assert walk.residual.max() < 1e-11
+    assert np.ptp(walk.q, axis=0).max() > 0.05
+
+
+@pytest.mark.parametrize("flag", [pytest.param("1", marks=compiled), "0"])
+def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> None:
+    """Stretched it is singular; what is not finite is not finite; else the step is the textbook's."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", flag)
+    strategy, q0 = snake(), np.full(12, 0.2)
+    task, robot = strategy.task, strategy.task.robot
+    servo = hk.controller(strategy, dt=1e-3, start=q0, gain=10.0, leaf_gain=20.0)
+    q, goal, dx = q0 + RNG.uniform(-0.05, 0.05, 12), robot.pose(q0)[:3, 3].copy(), np.array([0.1, -0.2])
+    gap = strategy.constraint_value(q) - strategy.constraint_value(q0)
+    u = np.concatenate([dx + 10.0 * (goal - robot.pose(q)[:3, 3])[:2], -20.0 * gap])
+    expected = np.linalg.solve(np.vstack([task.jacobian(q), strategy.rows(q)]), u)
+    assert servo.step(q, goal, dx) == pytest.approx(expected, abs=1e-11)
+    assert servo.status is StepStatus.OK
+    assert not servo.step(np.zeros(12), goal, dx).any()
+    assert servo.status is StepStatus.SINGULAR
+    assert not servo.step(np.full(12, np.nan), goal, dx).any()
+    assert servo.status is StepStatus.NOT_FINITE
+    with pytest.raises(SingularityError):
+        strategy(np.zeros(12))
+
+
+def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
+    from holokin.symbolic.program import solve_numbers
+
+    for A in (np.zeros((3, 3)), np.diag([1.0, 0.0, 2.0]), np.full((3, 3), np.nan), np.ones((3, 3))):
+        X, figures = np.zeros((3, 2)), np.ones(2)
+        solve_numbers(A, np.ones((3, 2)), X, figures)
+        assert not figures[0] > 1e-15
+    X, figures = np.zeros((3, 2, 5)), np.zeros((2, 5))
+    A, B = RNG.normal(size=(3, 3, 5)), RNG.normal(size=(3, 2, 5))
+    solve_numbers(A, B, X, figures)
+    for i in range(5):
+        assert A[..., i] @ X[..., i] == pytest.approx(B[..., i])
+        assert figures[1, i] == pytest.approx(np.linalg.det(A[..., i]))
+
+
+def test_the_code_of_sixty_joints_stays_short() -> None:
+    """Written out it would be 459,000 operations."""
+    strategy = hk.holonomic(hk.position(chain(60)), shared_bend(60))
+    servo = hk.controller(strategy, dt=1e-3, start=np.full(60, 0.02))
+    assert servo._function.program.instructions < 10_000 < LARGEST
+    dq = servo.step(np.full(60, 0.021), np.array([0.5, 0.3, 0.0]), np.zeros(2))
+    assert servo.status is StepStatus.OK
+    assert np.isfinite(dq).all()
+
+
+# --- two arms ---
+
+
+def baxter(**more) -> hk.Robot:
+    return hk.from_urdf(urdf("baxter.urdf"), base="left_gripper", tip="right_gripper", **more)
+
+
+def test_from_hand_to_hand_two_arms_are_one_chain_as_pinocchio_has_it() -> None:
+    robot = baxter()
+    assert robot.n == 14
+    model = pin.buildModelFromUrdf(str(urdf("baxter.urdf")))
+    data = model.createData()
+    left, right = (model.getFrameId(f"{side}_gripper") for side in ("left", "right"))
+    place = [model.joints[model.getJointId(name)].idx_q for name in robot.joint_names]
+    for _trial in range(5):
+        q = RNG.uniform(np.maximum(robot.lower, -3), np.minimum(robot.upper, 3))
+        full = pin.neutral(model)
+        full[place] = q
+        pin.framesForwardKinematics(model, data, full)
+        relative = (data.oMf[left].inverse() * data.oMf[right]).homogeneous
+        assert np.abs(robot.pose(q) - relative).max() < 1e-12
+        J = robot.jacobian(q)
+        for j in range(14):
+            step = 1e-6 * np.eye(14)[j]
+            slope = (robot.pose(q + step) - robot.pose(q - step)) / 2e-6
+            turn = slope[:3, :3] @ relative[:3, :3].T
+            assert slope[:3, 3] == pytest.approx(J[:3, j], abs=1e-8)
+            assert turn[[2, 0, 1], [1, 2, 0]] == pytest.approx(J[3:, j], abs=1e-8)
+
+
+def test_another_base_moves_no_mass_and_no_limit() -> None:
+    robot, usual = baxter(), hk.from_urdf(urdf("baxter.urdf"), tip=["left_gripper", "right_gripper"])
+    assert sum(b.mass for b in robot.bodies) == pytest.approx(sum(b.mass for b in usual.bodies))
+    assert sorted(robot.joint_names) == sorted(usual.joint_names)
+    for name in robot.joint_names:
+        a, b = robot.joint_index(name), usual.joint_index(name)
+        assert (robot.lower[a], robot.upper[a]) == (usual.lower[b], usual.upper[b])
+    held = baxter(locked={"left_w2": 0.3})
+    q = RNG.uniform(-0.5, 0.5, 14)
+    q[robot.joint_index("left_w2")] = 0.3
+    rest = [i for i, name in enumerate(robot.joint_names) if name != "left_w2"]
+    assert held.pose(q[rest]) == pytest.approx(robot.pose(q), abs=1e-14)
+
+
+def test_an_arm_seen_from_its_hand_is_the_inverse() -> None:
+    path = urdf("panda.urdf")
+    arm = hk.from_urdf(path, tip="panda_hand_tcp", locked={"panda_finger_joint1": 0.0})
+    back = hk.from_urdf(path, base="panda_hand_tcp", tip="panda_link0")
+    assert back.joint_names == arm.joint_names[:7][::-1]
+    q = RNG.uniform(arm.lower, arm.upper)[:7]
+    assert back.pose(q[::-1]) @ arm.pose(q) == pytest.approx(np.eye(4), abs=1e-14)
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(
+    native_from: int, monkeypatch: Patch
+) -> None:
+    """The left arm does four tenths of what the right one does, mirrored; one more row holds."""
+    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    robot = baxter()
+    q0 = np.zeros(14)
+    for side, sign in (("left", -1), ("right", 1)):
+        for joint, value in {"s0": 0.3, "s1": -0.5, "e0": 0.4, "e1": 1.1, "w0": 0.2, "w1": 0.7, "w2": 0.1}.items():
+            q0[robot.joint_index(f"{side}_{joint}")] = value * (1 if joint in ("s1", "e1", "w1") else sign)
+    rows = np.zeros((8, 14))
+    for k, joint in enumerate(("s0", "s1", "e0", "e1", "w0", "w1", "w2")):
+        rows[k, robot.joint_index(f"left_{joint}")] = 1.0
+        rows[k, robot.joint_index(f"right_{joint}")] = -0.4 if joint in ("s1", "e1", "w1") else 0.4
+    rows[7] = RNG.normal(size=14)
+    strategy = hk.holonomic(hk.pose(robot), hk.linear(rows))
+    at = robot.pose(q0)[:3, 3]
+    walk = hk.follow(strategy, hk.circle(at, at + [0.04, 0.03, 0]), q0, samples=60, cycles=2)
+    assert np.abs(walk.drift()).max() < 1e-12
+    assert np.ptp(walk.q, axis=0).min() > 1e-3
+    assert np.abs(rows @ (walk.q - q0).T).max() < 1e-12
