@@ -92,14 +92,15 @@ class NativeLeaf:
         span = np.full(n, np.inf)
         self._limits = (robot.lower - t.limit, robot.upper + t.limit) if limits else (-span, span)
         sign = float(np.sign(strategy.leaf_step(q0, p, R, c)[3]))
-        self._rules = FollowRules(t.singular, t.representation, t.contraction, _ALMOST, t.smallest_step, sign, _MOST)
+        self._rules = FollowRules(t.singular, t.representation, t.contraction, _ALMOST, sign, _MOST)
 
     def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
         """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""
         self._x[: len(q)] = q
         return self._kernel(
-            self._segments, self._counts, self._home, self._x, (first, last), self._limits, self._rules, Q
-        )
+            self._segments, self._counts, self._home, self._x, (first, last), self._limits, TOLERANCES.smallest_step,
+            self._rules, Q,
+        )  # fmt: skip
 
 
 def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeLeaf | None:

@@ -32,7 +32,7 @@ LONG = 3_000
 """Operations from which a compiler is told to take it easy: one second instead of seven for 5,700 of them."""
 
 
-def body(made: Program, inputs: Shapes, outputs: Shapes, name: str = "hk_body") -> str:
+def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     """C of `static void NAME(const hk_t *x, hk_t *y)`: all inputs after one another in x, rows as NumPy has them.
 
     A program with a system needs the text of solve.c before it.
@@ -74,10 +74,10 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str = "hk_body") 
     )
 
 
-def source(language: str, head: str, made: Program, inputs: Shapes, outputs: Shapes, driver: str) -> str:
-    """A whole C file: prelude, sizes, generated body, driver."""
-    solver = "" if made.after is None else prelude("solve.c")
-    return prelude(language) + head + solver + body(made, inputs, outputs) + prelude(driver)
+def source(language: str, head: str, code: str, *drivers: str) -> str:
+    """A whole C file: prelude, sizes, generated code with its solver, drivers."""
+    solver = prelude("solve.c") if "hk_solve(" in code else ""
+    return prelude(language) + head + solver + code + "".join(map(prelude, drivers))
 
 
 def _places(shapes: Shapes):
@@ -101,7 +101,6 @@ class FollowRules(ctypes.Structure):
         ("representation", ctypes.c_double),
         ("contraction", ctypes.c_double),
         ("almost", ctypes.c_double),
-        ("smallest", ctypes.c_double),
         ("sign", ctypes.c_double),
         ("most", ctypes.c_int),
     )
@@ -119,7 +118,9 @@ class BatchKernel:
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
         self._library = library(
-            source(LANES, head, made, inputs, outputs, "batch.c"), fast=True, long=made.instructions > LONG
+            source(LANES, head, body(made, inputs, outputs, "hk_body"), "batch.c"),
+            fast=True,
+            long=made.instructions > LONG,
         )
         self._run: Any = self._library.hk_batch
         self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
@@ -149,22 +150,22 @@ class FollowKernel:
     """hk_follow of a Newton step (q, p, R, c) -> (dq, conditioning, margin, det): a path on a leaf, in one call."""
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
-        n = inputs[0][0]
-        nx, ny = (sum(int(np.prod(s)) for s in shapes) for shapes in (inputs, outputs))
-        head = f"#define HK_N {n}\n#define HK_NX {nx}\n#define HK_NY {ny}\n"
-        self._library = library(source(SCALAR, head, made, inputs, outputs, "follow.c"), long=made.instructions > LONG)
+        head = f"#define HK_N {inputs[0][0]}\n"
+        code = source(SCALAR, head, body(made, inputs, outputs, "hk_leaf_body"), "path.c", "newton.c", "follow.c")
+        self._library = library(code, long=made.instructions > LONG)
         self._run: Any = self._library.hk_follow
-        self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
+        self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 2
+        self._run.argtypes += [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p]
         self._run.restype = ctypes.c_longlong
 
     def __call__(
         self, segments: Array, counts: Indices, home: Array | None, x: Array, steps: tuple[int, int],
-        limits: tuple[Array, Array], rules: FollowRules, Q: Array,
+        limits: tuple[Array, Array], smallest: float, rules: FollowRules, Q: Array,
     ) -> int:  # fmt: skip
         """Do the steps [first, last) of a cycle into the rows of Q, from the posture in x; returns how many it did."""
         return self._run(
             segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,
-            *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
+            *steps, limits[0].ctypes.data, limits[1].ctypes.data, smallest, ctypes.addressof(rules), Q.ctypes.data,
         )  # fmt: skip
 
 
@@ -202,10 +203,9 @@ class StepKernel:
 def step_source(made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
     """The C of a control step: prelude, sizes, generated body, hk_step."""
     each = [int(np.prod(shape)) for shape in inputs]
-    sizes = dict(zip(("N", "POSE", "M", "HOLD"), each, strict=True))
-    sizes |= {"NX": sum(each), "NY": sum(int(np.prod(shape)) for shape in outputs)}
-    head = "".join(f"#define HK_{key} {value}\n" for key, value in (sizes | figures).items())
-    return source(SCALAR, head, made, inputs, outputs, "step.c")
+    sizes = dict(zip(("N", "POSE", "M", "HOLD"), each, strict=True)) | figures
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
+    return source(SCALAR, head, body(made, inputs, outputs, "hk_step_body"), "step.c")
 
 
 @cache

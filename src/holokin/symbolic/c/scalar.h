@@ -1,5 +1,9 @@
-/* hk_t is one number. HK_REAL chooses double (the default) or float. */
+/* hk_t is one number: a double, or with HK_FLOAT a float. HK_API goes before what others may call. */
 #include <math.h>
+
+#ifndef HK_API
+#define HK_API
+#endif
 
 #ifndef HK_FLOAT
 typedef double hk_t;
@@ -9,7 +13,9 @@ typedef float hk_t;
 #define HK_F(f) f##f
 #endif
 
+#ifndef HK_SIMD
 #define HK_SIMD _Pragma("omp simd")
+#endif
 #define HK_C(x) ((hk_t)(x))
 #define HK_INF ((hk_t)HUGE_VAL)
 #define HK_NAN (HK_INF - HK_INF)

@@ -1,20 +1,22 @@
-/* One control step. hk_body takes (q, pose, dx, held) and gives (dq, scale, conditioning, margin).
-   held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position; out: dq, then the scale.
+/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning, margin).
+   held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position.
+   out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
    dq is zero. */
-int hk_step(const double *q, const double *pose, const double *dx, double *out, const double *held) {
-  hk_t x[HK_NX], y[HK_NY];
+HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, const hk_t *held) {
+  enum { size = HK_N + HK_POSE + HK_M + HK_HOLD };
+  hk_t x[size], y[HK_N + 3];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
   for (int i = 0; i < HK_M; i++) x[HK_N + HK_POSE + i] = dx[i];
   for (int i = 0; i < HK_HOLD; i++) x[HK_N + HK_POSE + HK_M + i] = held[i];
-  hk_body(x, y);
+  hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
   const int sound = y[HK_N + 1] > HK_C(HK_SINGULAR) && y[HK_N + 2] > HK_C(HK_REPRESENTATION);
   if (!finite || !sound) {
-    for (int i = 0; i < HK_N + 1; i++) out[i] = 0;
-    for (int i = 0; i < HK_NX; i++)
+    for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
+    for (int i = 0; i < size; i++)
       if (!(x[i] - x[i] == HK_C(0))) return 4;
     return 3;
   }
