@@ -25,8 +25,8 @@ from benchmarks.drift import versions
 from holokin.analysis.curvature import curvature_function
 from holokin.control import Controller, PostureTask, drive, mink_controller, pink_controller, placo_controller
 from holokin.errors import MissingExtraError
-from holokin.symbolic.kernel import step_source
 from holokin.symbolic.native import engine, library
+from holokin.symbolic.source import step_source
 
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 DT = 0.001

@@ -25,7 +25,7 @@ LAYERS = [
     {"control"},
     {"recording"},
     {"analysis", "motion"},
-    {"output"},
+    {"output", "export"},
     {"job"},
     {"studio"},
     {"cli"},

@@ -210,6 +210,43 @@ def audit(
     raise typer.Exit(0 if found.verdict is Homecoming.COMES_HOME else 1)
 
 
+exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)
+app.add_typer(exporting, name="export")
+
+
+@exporting.command("c")
+def export_c(
+    job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+    out: Annotated[Path, typer.Option(help="The folder to write.")],
+    strategy: Annotated[
+        str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")
+    ] = None,
+    orientation: Annotated[
+        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+    ] = None,
+    dt: Annotated[float, typer.Option(help="Step of the control loop in seconds, a default the C may change.")] = 1e-3,
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")
+    ] = False,
+) -> None:
+    """Write a strategy as C99: library, header, self-test with its vectors, CMakeLists.txt, README.md.
+
+    Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
+    """
+    from .export import check as build_and_run
+    from .job import export_job, open_job
+
+    written = export_job(*open_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
+    for file in written.files:
+        typer.echo(f"wrote {out / file}")
+    if check:
+        for line in build_and_run(written):
+            typer.echo(line)
+
+
 def main() -> None:
     """Entry point: runs the command line; a HolokinError becomes one sentence and exit code 2."""
     try:

@@ -1,5 +1,6 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
+from .export import export_job, job_strategy
 from .runner import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from .schema import Job, kinds_of_strategy, read_job
 
@@ -7,6 +8,8 @@ __all__ = [
     "PAPER",
     "Job",
     "expand",
+    "export_job",
+    "job_strategy",
     "kinds_of_strategy",
     "new_job",
     "open_job",

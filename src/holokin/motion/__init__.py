@@ -2,9 +2,9 @@
 
 from .follow import follow
 from .inverse import InverseKinematics, inverse
-from .leaf import settle
+from .leaf import leaf_value, settle
 from .repeat import Drift, Spread, drift, path_spread
-from .servo import Servo, StepStatus, controller
+from .servo import Servo, StepStatus, controller, step_function
 
 __all__ = [
     "Drift",
@@ -16,6 +16,8 @@ __all__ = [
     "drift",
     "follow",
     "inverse",
+    "leaf_value",
     "path_spread",
     "settle",
+    "step_function",
 ]

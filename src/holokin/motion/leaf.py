@@ -18,7 +18,7 @@ from ..symbolic import FollowKernel, FollowRules
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector
 
-_ALMOST = 1e-7
+ALMOST = 1e-7
 """A correction this small squares to round-off in the next step."""
 
 _MOST = 12
@@ -47,7 +47,7 @@ def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Target], Ve
             sound = conditioning > TOLERANCES.singular and margin > TOLERANCES.representation
             if not sound or determinant * sign <= 0:
                 return None
-            if before <= _ALMOST:
+            if before <= ALMOST:
                 return q + dq if size <= before else q
             if not size <= TOLERANCES.contraction * before:
                 return None
@@ -92,7 +92,7 @@ class NativeLeaf:
         span = np.full(n, np.inf)
         self._limits = (robot.lower - t.limit, robot.upper + t.limit) if limits else (-span, span)
         sign = float(np.sign(strategy.leaf_step(q0, p, R, c)[3]))
-        self._rules = FollowRules(t.singular, t.representation, t.contraction, _ALMOST, sign, _MOST)
+        self._rules = FollowRules(t.singular, t.representation, t.contraction, ALMOST, sign, _MOST)
 
     def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
         """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""

@@ -182,8 +182,13 @@ class Strategy:
     @cached_property
     def constraint_value(self) -> Function:
         """q -> g(q) (r,) of a strategy from a constraint."""
+        return Function("constraint", {"q": self.expressions.q}, {"g": self.constraint_expression})
+
+    @property
+    def constraint_expression(self) -> SX:
+        """g(q) (r,) of a strategy from a constraint."""
         e = self.expressions
-        return Function("constraint", {"q": e.q}, {"g": self._constraint().bind(self.task, e.kinematics, e.q)})
+        return self._constraint().bind(self.task, e.kinematics, e.q)
 
     @cached_property
     def leaf_step(self) -> Function:
@@ -204,11 +209,10 @@ class Strategy:
 
     def leaf_gap(self, c: SX) -> SX:
         """c - g(q) (r,) as an expression, angles in (-pi, pi], of a strategy from a constraint."""
-        e, g = self.expressions, self._constraint()
         if self.task.n == self.task.m:
             return SX(0, 1)
-        gap = c - g.bind(self.task, e.kinematics, e.q)
-        return vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(g.angular)))
+        gap, angular = c - self.constraint_expression, self._constraint().angular
+        return vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(angular)))
 
     @cached_property
     def _frame(self) -> Function:

@@ -22,12 +22,13 @@ from casadi import (
 )
 
 from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
+from .emit import prelude as code_file
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
 from .kernel import LARGEST, FollowKernel, FollowRules, StepKernel
 from .linear import Factorisation, Solution, factorise, solution, solve
-from .native import enabled, engine
+from .native import compiler, enabled, engine
 from .qp import NearestPoint
 
 __all__ = [
@@ -43,6 +44,8 @@ __all__ = [
     "as_expression",
     "as_map",
     "atan2",
+    "code_file",
+    "compiler",
     "copysign",
     "cos",
     "cross",

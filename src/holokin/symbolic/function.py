@@ -146,6 +146,15 @@ class Function:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._follower
 
+    def c(self, name: str) -> str:
+        """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.
+
+        Raises: NativeError: an operation that has no C here.
+        """
+        from .source import body
+
+        return body(self.program, *self._shapes, name)
+
     def _evaluate(self, values: list[ArrayLike]) -> None:
         port = self._port
         for slot, value, key in zip(port.arguments, values, self.input_shapes, strict=True):

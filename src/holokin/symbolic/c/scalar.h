@@ -7,10 +7,10 @@
 
 #ifndef HK_FLOAT
 typedef double hk_t;
-#define HK_F(f) f
+#define HK_F(name) name
 #else
 typedef float hk_t;
-#define HK_F(f) f##f
+#define HK_F(name) name##f
 #endif
 
 #ifndef HK_SIMD

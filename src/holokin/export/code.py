@@ -1,0 +1,165 @@
+"""The C of a strategy: its functions, and the words of header, library and readme."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, NativeError
+from ..motion import leaf_value, step_function
+from ..motion.leaf import ALMOST
+from ..motion.servo import HELD
+from ..strategy import Strategy
+from ..symbolic import LARGEST, SX, Function, code_file
+from ..tolerances import TOLERANCES
+from ..types import Vector
+
+SINGULAR_FLOAT = 0.015
+"""Conditioning below which single precision is called singular: at it a solve keeps the four digits promised."""
+
+REPRESENTATION_FLOAT = 0.03
+"""The same for the distance from a representation's singularity."""
+
+ALMOST_FLOAT = 1e-3
+"""A correction whose square is round-off in single precision."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A strategy, the posture whose leaf it holds, the step [s] of its loop, and the name its C goes by."""
+
+    strategy: Strategy
+    start: Vector
+    dt: float
+    name: str
+    limits: bool = True
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+            raise ArgumentError("the name", self.name, "give a C name: lower-case letters, digits, underscores")
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise ArgumentError("dt", self.dt, "give a positive step in seconds")
+        longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
+        if (size := self.functions[longest].program.instructions) > LARGEST:
+            raise NativeError(f"{longest} of {self.strategy.name!r} takes {size} operations, {LARGEST} are the most")
+
+    @property
+    def held(self) -> bool:
+        """True when there is a leaf to hold."""
+        return self.strategy.constraint is not None and self.strategy.task.n > self.strategy.task.m
+
+    @cached_property
+    def leaf(self) -> Vector:
+        """The leaf c (r,) of the start; empty without a constraint."""
+        return leaf_value(self.strategy, self.start) if self.held else np.zeros(0)
+
+    @property
+    def hold(self) -> Vector:
+        """(c, dt, K, K_g) by default: errors fade by a tenth each step."""
+        return np.concatenate([self.leaf, [self.dt, 0.1 / self.dt, 0.1 / self.dt]])
+
+    @cached_property
+    def functions(self) -> dict[str, Function]:
+        """By the name of their C; results first, then conditioning and margin."""
+        s = self.strategy
+        e = s.expressions
+        T = SX.eye(4)
+        T[:3, :3], T[:3, 3] = e.kinematics.rotation, e.kinematics.position
+        found = {
+            "pose": _checked("pose", {"q": e.q}, {"T": T}, SX(1)),
+            "gain": s.gain,
+            "rate": s.rate,
+            "step": step_function(s, self.limits),
+        }
+        if self.held:
+            found["constraint"] = _checked(
+                "constraint", {"q": e.q}, {"g": s.constraint_expression}, s.margin_expression
+            )
+            found["leaf"] = s.leaf_step
+        return found
+
+    @cached_property
+    def words(self) -> dict[str, Any]:
+        """What the templates need."""
+        s, task, robot = self.strategy, self.strategy.task, self.strategy.task.robot
+        position, r = task.orientation is None, len(self.leaf)
+        units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
+        t = TOLERANCES
+        leaf = ", ".join(_c(c) for c in self.leaf)
+        return {
+            "name": self.name,
+            "NAME": self.name.upper(),
+            "title": f"{s.name}: {task.name}",
+            "law": f"The strategy's leaves are g(q) = c, {s.constraint.name}." if s.constraint is not None and r
+            else "The strategy holds no leaf: it need not come home.",
+            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
+            "joints": ", ".join(robot.joint_names), "rows": ", ".join(task.row_names), "rates": units,
+            "constraint_words": " with a leaf to hold",
+            "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
+            "target_words": "a position in the base frame, 3 numbers" if position else
+            "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
+            "singular_words": "J, [J; J_g] or H loses rank here, or the orientation's representation does",
+            "leaf_member": f"  {self.name}_real leaf[{r}]; /* c */\n" if r else "",
+            "and_leaf": " and to the leaf" if r else "",
+            "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
+            "singular_float": _c(SINGULAR_FLOAT), "representation_float": _c(REPRESENTATION_FLOAT),
+            "almost_float": _c(ALMOST_FLOAT), "held": _c(HELD), "contraction": _c(t.contraction),
+            "defaults": "".join(f"  hold->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
+            + "".join(
+                f"  hold->{key} = HK_C({_c(value)});\n"
+                for key, value in zip(("dt", "gain", "leaf_gain"), self.hold[r:], strict=True)
+            ),
+            "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
+            "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
+            "gather": _gather(position),
+            "dt": f"{self.dt:g}",
+            "hold_words": f"and the leaf g = {leaf}" if r else "no leaf",
+        }  # fmt: skip
+
+
+def _checked(name: str, inputs: Mapping[str, SX], outputs: Mapping[str, SX], margin: SX) -> Function:
+    """A function whose results are followed by a conditioning of 1 and a margin, as `hk_deliver` wants them."""
+    return Function(name, inputs, {**outputs, "conditioning": SX(1), "margin": margin})
+
+
+def _gather(position: bool) -> str:
+    if position:
+        return (
+            "  for (int i = 0; i < 3; i++) {\n    x[HK_N + i] = target[i];\n"
+            "    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = i == j ? HK_C(1) : HK_C(0);\n  }\n"
+        )
+    return (
+        "  for (int i = 0; i < 3; i++) {\n    x[HK_N + i] = target[4 * i + 3];\n"
+        "    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = target[4 * i + j];\n  }\n"
+    )
+
+
+def _c(value: float) -> str:
+    return repr(float(value))
+
+
+def text(name: str, words: Mapping[str, Any]) -> str:
+    """A template with its words put in. Templates may hold templates."""
+    template = files("holokin.export").joinpath("text", name).read_text("utf-8")
+    return Template(template).substitute(words)
+
+
+def header(source: Source, words: Mapping[str, Any]) -> str:
+    """NAME.h."""
+    return text("interface.h", {**words, "leaf_interface": text("leaf.h", words) if source.held else ""})
+
+
+def library(source: Source, words: Mapping[str, Any]) -> str:
+    """NAME.c."""
+    bodies = "".join(function.c(f"hk_{key}_body") for key, function in source.functions.items())
+    leaf = text("leaf.c", {**words, "newton": code_file("newton.c")}) if source.held else ""
+    parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
+    solver = code_file("solve.c") if "hk_solve(" in bodies else ""
+    return text("interface.c", {**words, **parts, "bodies": solver + bodies})

@@ -1,0 +1,141 @@
+"""`export_c`: a strategy as a folder of C for a controller."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ArgumentError
+from ..motion.leaf import leaf_value
+from ..strategy import Strategy
+from ..types import ArrayLike
+from .code import Source, header, library, text
+from .vectors import selftest, vectors, vectors_header
+
+MARK = "holokin"
+"""What every file written here says in its first lines; others are never overwritten."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written: the folder, its files, the operations of each function."""
+
+    folder: Path
+    name: str
+    files: tuple[str, ...]
+    operations: dict[str, int]
+
+
+def export_c(
+    strategy: Strategy,
+    folder: str | Path,
+    *,
+    start: ArrayLike,
+    dt: float = 0.001,
+    name: str | None = None,
+    limits: bool = True,
+    vectors_count: int = 64,
+    origin: str = "Python",
+) -> Exported:
+    """Write a strategy as C99 for a controller: library, header, self-test with its vectors, CMakeLists, README.
+
+    The library has the tool's pose, G, dq = G dx, the control step of `controller` and, for a strategy with a
+    constraint, g, the Newton step on its leaf and inverse kinematics. It allocates nothing and keeps nothing, takes
+    the same time at every posture, and returns a status. With NAME_FLOAT defined it computes in single precision.
+
+    Args:
+        folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
+        start: posture (n,) whose leaf is held by default, and around which the test vectors lie.
+        dt: the loop's step [s], a default that the controller may change.
+        name: C name, the prefix of all symbols; by default robot and strategy.
+        limits: keep joint speeds and positions by slowing along the path.
+        vectors_count: postures of the self-test.
+        origin: what it was exported from, for the readme.
+
+    Raises:
+        ArgumentError: a name that is no C name, a bad dt, files in the way, a start near a singularity.
+        NativeError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
+    """
+    from .. import __version__
+
+    robot = strategy.task.robot
+    q0 = robot.checked(start, "the start posture")
+    robot.check_limits(q0)
+    strategy(q0)
+    if strategy.constraint is not None:
+        leaf_value(strategy, q0)
+    if isinstance(vectors_count, bool) or vectors_count < 1:
+        raise ArgumentError("vectors_count", vectors_count, "give a whole number from 1 on")
+    source = Source(strategy, q0, float(dt), name or c_name(f"{robot.name}_{strategy.name}"), limits)
+    found = vectors(source, int(vectors_count))
+    operations = {key: function.program.instructions for key, function in source.functions.items()}
+    words = source.words | {"version": __version__, "origin": origin, "count": len(found)}
+    words |= _tables(source, operations)
+    short = source.name
+    texts = {
+        f"{short}.h": header(source, words),
+        f"{short}.c": library(source, words),
+        f"{short}_vectors.h": vectors_header(source, found, words),
+        "selftest.c": selftest(source, words),
+        "CMakeLists.txt": text("CMakeLists.txt", words),
+        "README.md": text("README.md", words),
+    }
+    _write(Path(folder), texts)
+    return Exported(Path(folder), short, tuple(texts), operations)
+
+
+def c_name(words: str) -> str:
+    """A C name of words: lower-case letters, digits, underscores."""
+    letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in words.lower())
+    name = "_".join(part for part in letters.split("_") if part)
+    return name if name[:1].isalpha() else f"law_{name}".rstrip("_")
+
+
+def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
+    robot, name, r = source.strategy.task.robot, source.name, len(source.leaf)
+    joints = ["| | joint | unit | lower | upper | start |", "|---:|---|---|---:|---:|---:|"]
+    for i, (joint, value) in enumerate(zip(robot.coordinates, source.start, strict=True)):
+        bounds = " | ".join(f"{b:.6g}" if np.isfinite(b) else "none" for b in (joint.lower, joint.upper))
+        joints.append(f"| {i} | {joint.name} | {joint.unit} | {bounds} | {value:.6g} |")
+    n, m = source.strategy.task.n, source.strategy.task.m
+    rows = [
+        ("pose", f"{name}_pose(q, T)", "the tool's pose T (4x4) at q"),
+        ("gain", f"{name}_gain(q, G)", f"G ({n}x{m})"),
+        ("rate", f"{name}_rate(q, dx, dq)", "dq = G dx"),
+        ("step", f"{name}_step(q, target, dx, &hold, dq, &scale)", "one control step with feedback"),
+    ]
+    if source.held:
+        rows += [
+            ("constraint", f"{name}_constraint(q, g)", f"g(q), {r} number{'s' if r > 1 else ''}"),
+            ("leaf", f"{name}_leaf_step(q, target, c, dq)", "one Newton step to the wanted pose on the leaf c"),
+        ]
+    functions = [f"| `{call}` | {gives} | {operations[key]} |" for key, call, gives in rows]
+    if source.held:
+        functions.append(
+            f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, at most `most` Newton steps | "
+            f"{operations['leaf']} a step |"
+        )
+    dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
+    note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""
+    return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}
+
+
+def _write(folder: Path, texts: dict[str, str]) -> None:
+    """All files or none. Raises: ArgumentError."""
+    try:
+        for file in texts:
+            there = folder / file
+            if there.exists() and (not there.is_file() or MARK not in there.read_text("utf-8", "replace")[:600]):
+                raise ArgumentError("the output folder", str(folder), f"its {file} is not holokin's: choose another")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".holokin-") as aside:
+            for file, content in texts.items():
+                (Path(aside) / file).write_text(content, "utf-8")
+            for file in texts:
+                os.replace(Path(aside) / file, folder / file)
+    except OSError as problem:
+        raise ArgumentError("the output folder", str(folder), f"cannot be written: {problem.strerror}") from None

@@ -1,0 +1,84 @@
+/* $title. Written by holokin $version; see $name.h. C99; not for -ffast-math, which hides what is not finite. */
+#include "$name.h"
+
+#ifdef ${NAME}_FLOAT
+#define HK_FLOAT
+#define HK_SINGULAR $singular_float
+#define HK_REPRESENTATION $representation_float
+#define HK_ALMOST $almost_float
+#else
+#define HK_SINGULAR $singular
+#define HK_REPRESENTATION $representation
+#define HK_ALMOST $almost
+#endif
+#define HK_HELD $held
+#define HK_CONTRACTION $contraction
+#define HK_N $n
+#define HK_M $m
+#define HK_R $r
+#define HK_POSE $target
+#define HK_HOLD (HK_R + 3)
+#define HK_API static
+#define HK_SIMD
+$prelude
+$bodies
+static int hk_finite(const hk_t *x, int count) {
+  for (int i = 0; i < count; i++)
+    if (!(x[i] - x[i] == HK_C(0))) return 0;
+  return 1;
+}
+
+/* y: `count` results, then the conditioning and the margin of representations. */
+static int hk_deliver(const hk_t *y, int count, hk_t *out) {
+  const int sound = y[count] > HK_C(HK_SINGULAR) && y[count + 1] > HK_C(HK_REPRESENTATION) && hk_finite(y, count);
+  for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
+  return sound ? ${NAME}_OK : ${NAME}_SINGULAR;
+}
+
+static int hk_refuse(int count, hk_t *out) {
+  for (int i = 0; i < count; i++) out[i] = HK_C(0);
+  return ${NAME}_NOT_FINITE;
+}
+
+$step
+void ${name}_defaults(${name}_hold *hold) {
+$defaults}
+
+void ${name}_start(${name}_real q[$n]) {
+$start}
+
+int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]) {
+  hk_t y[18];
+  if (!hk_finite(q, HK_N)) return hk_refuse(16, T);
+  hk_pose_body(q, y);
+  return hk_deliver(y, 16, T);
+}
+
+int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]) {
+  hk_t y[HK_N * HK_M + 2];
+  if (!hk_finite(q, HK_N)) return hk_refuse(HK_N * HK_M, G);
+  hk_gain_body(q, y);
+  return hk_deliver(y, HK_N * HK_M, G);
+}
+
+int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_real dq[$n]) {
+  hk_t x[HK_N + HK_M], y[HK_N + 2];
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < HK_M; i++) x[HK_N + i] = dx[i];
+  if (!hk_finite(x, HK_N + HK_M)) return hk_refuse(HK_N, dq);
+  hk_rate_body(x, y);
+  return hk_deliver(y, HK_N, dq);
+}
+
+int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real dx[$m],
+    const ${name}_hold *hold, ${name}_real dq[$n], ${name}_real *scale) {
+  hk_t held[HK_HOLD], out[HK_N + 1];
+$held_copy  held[HK_R] = hold->dt;
+  held[HK_R + 1] = hold->gain;
+  held[HK_R + 2] = hold->leaf_gain;
+  const int status = hk_step(q, target, dx, out, held);
+  for (int i = 0; i < HK_N; i++) dq[i] = out[i];
+  *scale = out[HK_N];
+  return status;
+}
+$leaf

@@ -1,0 +1,64 @@
+/* $title
+   Written by holokin $version from: $origin. Lengths in m, angles in rad, times in s.
+
+   $law
+
+   Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame.$pose_note
+   Every function returns a status, and where that is ${NAME}_SINGULAR or worse its results are zero. None allocates, keeps
+   anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision. */
+#ifndef ${NAME}_H
+#define ${NAME}_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#ifdef ${NAME}_FLOAT
+typedef float ${name}_real;
+#else
+typedef double ${name}_real;
+#endif
+
+enum {
+  ${NAME}_N = $n,         /* joints: $joints */
+  ${NAME}_M = $m,         /* task rows: $rows */
+  ${NAME}_R = $r,         /* redundant joints$constraint_words */
+  ${NAME}_TARGET = $target /* numbers of a wanted pose */
+};
+
+enum {
+  ${NAME}_OK = 0,
+  ${NAME}_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
+  ${NAME}_LIMIT = 2,        /* a joint stands at its position limit */
+  ${NAME}_SINGULAR = 3,     /* $singular_words */
+  ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
+  ${NAME}_NOT_CONVERGED = 5 /* no posture on this leaf near the given one has the wanted pose */
+};
+
+/* What a control step holds on to. ${name}_defaults gives that of the start posture. */
+typedef struct {
+$leaf_member  ${name}_real dt;        /* the loop's step [s] */
+  ${name}_real gain;      /* K [1/s]: how fast the tool comes back to its path */
+  ${name}_real leaf_gain; /* K_g [1/s]: how fast the joints come back to their leaf */
+} ${name}_hold;
+
+void ${name}_defaults(${name}_hold *hold);
+void ${name}_start(${name}_real q[$n]);
+
+/* The tool's pose T at q. */
+int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]);
+
+/* G ($n x $m, by rows) and dq = G dx: joint rates for task rates dx ($rates). */
+int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]);
+int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_real dq[$n]);
+
+/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the path$and_leaf,
+   slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
+int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real dx[$m],
+    const ${name}_hold *hold, ${name}_real dq[$n], ${name}_real *scale);
+$leaf_interface
+#ifdef __cplusplus
+}
+#endif
+
+#endif

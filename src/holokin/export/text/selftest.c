@@ -1,0 +1,96 @@
+/* Self-test of $name: the numbers that holokin $version computed, and what must not happen. Returns 0 when all is well. */
+#include <math.h>
+#include <stdio.h>
+
+#include "$name.h"
+#include "${name}_vectors.h"
+
+#ifdef ${NAME}_FLOAT
+#define TOLERANCE 1e-4
+#define PRECISION "float"
+#else
+#define TOLERANCE 1e-12
+#define PRECISION "double"
+#endif
+#define COUNT ((int)(sizeof vectors / sizeof vectors[0]))
+
+typedef ${name}_real real;
+
+static int failures;
+
+/* `count` numbers against those wanted, in shares of the largest or of 1; returns the larger of this and `worst`. */
+static double compare(const char *what, int k, const real *got, const double *wanted, int count, double most, double worst) {
+  double size = 1.0, error = 0.0;
+  for (int i = 0; i < count; i++) size = fmax(size, fabs(wanted[i]));
+  for (int i = 0; i < count; i++) {
+    const double off = fabs((double)got[i] - wanted[i]) / size;
+    if (!(off <= error)) error = off;
+  }
+  if (!(error <= most)) {
+    printf("%s: vector %d is off by %g\n", what, k, error);
+    failures++;
+  }
+  return error > worst ? error : worst;
+}
+
+static void expect(const char *what, int status, int wanted, const real *result, int count) {
+  int zero = 1;
+  for (int i = 0; i < count; i++) zero &= (result[i] == (real)0);
+  if (status != wanted || !zero) {
+    printf("%s: status %d instead of %d, results %s\n", what, status, wanted, zero ? "zero" : "not zero");
+    failures++;
+  }
+}
+
+static void copy(const double *from, real *to, int count) {
+  for (int i = 0; i < count; i++) to[i] = (real)from[i];
+}
+
+int main(void) {
+  double worst[7] = {0};
+  real q[$n], target[$target], dx[$m], T[16], G[$nm], dq[$n], scale;
+  ${name}_hold hold;
+$declare_leaf  ${name}_defaults(&hold);
+  for (int k = 0; k < COUNT; k++) {
+    const vector *v = &vectors[k];
+    int status = 0;
+    copy(v->q, q, $n);
+    copy(v->target, target, $target);
+    copy(v->dx, dx, $m);
+    status |= ${name}_pose(q, T);
+    worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
+    status |= ${name}_gain(q, G);
+    worst[1] = compare("gain", k, G, v->gain, $nm, TOLERANCE, worst[1]);
+    status |= ${name}_rate(q, dx, dq);
+    worst[2] = compare("rate", k, dq, v->rate, $n, TOLERANCE, worst[2]);
+    if (${name}_step(q, target, dx, &hold, dq, &scale) != v->status) {
+      printf("step: vector %d has another status\n", k);
+      failures++;
+    }
+    worst[3] = compare("step", k, dq, v->step, $n, TOLERANCE, worst[3]);
+    worst[3] = compare("scale", k, &scale, &v->scale, 1, TOLERANCE, worst[3]);
+$leaf_tests    if (status != ${NAME}_OK) {
+      printf("vector %d: a status that is not OK\n", k);
+      failures++;
+    }
+  }
+  const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
+  for (int b = 0; b < 3; b++) {
+    copy(vectors[0].q, q, $n);
+    copy(vectors[0].target, target, $target);
+    copy(vectors[0].dx, dx, $m);
+    dx[$m - 1] = bad[b];
+    expect("rate of a bad dx", ${name}_rate(q, dx, dq), ${NAME}_NOT_FINITE, dq, $n);
+    expect("step of a bad dx", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+    dx[$m - 1] = (real)0;
+    target[0] = bad[b];
+    expect("step of a bad target", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+$bad_leaf    q[$n - 1] = bad[b];
+    expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, 16);
+    expect("gain of a bad q", ${name}_gain(q, G), ${NAME}_NOT_FINITE, G, $nm);
+    expect("step of a bad q", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+  }
+$singular_test  printf("$name, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
+         PRECISION, COUNT, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");
+  return failures ? 1 : 0;
+}

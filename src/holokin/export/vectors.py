@@ -1,0 +1,161 @@
+"""Test vectors of exported C, postures and what the virtual machine computes for them, and the self-test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, HolokinError
+from ..motion.leaf import leaf_walker
+from ..types import Matrix, Vector
+from .code import REPRESENTATION_FLOAT, SINGULAR_FLOAT, Source, text
+
+REACH = 0.5
+"""How far from the start [joint units] the postures of the vectors are drawn."""
+
+NEAR = 0.02
+"""How far from a posture the wanted pose of its step lies, at most."""
+
+TRIES = 100
+"""Draws for one vector before its start is called too close to a singularity."""
+
+
+@dataclass(frozen=True, eq=False)
+class TestVector:
+    """One test vector: inputs, and the results by the name of their C member."""
+
+    values: dict[str, Vector]
+    status: int
+
+
+def vectors(source: Source, count: int) -> list[TestVector]:
+    """Vectors around the start, at postures that single precision calls sound too; the same at every call.
+
+    Raises: ArgumentError: near the start there are no such postures.
+    """
+    rng = np.random.default_rng(0)
+    found: list[TestVector] = []
+    for _ in range(count):
+        for _attempt in range(TRIES):
+            one = _draw(source, rng)
+            if one is not None:
+                found.append(one)
+                break
+        else:
+            cure = "too near a singularity for single precision, or the limits: choose another start"
+            raise ArgumentError("the start posture", source.start.tolist(), cure)
+    return found
+
+
+def _draw(source: Source, rng: np.random.Generator) -> TestVector | None:
+    s, robot = source.strategy, source.strategy.task.robot
+    lower, upper = np.maximum(robot.lower, source.start - REACH), np.minimum(robot.upper, source.start + REACH)
+    q = _single(rng.uniform(lower, upper))
+    there = rng.uniform(np.maximum(lower, q - NEAR), np.minimum(upper, q + NEAR))
+    dx = _single(rng.uniform(-0.2, 0.2, s.task.m))
+    G, conditioning, margin = s.gain(q)
+    if not (conditioning > 10 * SINGULAR_FLOAT and margin > 10 * REPRESENTATION_FLOAT):
+        return None
+    pose = _single(robot.pose(there, s.task.tip))
+    target = pose[:3, 3] if s.task.orientation is None else pose
+    dq, scale, _, _ = source.functions["step"](q, target, dx, source.hold)
+    if 0.99 < scale < 1.0 or scale < 1e-3:
+        return None  # whose status hangs on the last digits
+    values = {
+        "q": q, "target": np.ravel(target), "dx": dx, "pose": robot.pose(q, s.task.tip).ravel(), "gain": np.ravel(G),
+        "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
+    }  # fmt: skip
+    if source.held:
+        c = _single(np.atleast_1d(s.constraint_value(there)))
+        position, rotation = pose[:3, 3], np.eye(3) if s.task.orientation is None else pose[:3, :3]
+        try:
+            home = leaf_walker(s, q)(q, lambda _share: (position, rotation, c))
+        except HolokinError:
+            return None
+        step = s.leaf_step(q, position, rotation, c)[0]
+        values |= {"c": c, "g": np.atleast_1d(s.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
+    return TestVector(values, 0 if scale >= 1.0 else 1)
+
+
+def singular_posture(source: Source) -> Vector | None:
+    """A posture (n,) at which the strategy is singular, all joints but a few as at the start; None if none is met."""
+    n, gain = len(source.start), source.strategy.gain
+    for keep in (0, n - 1, n - 2):
+        for value in (0.0, np.pi / 2, -np.pi / 2):
+            for first in range(n):
+                q = source.start.copy()
+                q[(first + np.arange(n - keep)) % n] = value
+                _, conditioning, margin = gain(q)
+                if np.isfinite(conditioning) and min(conditioning, margin) < 1e-13:
+                    return q
+    return None
+
+
+def _single(values: Matrix) -> Matrix:
+    """The nearest numbers that single precision has, so that both precisions start alike."""
+    return np.asarray(values, dtype=np.float32).astype(float)
+
+
+def vectors_header(source: Source, found: list[TestVector], words: Mapping[str, Any]) -> str:
+    """NAME_vectors.h."""
+    sizes = {key: len(value) for key, value in found[0].values.items()}
+    members = "".join(f"  double {key}[{size}];\n" for key, size in sizes.items()).replace("scale[1]", "scale")
+    rows = []
+    for one in found:
+        parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in one.values.items()]
+        rows.append("  {" + ",\n   ".join([*parts, str(one.status)]) + "},\n")
+    return (
+        f"/* Test vectors of {words['name']}, computed in double precision by holokin {words['version']}. */\n"
+        f"typedef struct {{\n{members}  int status;\n}} vector;\n\n"
+        f"static const vector vectors[] = {{\n{''.join(rows)}}};\n"
+    )
+
+
+def _row(values: Vector) -> str:
+    return "{" + ", ".join(repr(float(v)) for v in np.ravel(values)) + "}"
+
+
+def selftest(source: Source, words: Mapping[str, Any]) -> str:
+    """selftest.c."""
+    name, n, r = source.name, words["n"], words["r"]
+    leaf_tests = bad = declare = ""
+    if source.held:
+        declare = f"  real c[{r}], g[{r}];\n"
+        leaf_tests = (
+            f"    copy(v->c, c, {r});\n"
+            f"    status |= {name}_constraint(q, g);\n"
+            f'    worst[4] = compare("constraint", k, g, v->g, {r}, TOLERANCE, worst[4]);\n'
+            f"    status |= {name}_leaf_step(q, target, c, dq);\n"
+            f'    worst[5] = compare("leaf step", k, dq, v->leaf, {n}, TOLERANCE, worst[5]);\n'
+            f"    status |= {name}_inverse(q, target, c, 12);\n"
+            f'    worst[6] = compare("inverse", k, q, v->inverse, {n}, 10 * TOLERANCE, worst[6]);\n'
+        )
+        refused = words["NAME"] + "_NOT_FINITE"
+        bad = (
+            f"    copy(vectors[0].c, c, {r});\n"
+            f'    expect("leaf step to a bad target", {name}_leaf_step(q, target, c, dq), {refused}, dq, {n});\n'
+            f'    expect("inverse of a bad target", {name}_inverse(q, target, c, 12), {refused}, dq, 0);\n'
+        )
+    singular = singular_posture(source)
+    at_singular = ""
+    if singular is not None:
+        failed = words["NAME"] + "_SINGULAR"
+        step = f"{name}_step(q, target, dx, &hold, dq, &scale)"
+        values = "".join(f"  q[{i}] = (real){float(v)!r};\n" for i, v in enumerate(singular))
+        at_singular = (
+            f"{values}  copy(vectors[0].target, target, {words['target']});\n"
+            f'  expect("gain where it is singular", {name}_gain(q, G), {failed}, G, {words["nm"]});\n'
+            f'  expect("step where it is singular", {step}, {failed}, dq, {n});\n'
+        )
+    more = {
+        "declare_leaf": declare,
+        "leaf_tests": leaf_tests,
+        "bad_leaf": bad,
+        "singular_test": at_singular,
+        "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.held else "",
+        "leaf_worst": ", worst[4], worst[5], worst[6]" if source.held else "",
+    }
+    return text("selftest.c", {**words, **more})

@@ -1,0 +1,54 @@
+"""A strategy of a job as C for a controller."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+from ..errors import UnknownNameError
+from ..export import Exported, c_name, export_c
+from ..strategy import Strategy
+from ..types import Vector
+from .build import build_begin, build_robot, build_start, build_strategy, build_tasks
+from .schema import Job
+
+
+def job_strategy(
+    job: Job, file: FilePath, label: str | None = None, orientation: str | None = None
+) -> tuple[str, Strategy, Vector]:
+    """(label, strategy, the posture it begins at) of a job.
+
+    Args:
+        label: the strategy's name in the job; may be left out where there is only one.
+        orientation: one of the job's representations of orientation; by default its first.
+
+    Raises:
+        UnknownNameError: no such strategy or orientation, or none named among several.
+    """
+    robot = build_robot(job, file)
+    start = build_start(job, robot, file)
+    tasks = build_tasks(job, robot, start)
+    if label is None and len(job.strategies) == 1:
+        label = next(iter(job.strategies))
+    if label not in job.strategies:
+        raise UnknownNameError(f"strategy of {file.name}", label or "", tuple(job.strategies))
+    known = tuple(str(task.orientation) for task in tasks)
+    if orientation is not None and orientation not in known:
+        raise UnknownNameError(f"orientation of {file.name}", orientation, known)
+    task = tasks[0 if orientation is None else known.index(orientation)]
+    table = job.strategies[label]
+    strategy = build_strategy(label, table, task, start)
+    return label, strategy, build_begin(table, strategy, start)[0]
+
+
+def export_job(
+    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
+    orientation: str | None = None, dt: float = 0.001, prefix: str | None = None,
+) -> Exported:  # fmt: skip
+    """Write a strategy of a job as C, see `export_c`; by default it goes by the names of robot and strategy.
+
+    Raises: as `job_strategy` and `export_c`.
+    """
+    label, strategy, start = job_strategy(job, file, label, orientation)
+    robot = strategy.task.robot.name
+    origin = f"the job {name}, strategy {label}"
+    return export_c(strategy, folder, start=start, dt=dt, name=prefix or c_name(f"{robot}_{label}"), origin=origin)
