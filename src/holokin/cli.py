@@ -228,9 +228,7 @@ def export_c(
     name: Annotated[
         str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
     ] = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")] = False,
 ) -> None:
     """Write a strategy as C99: library, header, self-test with its vectors, CMakeLists.txt, README.md.
 

@@ -21,11 +21,12 @@ from ..symbolic import LARGEST, SX, Function, code_file
 from ..tolerances import TOLERANCES
 from ..types import Vector
 
-SINGULAR_FLOAT = 0.015
-"""Conditioning below which single precision is called singular: at it a solve keeps the four digits promised."""
+SINGULAR_FLOAT, REPRESENTATION_FLOAT = 2e-3, 5e-3
+"""Conditioning, and distance from a representation's singularity, below which single precision is called singular: at
+them two digits are left."""
 
-REPRESENTATION_FLOAT = 0.03
-"""The same for the distance from a representation's singularity."""
+PRECISE_FLOAT, CLEAR_FLOAT = 0.04, 0.03
+"""The same where it still has four digits; in between the status says that it has not. Measured on random postures."""
 
 ALMOST_FLOAT = 1e-3
 """A correction whose square is round-off in single precision."""
@@ -92,25 +93,25 @@ class Source:
         position, r = task.orientation is None, len(self.leaf)
         units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
         t = TOLERANCES
-        leaf = ", ".join(_c(c) for c in self.leaf)
         return {
             "name": self.name,
             "NAME": self.name.upper(),
-            "title": f"{s.name}: {task.name}",
-            "law": f"The strategy's leaves are g(q) = c, {s.constraint.name}." if s.constraint is not None and r
+            "title": _line(f"{s.name}, {task.name}"),
+            "law": _line(f"The strategy's leaves are g(q) = c, {s.constraint.name}.")
+            if s.constraint is not None and r
             else "The strategy holds no leaf: it need not come home.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
-            "joints": ", ".join(robot.joint_names), "rows": ", ".join(task.row_names), "rates": units,
-            "constraint_words": " with a leaf to hold",
+            "joints": _line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
             "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
             "target_words": "a position in the base frame, 3 numbers" if position else
             "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
             "singular_words": "J, [J; J_g] or H loses rank here, or the orientation's representation does",
-            "leaf_member": f"  {self.name}_real leaf[{r}]; /* c */\n" if r else "",
+            "leaf_member": f"  {self.name}_real leaf[{r}];   /* c = g(q) of the leaf to hold */\n" if r else "",
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
             "singular_float": _c(SINGULAR_FLOAT), "representation_float": _c(REPRESENTATION_FLOAT),
-            "almost_float": _c(ALMOST_FLOAT), "held": _c(HELD), "contraction": _c(t.contraction),
+            "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
+            "held": _c(HELD), "contraction": _c(t.contraction),
             "defaults": "".join(f"  hold->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
             + "".join(
                 f"  hold->{key} = HK_C({_c(value)});\n"
@@ -120,7 +121,7 @@ class Source:
             "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
             "gather": _gather(position),
             "dt": f"{self.dt:g}",
-            "hold_words": f"and the leaf g = {leaf}" if r else "no leaf",
+            "hold_words": "and the leaf of the start" if r else "no leaf",
         }  # fmt: skip
 
 
@@ -139,6 +140,11 @@ def _gather(position: bool) -> str:
         "  for (int i = 0; i < 3; i++) {\n    x[HK_N + i] = target[4 * i + 3];\n"
         "    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = target[4 * i + j];\n  }\n"
     )
+
+
+def _line(words: str) -> str:
+    """Words of a user on one line that does not end a comment."""
+    return " ".join(words.replace("*/", "* /").split())
 
 
 def _c(value: float) -> str:

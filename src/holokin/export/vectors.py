@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import ArgumentError, HolokinError
 from ..motion.leaf import leaf_walker
+from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
-from .code import REPRESENTATION_FLOAT, SINGULAR_FLOAT, Source, text
+from .code import CLEAR_FLOAT, PRECISE_FLOAT, Source, text
 
 REACH = 0.5
 """How far from the start [joint units] the postures of the vectors are drawn."""
@@ -29,24 +30,30 @@ class TestVector:
 
     values: dict[str, Vector]
     status: int
+    precise: bool
+    """True where single precision is expected to have four digits, too."""
 
 
 def vectors(source: Source, count: int) -> list[TestVector]:
-    """Vectors around the start, at postures that single precision calls sound too; the same at every call.
+    """Vectors around the start, where there are any at postures fit for single precision; the same at every call.
 
-    Raises: ArgumentError: near the start there are no such postures.
+    Raises: ArgumentError: near the start there is no posture to test at.
     """
     rng = np.random.default_rng(0)
     found: list[TestVector] = []
+    tries = TRIES  # how long to look for a precise one
     for _ in range(count):
-        for _attempt in range(TRIES):
+        best: TestVector | None = None
+        for attempt in range(TRIES):
             one = _draw(source, rng)
-            if one is not None:
-                found.append(one)
+            best = one if one is not None and (best is None or one.precise) else best
+            if best is not None and (best.precise or attempt >= tries):
                 break
-        else:
-            cure = "too near a singularity for single precision, or the limits: choose another start"
+        if best is None:
+            cure = "nothing near it is regular and within the limits: choose another start"
             raise ArgumentError("the start posture", source.start.tolist(), cure)
+        tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
+        found.append(best)
     return found
 
 
@@ -57,7 +64,7 @@ def _draw(source: Source, rng: np.random.Generator) -> TestVector | None:
     there = rng.uniform(np.maximum(lower, q - NEAR), np.minimum(upper, q + NEAR))
     dx = _single(rng.uniform(-0.2, 0.2, s.task.m))
     G, conditioning, margin = s.gain(q)
-    if not (conditioning > 10 * SINGULAR_FLOAT and margin > 10 * REPRESENTATION_FLOAT):
+    if not (conditioning > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
     pose = _single(robot.pose(there, s.task.tip))
     target = pose[:3, 3] if s.task.orientation is None else pose
@@ -77,7 +84,8 @@ def _draw(source: Source, rng: np.random.Generator) -> TestVector | None:
             return None
         step = s.leaf_step(q, position, rotation, c)[0]
         values |= {"c": c, "g": np.atleast_1d(s.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
-    return TestVector(values, 0 if scale >= 1.0 else 1)
+    precise = conditioning > 1.5 * PRECISE_FLOAT and margin > 1.5 * CLEAR_FLOAT
+    return TestVector(values, 0 if scale >= 1.0 else 1, bool(precise))
 
 
 def singular_posture(source: Source) -> Vector | None:
@@ -106,10 +114,10 @@ def vectors_header(source: Source, found: list[TestVector], words: Mapping[str, 
     rows = []
     for one in found:
         parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in one.values.items()]
-        rows.append("  {" + ",\n   ".join([*parts, str(one.status)]) + "},\n")
+        rows.append("  {" + ",\n   ".join([*parts, str(one.status), str(int(one.precise))]) + "},\n")
     return (
         f"/* Test vectors of {words['name']}, computed in double precision by holokin {words['version']}. */\n"
-        f"typedef struct {{\n{members}  int status;\n}} vector;\n\n"
+        f"typedef struct {{\n{members}  int status, precise;\n}} vector;\n\n"
         f"static const vector vectors[] = {{\n{''.join(rows)}}};\n"
     )
 

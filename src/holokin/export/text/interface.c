@@ -6,6 +6,8 @@
 #define HK_SINGULAR $singular_float
 #define HK_REPRESENTATION $representation_float
 #define HK_ALMOST $almost_float
+#define HK_PRECISE $precise
+#define HK_CLEAR $clear
 #else
 #define HK_SINGULAR $singular
 #define HK_REPRESENTATION $representation
@@ -18,6 +20,7 @@
 #define HK_R $r
 #define HK_POSE $target
 #define HK_HOLD (HK_R + 3)
+#define HK_IMPRECISE ${NAME}_IMPRECISE
 #define HK_API static
 #define HK_SIMD
 $prelude
@@ -28,11 +31,23 @@ static int hk_finite(const hk_t *x, int count) {
   return 1;
 }
 
+/* Single precision, and too near a singularity for four digits. */
+static int hk_rough(hk_t conditioning, hk_t margin) {
+#ifdef HK_PRECISE
+  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR);
+#else
+  (void)conditioning;
+  (void)margin;
+  return 0;
+#endif
+}
+
 /* y: `count` results, then the conditioning and the margin of representations. */
 static int hk_deliver(const hk_t *y, int count, hk_t *out) {
   const int sound = y[count] > HK_C(HK_SINGULAR) && y[count + 1] > HK_C(HK_REPRESENTATION) && hk_finite(y, count);
   for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
-  return sound ? ${NAME}_OK : ${NAME}_SINGULAR;
+  if (!sound) return ${NAME}_SINGULAR;
+  return hk_rough(y[count], y[count + 1]) ? ${NAME}_IMPRECISE : ${NAME}_OK;
 }
 
 static int hk_refuse(int count, hk_t *out) {

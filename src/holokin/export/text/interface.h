@@ -3,9 +3,11 @@
 
    $law
 
+   Joints: $joints.
+   Task rows: $rows.
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame.$pose_note
-   Every function returns a status, and where that is ${NAME}_SINGULAR or worse its results are zero. None allocates, keeps
-   anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision. */
+   Every function returns a status; where that is ${NAME}_SINGULAR or more its results are zero. None allocates,
+   keeps anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision. */
 #ifndef ${NAME}_H
 #define ${NAME}_H
 
@@ -20,13 +22,14 @@ typedef double ${name}_real;
 #endif
 
 enum {
-  ${NAME}_N = $n,         /* joints: $joints */
-  ${NAME}_M = $m,         /* task rows: $rows */
-  ${NAME}_R = $r,         /* redundant joints$constraint_words */
+  ${NAME}_N = $n,      /* joints */
+  ${NAME}_M = $m,      /* task rows */
+  ${NAME}_R = $r,      /* numbers of a leaf */
   ${NAME}_TARGET = $target /* numbers of a wanted pose */
 };
 
 enum {
+  ${NAME}_IMPRECISE = -1,   /* single precision only: near a singularity, results have two or three digits */
   ${NAME}_OK = 0,
   ${NAME}_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
   ${NAME}_LIMIT = 2,        /* a joint stands at its position limit */
@@ -52,8 +55,8 @@ int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]);
 int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]);
 int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_real dq[$n]);
 
-/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the path$and_leaf,
-   slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
+/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the
+   path$and_leaf, slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
 int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real dx[$m],
     const ${name}_hold *hold, ${name}_real dq[$n], ${name}_real *scale);
 $leaf_interface

@@ -36,5 +36,5 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return ${NAME}_SINGULAR;
   if (!hk_newton(x, &rules)) return ${NAME}_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) q[i] = x[i];
-  return ${NAME}_OK;
+  return hk_rough(y[HK_N], y[HK_N + 1]) ? ${NAME}_IMPRECISE : ${NAME}_OK;
 }

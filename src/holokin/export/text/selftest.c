@@ -16,7 +16,7 @@
 
 typedef ${name}_real real;
 
-static int failures;
+static int failures, tested;
 
 /* `count` numbers against those wanted, in shares of the largest or of 1; returns the larger of this and `worst`. */
 static double compare(const char *what, int k, const real *got, const double *wanted, int count, double most, double worst) {
@@ -54,6 +54,10 @@ $declare_leaf  ${name}_defaults(&hold);
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
     int status = 0;
+#ifdef ${NAME}_FLOAT
+    if (!v->precise) continue; /* its status may differ */
+#endif
+    tested++;
     copy(v->q, q, $n);
     copy(v->target, target, $target);
     copy(v->dx, dx, $m);
@@ -91,6 +95,6 @@ $bad_leaf    q[$n - 1] = bad[b];
     expect("step of a bad q", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
   }
 $singular_test  printf("$name, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
-         PRECISION, COUNT, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");
+         PRECISION, tested, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");
   return failures ? 1 : 0;
 }

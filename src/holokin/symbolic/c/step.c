@@ -21,6 +21,9 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
     return 3;
   }
   for (int i = 0; i < HK_N + 1; i++) out[i] = y[i];
+#ifdef HK_IMPRECISE
+  if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
+#endif
   if (y[HK_N] >= HK_C(1)) return 0;
   return y[HK_N] > HK_C(HK_HELD) ? 1 : 2;
 }

@@ -1,0 +1,79 @@
+/* de-luca-oriolo, position of ppr
+   Written by holokin 0.1.0 from: a test. Lengths in m, angles in rad, times in s.
+
+   The strategy's leaves are g(q) = c, custom.
+
+   Joints: q1, q2, q3.
+   Task rows: x, y.
+   Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame. A wanted pose is a position, 3 numbers.
+   Every function returns a status; where that is PPR_SINGULAR or more its results are zero. None allocates,
+   keeps anything between calls, or loops without a bound. Define PPR_FLOAT for single precision. */
+#ifndef PPR_H
+#define PPR_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#ifdef PPR_FLOAT
+typedef float ppr_real;
+#else
+typedef double ppr_real;
+#endif
+
+enum {
+  PPR_N = 3,      /* joints */
+  PPR_M = 2,      /* task rows */
+  PPR_R = 1,      /* numbers of a leaf */
+  PPR_TARGET = 3 /* numbers of a wanted pose */
+};
+
+enum {
+  PPR_IMPRECISE = -1,   /* single precision only: near a singularity, results have two or three digits */
+  PPR_OK = 0,
+  PPR_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
+  PPR_LIMIT = 2,        /* a joint stands at its position limit */
+  PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank here, or the orientation's representation does */
+  PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
+  PPR_NOT_CONVERGED = 5 /* no posture on this leaf near the given one has the wanted pose */
+};
+
+/* What a control step holds on to. ppr_defaults gives that of the start posture. */
+typedef struct {
+  ppr_real leaf[1];   /* c = g(q) of the leaf to hold */
+  ppr_real dt;        /* the loop's step [s] */
+  ppr_real gain;      /* K [1/s]: how fast the tool comes back to its path */
+  ppr_real leaf_gain; /* K_g [1/s]: how fast the joints come back to their leaf */
+} ppr_hold;
+
+void ppr_defaults(ppr_hold *hold);
+void ppr_start(ppr_real q[3]);
+
+/* The tool's pose T at q. */
+int ppr_pose(const ppr_real q[3], ppr_real T[16]);
+
+/* G (3 x 2, by rows) and dq = G dx: joint rates for task rates dx (m/s, m/s). */
+int ppr_gain(const ppr_real q[3], ppr_real G[6]);
+int ppr_rate(const ppr_real q[3], const ppr_real dx[2], ppr_real dq[3]);
+
+/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the
+   path and to the leaf, slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
+int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real dx[2],
+    const ppr_hold *hold, ppr_real dq[3], ppr_real *scale);
+
+/* The constraint's value g(q); leaves are g(q) = c. */
+int ppr_constraint(const ppr_real q[3], ppr_real g[1]);
+
+/* The correction dq of one Newton step from q towards the wanted pose on the leaf c. */
+int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
+    ppr_real dq[3]);
+
+/* Inverse kinematics: q becomes the posture on the leaf c with the wanted pose, or stays. Newton from q, at most `most`
+   steps (12 is plenty), refused where it might land on another branch: keep targets close, as along a path. */
+int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,286 @@
+"""C for a controller: the numbers of Python, in two precisions, on every posture; a status for what is wrong."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, Command, assert_refused, assert_untouched
+from exported import LEAF, ON_ANYTHING, STRICT, program, rates
+from holokin.errors import ArgumentError, NativeError, SingularityError
+from holokin.export import Exported, c_name, check, export_c
+from holokin.job import job_strategy, open_job, packaged_jobs
+from holokin.symbolic import native
+from test_growth import chain, shared_bend
+
+GOLDEN = Path(__file__).parent / "golden"
+compiled = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+RNG = np.random.default_rng(6)
+
+
+def sew() -> hk.Strategy:
+    return hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """The Panda with its arm angle held."""
+    return export_c(sew(), tmp_path_factory.mktemp("panda"), start=PANDA_START, name="panda_sew")
+
+
+def every_packaged_strategy() -> list[tuple[str, str]]:
+    """Each once: jobs share some."""
+    jobs = [name for name in packaged_jobs() if name not in ("ppr-half-circle", "orientation")]
+    return [(name, label) for name in jobs for label in open_job(name)[1].strategies] + [("orientation", "one-H")]
+
+
+# --- the same numbers ---
+
+
+@compiled
+@pytest.mark.parametrize(("job", "label"), every_packaged_strategy())
+def test_every_packaged_strategy_passes_its_self_test(job: str, label: str, holokin: Command, tmp_path: Path) -> None:
+    """Without a warning, in both precisions; and the self-test can fail."""
+    folder = tmp_path / "c"
+    outcome = holokin("export", "c", job, "--strategy", label, "--out", folder, "--check")
+    assert outcome.code == 0
+    assert outcome.out.count("passed") == 2
+    assert {f.name for f in folder.iterdir()} >= {"selftest.c", "CMakeLists.txt", "README.md"}
+    assert "$" not in "".join((folder / name).read_text() for name in ("README.md", "selftest.c"))
+
+
+@compiled
+def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
+    _, job, file = open_job("ppr-cycle")
+    _, strategy, start = job_strategy(job, file, "de-luca-oriolo")
+    made = export_c(strategy, tmp_path, start=start, name="ppr")
+    assert len(check(made)) == 2
+    code = (tmp_path / "ppr.c").read_text()
+    assert "const hk_t v10 =" in code
+    (tmp_path / "ppr.c").write_text(code.replace("const hk_t v10 =", "const hk_t v10 = HK_C(1e-11) +", 1))
+    with pytest.raises(NativeError, match="self-test in double failed"):
+        check(made)
+
+
+@compiled
+def test_a_million_postures_agree(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over the Panda's whole range: double to 1e-12; float to 1e-4 where it says OK, to 1e-2 where IMPRECISE."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    strategy, count = sew(), 1_000_000
+    robot = strategy.task.robot
+    Q = RNG.uniform(robot.lower, robot.upper, (count, 7)).astype(np.float32).astype(float)
+    X = RNG.uniform(-0.2, 0.2, (count, 6)).astype(np.float32).astype(float)
+    expected, conditioning, margin = strategy.rate.batch(Q, X)
+    sound = (conditioning > 1e-10) & (margin > 1e-6)
+    size = np.maximum(1.0, np.abs(expected).max(axis=1))
+    for flags, share, most in (((), 0.999, {0: 1e-12}), (("-DPANDA_SEW_FLOAT",), 0.7, {0: 1e-4, -1: 1e-2})):
+        dq, status = rates(written, tmp_path, Q, X, *flags)
+        error = np.abs(dq - expected).max(axis=1) / size
+        assert (status == 0).mean() > share
+        for value, bound in most.items():
+            assert error[status == value].max() < bound
+        assert not dq[status == 3].any()
+        assert set(np.unique(status)) <= {-1, 0, 3}
+        if not flags:
+            assert np.array_equal(status == 0, sound)
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("kind", "flags"),
+    [("arm", ()), ("arm", ("-DLAW_FLOAT",)), ("position", ()), ("no leaf", ()), ("dense", ("-DLAW_FLOAT",))],
+)
+def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...], tmp_path: Path) -> None:
+    """Addresses and undefined behaviour, on 20,000 calls of everything, with bad input among them."""
+    irb, pose = hk.load("irb140"), hk.pose(hk.load("panda"))
+    cases = {
+        "arm": (lambda: sew(), PANDA_START),
+        "position": (
+            lambda: hk.holonomic(hk.position(irb), hk.lock(3, 4, 5)),
+            np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0]),
+        ),
+        "no leaf": (lambda: hk.moore_penrose(pose), PANDA_START),
+        "dense": (lambda: hk.holonomic(hk.position(chain(12)), shared_bend(12)), np.full(12, 0.2)),
+    }
+    make, start = cases[kind]
+    made = export_c(make(), tmp_path, start=start, name="law", vectors_count=2)
+    leaf = "" if kind == "no leaf" else LEAF
+    sanitize = ("-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    run = subprocess.run(
+        [str(program(made, ON_ANYTHING, tmp_path, *STRICT, *sanitize, *flags, leaf=leaf))],
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    counts = dict(zip(range(-1, 7), map(int, run.stdout.split()), strict=True))
+    assert counts[0] + counts[1] + counts[-1] > 500
+    assert counts[4] > 1000
+
+
+def test_the_text_is_the_golden_one(tmp_path: Path) -> None:
+    """Rewritten on request only: HOLOKIN_GOLDEN=write pytest tests/test_export.py"""
+    _, job, file = open_job("ppr-cycle")
+    _, strategy, start = job_strategy(job, file, "de-luca-oriolo")
+    made = export_c(strategy, tmp_path, start=start, name="ppr", vectors_count=2, origin="a test")
+    if os.environ.get("HOLOKIN_GOLDEN") == "write":
+        GOLDEN.mkdir(exist_ok=True)
+        for name in made.files:
+            shutil.copy(tmp_path / name, GOLDEN / name)
+    for name in made.files:
+        ours, golden = (folder / name for folder in (tmp_path, GOLDEN))
+        if name == "ppr_vectors.h":  # its digits are the machine's mathematical library's
+            assert ours.read_text().count("\n") == golden.read_text().count("\n")
+        else:
+            assert ours.read_text() == golden.read_text().replace("0.1.0", hk.__version__), name
+
+
+# --- in a controller ---
+
+
+def loaded(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ctypes.CDLL:
+    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
+    source = (written.folder / f"{written.name}.c").read_text()
+    return native.library(source, includes=(str(written.folder),))
+
+
+def at(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
+    return [ctypes.c_void_p(a.ctypes.data) for a in arrays]
+
+
+@compiled
+def test_its_inverse_kinematics_comes_home_from_a_loop(
+    written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    c_code, strategy = loaded(written, tmp_path, monkeypatch), sew()
+    robot = strategy.task.robot
+    q, leaf = PANDA_START.copy(), np.atleast_1d(strategy.constraint_value(PANDA_START))
+    target, far = robot.pose(q), 0.0
+    for angle in np.linspace(0, 2 * np.pi, 101)[1:]:
+        target[:3, 3] = robot.pose(PANDA_START)[:3, 3] + 0.1 * np.array([np.cos(angle) - 1, np.sin(angle), 0])
+        assert c_code.panda_sew_inverse(*at(q, target, leaf), 12) == 0
+        assert robot.pose(q) == pytest.approx(target, abs=1e-12)
+        far = max(far, float(np.abs(q - PANDA_START).max()))
+    assert far > 0.1
+    assert q == pytest.approx(PANDA_START, abs=1e-12)
+    before = q.copy()
+    target[0, 3] += 1.0
+    assert c_code.panda_sew_inverse(*at(q, target, leaf), 12) == 5
+    assert np.array_equal(q, before)
+
+
+@compiled
+def test_its_step_is_the_controllers(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its own defaults, slowed and at a limit; and the start it knows is the job's."""
+    c_code, strategy = loaded(written, tmp_path, monkeypatch), sew()
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    servo = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    hold, q, dq, scale = np.zeros(4), np.zeros(7), np.zeros(7), np.zeros(1)
+    c_code.panda_sew_defaults(*at(hold))
+    c_code.panda_sew_start(*at(q))
+    assert np.array_equal(q, PANDA_START)
+    assert hold == pytest.approx([strategy.constraint_value(PANDA_START), 1e-3, 100.0, 100.0])
+    edge = PANDA_START.copy()
+    edge[3] = strategy.task.robot.upper[3]
+    seen = set()
+    for posture in (q, q + 0.01, edge):
+        for v in (np.zeros(6), np.array([0.1, 0, 0.05, 0, 0.1, 0]), np.array([3.0, 0, 0, 0, 0, 0])):
+            pose = strategy.task.robot.pose(q)
+            status = c_code.panda_sew_step(*at(posture, pose, v, hold, dq, scale))
+            assert np.array_equal(dq, servo.step(posture, pose, v))
+            assert (status, scale[0]) == (servo.status, servo.scale)
+            seen.add(status)
+    assert seen >= {0, 1}
+
+
+@compiled
+def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> None:
+    other = export_c(hk.moore_penrose(hk.pose(hk.load("panda"))), tmp_path, start=PANDA_START, name="other")
+    code = tmp_path / "both.c"
+    code.write_text('#include "panda_sew.h"\n#include "other.h"\nint main(void) { return PANDA_SEW_OK + OTHER_OK; }\n')
+    sources = [code, tmp_path / "other.c", written.folder / "panda_sew.c"]
+    command = ["cc", *STRICT, f"-I{tmp_path}", f"-I{written.folder}", *map(str, sources), "-o", str(tmp_path / "a")]
+    subprocess.run([*command, "-lm"], check=True, timeout=300)
+    subprocess.run([str(tmp_path / "a")], check=True, timeout=60)
+    symbols = subprocess.run(["nm", str(tmp_path / "a")], capture_output=True, text=True, check=True).stdout
+    assert " B hk_" not in symbols and " D hk_" not in symbols and " b hk_" not in symbols and " d hk_" not in symbols
+    assert other.name == "other"
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="no arm-none-eabi-gcc here")
+@pytest.mark.parametrize(
+    "flags", [("-mcpu=cortex-m4",), ("-mcpu=cortex-m7", "-DPANDA_SEW_FLOAT")], ids=["m4", "m7 float"]
+)
+def test_it_compiles_for_a_microcontroller(written: Exported, flags: tuple[str, ...], tmp_path: Path) -> None:
+    target = tmp_path / "arm.o"
+    source = str(written.folder / "panda_sew.c")
+    subprocess.run(
+        ["arm-none-eabi-gcc", "-mthumb", "-O2", *flags, *STRICT, "-c", source, "-o", str(target)], check=True
+    )
+    sizes = subprocess.run(["arm-none-eabi-size", str(target)], capture_output=True, text=True, check=True)
+    _, data, bss = map(int, sizes.stdout.splitlines()[1].split()[:3])
+    assert data == bss == 0
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake here")
+def test_cmake_builds_and_tests_it(written: Exported, tmp_path: Path) -> None:
+    build = str(tmp_path / "build")
+    for command in (["cmake", "-S", str(written.folder), "-B", build], ["cmake", "--build", build]):
+        subprocess.run(command, check=True, capture_output=True, timeout=300)
+    subprocess.run(["ctest", "--test-dir", build], check=True, capture_output=True, timeout=300)
+
+
+# --- what cannot be exported ---
+
+
+def test_the_command_refuses_in_one_sentence(holokin: Command, out: Path) -> None:
+    for arguments, words in (
+        (("panda-circle",), ("strategy of", "lock-3")),
+        (("panda-circle", "--strategy", "lock-4"), ("lock-4", "did you mean 'lock-3'")),
+        (("nothing", "--strategy", "x"), ("nothing",)),
+        (("panda-circle", "--strategy", "lock-3", "--name", "7-lock"), ("C name",)),
+        (("panda-circle", "--strategy", "lock-3", "--dt", "-1"), ("dt",)),
+        (("panda-circle", "--strategy", "lock-3", "--orientation", "zyz"), ("zyz", "twist")),
+    ):
+        assert_refused(holokin("export", "c", *arguments, "--out", out), *words)
+        assert_untouched(out)
+    (out / "README.md").write_text("# My own\n")
+    assert_refused(holokin("export", "c", "panda-circle", "--strategy", "lock-3", "--out", out), "README.md", "choose")
+    assert sorted(f.name for f in out.iterdir()) == ["README.md", "mine.txt"]
+
+
+def test_an_export_over_an_older_one_replaces_it(tmp_path: Path) -> None:
+    first = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.002)
+    again = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.004)
+    assert first.files == again.files
+    assert "hold->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
+    assert sorted(f.name for f in tmp_path.iterdir()) == sorted(again.files)
+
+
+def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
+    irb = hk.load("irb140")
+    with pytest.raises(SingularityError):
+        export_c(hk.holonomic(hk.position(irb), hk.lock(0, 3, 4)), tmp_path / "x", start=0.1 * np.ones(6))
+    for more, error in (
+        ({"start": PANDA_START, "vectors_count": 0}, ArgumentError),
+        ({"start": PANDA_START, "dt": np.nan}, ArgumentError),
+        ({"start": PANDA_START, "name": "Law"}, ArgumentError),
+    ):
+        with pytest.raises(error):
+            export_c(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(0)), tmp_path / "x", **more)
+        assert not (tmp_path / "x").exists()
+    assert c_name("Panda, arm angle (SEW)!") == "panda_arm_angle_sew"
+    assert c_name("7 joints") == "law_7_joints"
+
+
+def test_words_of_a_user_end_no_comment(tmp_path: Path) -> None:
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.linear([1, 0, -1, 0, 0, 0, 0], name="odd */ int x;\n name"))
+    made = export_c(strategy, tmp_path, start=PANDA_START, name="odd", vectors_count=1)
+    assert "odd * / int x; name" in (tmp_path / "odd.h").read_text()
+    if shutil.which("cc") is not None:
+        check(made)
