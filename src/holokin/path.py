@@ -115,10 +115,10 @@ class Path:
         return np.array(out)
 
     def table(self, start_rotation: Matrix) -> Matrix:
-        """One row a segment (25): center, x, y, angle, v, turn, rotation at its start with R(0) = start_rotation."""
+        """One row a segment (26): center, x, y, angle, v, turn, rotation at its start (of a tool at first), seconds."""
         rows = [
-            np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start_rotation).ravel()])
-            for s, R in zip(self.segments, self._rotations, strict=False)
+            np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start_rotation).ravel(), [duration]])
+            for s, R, duration in zip(self.segments, self._rotations, self._durations, strict=False)
         ]
         return np.array(rows, dtype=float)
 
@@ -213,6 +213,11 @@ class Path:
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)
 
     @property
+    def starts(self) -> Vector:
+        """Seconds at which each segment starts, and the path's end."""
+        return self._starts
+
+    @property
     def durations(self) -> Vector:
         """Seconds that each segment takes."""
         return self._durations
@@ -220,11 +225,6 @@ class Path:
     def counts(self, samples: int) -> Indices:
         """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
         return np.maximum(1, np.ceil(whole("samples", samples) * self._durations / self.duration - 1e-9)).astype(int)
-
-    def times(self, counts: Indices) -> Vector:
-        """Time [s] at the end of each step, for the given steps of each segment."""
-        pieces = zip(self._starts, self._durations, counts, strict=False)
-        return np.concatenate([start + np.arange(1, k + 1) / k * d for start, d, k in pieces])
 
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""

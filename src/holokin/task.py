@@ -153,11 +153,14 @@ class Task:
         Raises:
             SingularityError: the representation is singular at one of the rotations.
         """
-        out, margins = self._rates.batch(rotation, velocity, angular)
-        out = out.reshape(-1, self.m)
-        worst = int(np.argmin(margins))
-        self.check_representation(np.full(self.n, np.nan), margins[worst])
+        out, margins = self.rates_batch(rotation, velocity, angular)
+        self.check_representation(np.full(self.n, np.nan), margins.min())
         return out
+
+    def rates_batch(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
+        """`rates`, unchecked, with the representation's margins (k,)."""
+        out, margins = self._rates.batch(rotation, velocity, angular)
+        return out.reshape(-1, self.m), margins
 
     def check_representation(self, q: Vector, margin: float) -> None:
         """Raises: SingularityError when the margin of the representation is used up."""

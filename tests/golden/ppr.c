@@ -594,7 +594,7 @@ int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real 
 /* Newton on [f(q) - x; g(q) - c], never jumping to another branch: the rules of motion/leaf.py. hk_leaf_body takes
    (q, p, R, c) and gives (dq, conditioning, margin, det). */
 typedef struct {
-  hk_t singular, representation, contraction, almost, sign;
+  hk_t singular, representation, contraction, almost, smallest, sign;
   int most;
 } hk_rules;
 
@@ -634,6 +634,7 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   rules.representation = HK_C(HK_REPRESENTATION);
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
+  rules.smallest = HK_C(1); /* steps are not halved here */
   rules.sign = y[HK_N + 2] > HK_C(0) ? HK_C(1) : HK_C(-1);
   rules.most = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;

@@ -10,13 +10,28 @@ import numpy as np
 
 from ..path import Path, Samples
 from ..task import Task
+from ..tolerances import TOLERANCES
 from ..trajectory import Measures, Status, Trajectory
 from ..types import Array, Indices, Matrix, Vector
+
+BLOCK = 1024
+"""Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Some steps of a cycle: targets at their ends, their lengths [s], and task rates at starts, middles and ends."""
+
+    position: Matrix
+    rotation: Array
+    h: Vector
+    rates: tuple[Matrix, Matrix, Matrix]
+    margin: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """One cycle of a path in at least `samples` steps. Arrays over the steps are made when first asked for."""
+    """One cycle of a path in at least `samples` steps. Arrays over all steps are made when first asked for."""
 
     path: Path
     task: Task
@@ -45,11 +60,6 @@ class Plan:
         return np.repeat(self.path.durations / self.counts, self.counts)
 
     @cached_property
-    def t(self) -> Vector:
-        """Time at the end of each step [s]."""
-        return self.path.times(self.counts)
-
-    @cached_property
     def position(self) -> Matrix:
         """Wanted positions (steps, 3) at the ends of the steps."""
         return self._ends.position
@@ -72,11 +82,53 @@ class Plan:
     def target(self, step: int, share: float) -> tuple[Vector, Matrix]:
         """Position (3,) and rotation (3, 3) at a share in [0, 1] of a step."""
         if share == 1.0:
-            return self.position[step], self.rotation[step]
-        segment, u0, u1 = self._grid
-        u = u0[step] + share * (u1[step] - u0[step])
-        at = self.path.on(segment[step : step + 1], np.array([u]))
+            block = self._block(step)
+            return block.position[step % BLOCK], block.rotation[step % BLOCK]
+        segment, u0, u1 = self._locate(np.array([step]))
+        at = self.path.on(segment, u0 + share * (u1 - u0))
         return at.position[0], at.rotation[0] @ self.start_rotation
+
+    def ends(self, step: Indices) -> Vector:
+        """Times at the ends of steps [s]."""
+        segment, _, u = self._locate(step)
+        return self.path.starts[segment] + u * self.path.durations[segment]
+
+    def step_rates(self, step: int) -> tuple[float, Vector, Vector, Vector]:
+        """(length [s], task rates x' (m,) at start, middle and end) of a step.
+
+        Raises:
+            SingularityError: the path turns through a singularity of the task's representation there.
+        """
+        block, i = self._block(step), step % BLOCK
+        if not block.margin[i] > TOLERANCES.representation:
+            self.task.check_representation(np.full(self.task.n, np.nan), block.margin[i])
+        x0, x1, x2 = block.rates
+        return float(block.h[i]), x0[i], x1[i], x2[i]
+
+    def _block(self, step: int) -> _Block:
+        first = step - step % BLOCK
+        if first not in self._kept:
+            segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
+            found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
+            turned = [at.rotation @ self.start_rotation for at in found]
+            pairs = zip(found, turned, strict=True)
+            rates, margins = zip(*(self.task.rates_batch(R, at.velocity, at.angular) for at, R in pairs), strict=True)
+            self._kept.clear()
+            h = self.path.durations[segment] / self.counts[segment]
+            self._kept[first] = _Block(found[2].position, turned[2], h, rates, np.min(margins, axis=0))
+        return self._kept[first]
+
+    @cached_property
+    def _kept(self) -> dict[int, _Block]:
+        return {}
+
+    def _locate(self, step: Indices) -> tuple[Indices, Vector, Vector]:
+        """(segment, u_start, u_stop) of steps."""
+        ends = np.cumsum(self.counts)
+        segment = np.searchsorted(ends, step, side="right")
+        count = self.counts[segment]
+        within = step - (ends - self.counts)[segment]
+        return segment, within / count, (within + 1) / count
 
     def rates_at_ends(self) -> Matrix:
         """x' (steps + 1, m) at the start and at the end of each step. Raises: SingularityError."""
@@ -116,14 +168,14 @@ def record(
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
     robot = task.robot
     count, steps = len(q) - 1, plan.steps
-    index = np.arange(count) % steps
     t = np.empty(count + 1)
     t[0] = 0.0
-    for lap in range(-(-count // steps)):
-        here = slice(1 + lap * steps, 1 + min(count, (lap + 1) * steps))
-        t[here] = plan.t[: here.stop - here.start] + lap * plan.path.duration
+    for first in range(0, count, BLOCK):
+        lap, step = np.divmod(np.arange(first, min(first + BLOCK, count)), steps)
+        t[1 + first : 1 + first + len(step)] = plan.ends(step) + lap * plan.path.duration
 
     def error() -> Matrix:
+        index = np.arange(count) % steps
         p = np.vstack([plan.first[0][None], plan.position[index]])
         R = np.concatenate([plan.first[1][None], plan.rotation[index]])
         return task.error_batch(q, p, R)

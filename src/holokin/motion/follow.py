@@ -17,6 +17,7 @@ from ..errors import (
     PathError,
     PathSingularityError,
     SingularityError,
+    SingularityKind,
     StartError,
     TrackingError,
 )  # fmt: skip
@@ -25,14 +26,15 @@ from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
-from .leaf import NativeLeaf, leaf_stepper, native_leaf
+from .leaf import leaf_stepper, native_leaf
+from .native import NativeWalk
 from .reach import out_of_reach
-from .velocity import velocity_stepper
+from .velocity import native_velocity, velocity_stepper
 
 METHODS = ("velocity", "leaf")
 
 NATIVE_FROM = 5_000
-"""Steps from which following by leaf is worth a compiler's second, once."""
+"""Steps from which following is worth a compiler's second, once."""
 
 BLOCK = 10_000
 """Native steps between two looks at the clock and the keyboard."""
@@ -106,7 +108,8 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
     def so_far(status: Status) -> Trajectory:
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
-    fast = native_leaf(strategy, plan, q, limits) if method == "leaf" and total >= NATIVE_FROM else None
+    make = native_leaf if method == "leaf" else native_velocity
+    fast = make(strategy, plan, q, limits) if total >= NATIVE_FROM else None
     native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
@@ -124,7 +127,8 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
             raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
         except (SingularityError, BranchError, TrackingError) as problem:
             where = _where(plan, done)
-            beyond = out_of_reach(plan, q, done % plan.steps, limits)
+            undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
+            beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
             if beyond is not None:
                 fact = (
                     f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no posture comes "
@@ -141,7 +145,7 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
 
 
 def _native_steps(
-    fast: NativeLeaf, plan: Plan, q: Vector, cycles: int, postures: Matrix
+    fast: NativeWalk, plan: Plan, q: Vector, cycles: int, postures: Matrix
 ) -> Iterator[tuple[int, Vector]]:
     """(steps done, posture) after each block of native steps; ends early where they halt, for `stepper` to tell why."""
     done = 0

@@ -14,9 +14,10 @@ import numpy as np
 from ..control import Plan
 from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
 from ..strategy import Strategy
-from ..symbolic import FollowKernel, FollowRules
+from ..symbolic import LeafRules
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector
+from .native import NativeWalk
 
 ALMOST = 1e-7
 """A correction this small squares to round-off in the next step."""
@@ -76,37 +77,15 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
     return lambda q, i: walk(q, lambda share: (*plan.target(i, share), c))
 
 
-class NativeLeaf:
-    """The steps of a plan on the leaf through q0, many in one call of native code; the rules of `leaf_walker`."""
-
-    def __init__(self, strategy: Strategy, plan: Plan, q0: Vector, kernel: FollowKernel, limits: bool) -> None:
-        robot, n = strategy.task.robot, len(q0)
-        p, R = plan.first
-        c = leaf_value(strategy, q0)
-        t = TOLERANCES
-        self._kernel, self._plan = kernel, plan
-        self._x = np.concatenate([q0, p, R.ravel(), c])
-        self._segments = plan.path.table(plan.start_rotation)
-        self._counts = np.array([*plan.counts, 0], dtype=np.int64)
-        self._home = np.concatenate([p, R.ravel()]) if plan.path.closed else None
-        span = np.full(n, np.inf)
-        self._limits = (robot.lower - t.limit, robot.upper + t.limit) if limits else (-span, span)
-        sign = float(np.sign(strategy.leaf_step(q0, p, R, c)[3]))
-        self._rules = FollowRules(t.singular, t.representation, t.contraction, ALMOST, sign, _MOST)
-
-    def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
-        """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""
-        self._x[: len(q)] = q
-        return self._kernel(
-            self._segments, self._counts, self._home, self._x, (first, last), self._limits, TOLERANCES.smallest_step,
-            self._rules, Q,
-        )  # fmt: skip
-
-
-def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeLeaf | None:
-    """The native stepper, or None without a compiler."""
-    kernel = strategy.leaf_step.follower()
-    return None if kernel is None else NativeLeaf(strategy, plan, q0, kernel, limits)
+def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
+    """The same steps as native code, many in one call; None without a compiler."""
+    kernel = strategy.leaf_step.follower("leaf")
+    if kernel is None:
+        return None
+    (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
+    sign = float(np.sign(strategy.leaf_step(q0, p, R, c)[3]))
+    rules = LeafRules(t.singular, t.representation, t.contraction, ALMOST, t.smallest_step, sign, _MOST)
+    return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c]), rules, limits)
 
 
 def leaf_value(strategy: Strategy, q: Vector) -> Vector:

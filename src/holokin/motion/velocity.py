@@ -9,8 +9,10 @@ import numpy as np
 from ..control import Plan, checked_rate, runge_kutta
 from ..errors import TrackingError
 from ..strategy import Strategy
+from ..symbolic import VelocityRules
 from ..tolerances import TOLERANCES
 from ..types import Vector
+from .native import NativeWalk
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
@@ -20,10 +22,9 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
         SingularityError: G is not defined there. TrackingError: the tool lost the path.
     """
     rate, error = checked_rate(strategy), strategy.task.error_function
-    x0, x1, x2 = plan.rates
 
     def step(q: Vector, i: int) -> Vector:
-        new = runge_kutta(rate, q, plan.h[i], x0[i], x1[i], x2[i])
+        new = runge_kutta(rate, q, *plan.step_rates(i))
         p, R = plan.target(i, 1.0)
         off = float(np.abs(error(new, p, R)).max())
         if not off < TOLERANCES.tracking:
@@ -35,3 +36,11 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
         return new
 
     return step
+
+
+def native_velocity(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
+    """The same steps as native code, many in one call; None without a compiler."""
+    kernel, t = strategy.path_rate.follower("velocity"), TOLERANCES
+    if kernel is None:
+        return None
+    return NativeWalk(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,20 @@ import numpy as np
 from ..constraint import Constraint
 from ..errors import ArgumentError, NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
-from ..symbolic import SX, Function, Solution, as_expression, factorise, fmin, jacobian, solution, symbol, vertcat
+from ..symbolic import (
+    SX,
+    Function,
+    Solution,
+    as_expression,
+    fabs,
+    factorise,
+    fmax,
+    fmin,
+    jacobian,
+    solution,
+    symbol,
+    vertcat,
+)
 from ..symbolic.geometry import wrapped
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -27,6 +41,9 @@ from ..types import Array, ArrayLike, Matrix, Vector
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
 
+
+PIECE = 100_000
+"""Postures of a batch that are checked at once."""
 
 Form = Literal["span", "kernel"]
 """How planes are given: as the span of a frame B (n, m), or as the kernel of rows A (r, n)."""
@@ -90,21 +107,29 @@ class Strategy:
             self._check_finite(q)
         return np.reshape(G, (self.task.n, self.task.m))
 
-    def batch(self, Q: ArrayLike) -> Array:
-        """G at many postures, (k, n) -> (k, n, m). Raises: SingularityError naming the first singular one."""
+    def batch(self, Q: ArrayLike, *, threads: int | None = None) -> Array:
+        """G at many postures, (k, n) -> (k, n, m); see `Function.batch` for threads.
+
+        Raises: SingularityError naming the first singular one.
+        """
         Q = np.asarray(Q, dtype=float)
         if Q.ndim != 2 or Q.shape[1] != self.task.n:
             raise ShapeError("a batch of postures", ("k", self.task.n), Q.shape)
-        G, conditioning, margin = self.gain.batch(Q)
-        bad = ~((conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation))
-        if bad.any():
-            i = int(np.argmax(bad))
-            self.check(self.task.robot.checked(Q[i], f"posture {i}"), conditioning[i], margin[i])
-        broken = ~np.isfinite(G.reshape(len(Q), -1)).all(axis=1)
-        if broken.any():
-            i = int(np.argmax(broken))
-            self._check_finite(self.task.robot.checked(Q[i], f"posture {i}"))
-        return G.reshape(len(Q), self.task.n, self.task.m)
+        G = np.empty((len(Q), self.task.n, self.task.m))
+        edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
+        for first, last in pairwise(edges):  # in pieces, so that only G grows
+            figures = np.empty((2, last - first))
+            self.gain.batch(Q[first:last], threads=threads, out=[G[first:last], *figures])
+            conditioning, margin = figures
+            bad = ~((conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation))
+            if bad.any():
+                i = int(np.argmax(bad))
+                self.check(self.task.robot.checked(Q[first + i], f"posture {first + i}"), conditioning[i], margin[i])
+            broken = ~np.isfinite(G[first:last]).all(axis=(1, 2))
+            if broken.any():
+                i = first + int(np.argmax(broken))
+                self._check_finite(self.task.robot.checked(Q[i], f"posture {i}"))
+        return G
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """N_G (n, m): the frame that the strategy was given by, or its canonical one, G itself (theory 1.4)."""
@@ -178,6 +203,22 @@ class Strategy:
         found = e.rate(dx)
         outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
         return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
+
+    @cached_property
+    def path_rate(self) -> Function:
+        """(q, p, R, v, w) -> (dq, conditioning, margin, largest task error): G x' for a tool pose and how it moves.
+
+        x' are the task rates of the pose (p, R) that moves with v and turns with w; the error is that from q to it.
+        """
+        e, task = self.expressions, self.task
+        p, R, v, w = symbol("p", 3), symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
+        found = e.rate(task.rates_expression(R, v, w))
+        error, off = task.error_expression(e.kinematics, p, R), SX(0)
+        for i in range(task.m):
+            off = fmax(off, fabs(error[i]))
+        margin = fmin(self.margin_expression, task.margin_expression(R))
+        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin, "off": off}
+        return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system)
 
     @cached_property
     def constraint_value(self) -> Function:

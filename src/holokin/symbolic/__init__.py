@@ -26,7 +26,7 @@ from .emit import prelude as code_file
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
-from .kernel import LARGEST, FollowKernel, FollowRules, StepKernel
+from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, VelocityRules
 from .linear import Factorisation, Solution, factorise, solution, solve
 from .native import compiler, enabled, engine
 from .qp import NearestPoint
@@ -36,11 +36,12 @@ __all__ = [
     "SX",
     "Factorisation",
     "FollowKernel",
-    "FollowRules",
     "Function",
+    "LeafRules",
     "NearestPoint",
     "Solution",
     "StepKernel",
+    "VelocityRules",
     "as_expression",
     "as_map",
     "atan2",

@@ -7,7 +7,7 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -69,11 +69,13 @@ class Function:
         outs = [_out(result, shape) for result, shape in pairs]
         return outs[0] if len(outs) == 1 else tuple(outs)
 
-    def batch(self, *args: ArrayLike, threads: int | None = None, **named: ArrayLike) -> Any:
+    def batch(
+        self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None, **named: ArrayLike
+    ) -> Any:
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
 
         From NATIVE_FROM samples on by native code, if there is a compiler, on `threads` threads (all by default);
-        it agrees with the virtual machine to round-off.
+        it agrees with the virtual machine to round-off. `out`: C-contiguous arrays (k, *shape) for the results.
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
@@ -92,7 +94,9 @@ class Function:
             value if value.ndim == len(shape) + 1 else np.broadcast_to(value, (count, *shape))
             for value, (_, shape) in zip(values, shapes, strict=True)
         ]
-        results = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
+        if out is None:
+            out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
+        results = [array.reshape(count, *s) for array, s in zip(out, self.output_shapes.values(), strict=True)]
         kernel = self._native() if count >= NATIVE_FROM else None
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
@@ -132,8 +136,8 @@ class Function:
         self._kept.append(port)
         return port.trigger, port.arguments, port.results
 
-    def follower(self) -> FollowKernel | None:
-        """The loop of following a path by this Newton step, as native code; None where there can be none."""
+    def follower(self, method: str) -> FollowKernel | None:
+        """The loop of following a path by this function, see `FollowKernel`; None where there can be none."""
         from .kernel import LARGEST, FollowKernel
         from .native import enabled
 
@@ -141,7 +145,7 @@ class Function:
             return None
         if self._follower is None:
             try:
-                self._follower = FollowKernel(self.program, *self._shapes)
+                self._follower = FollowKernel(self.program, *self._shapes, method)
             except NativeError as problem:
                 logging.getLogger("holokin").warning("%s", problem)
         return self._follower

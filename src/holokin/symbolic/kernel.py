@@ -29,17 +29,24 @@ LONG = 3_000
 """Operations from which a compiler is told to take it easy: one second instead of seven for 5,700 of them."""
 
 
-class FollowRules(ctypes.Structure):
-    """hk_rules: when a Newton step is accepted; see the tolerances."""
+class LeafRules(ctypes.Structure):
+    """hk_rules of newton.c and follow.c: when a Newton step is accepted; see the tolerances."""
 
     _fields_ = (
         ("singular", ctypes.c_double),
         ("representation", ctypes.c_double),
         ("contraction", ctypes.c_double),
         ("almost", ctypes.c_double),
+        ("smallest", ctypes.c_double),
         ("sign", ctypes.c_double),
         ("most", ctypes.c_int),
     )
+
+
+class VelocityRules(ctypes.Structure):
+    """hk_rules of velocity.c: when a posture is sound, and when the tool has lost the path."""
+
+    _fields_ = (("singular", ctypes.c_double), ("representation", ctypes.c_double), ("tracking", ctypes.c_double))
 
 
 class BatchKernel:
@@ -83,25 +90,33 @@ class BatchKernel:
 
 
 class FollowKernel:
-    """hk_follow of a Newton step (q, p, R, c) -> (dq, conditioning, margin, det): a path on a leaf, in one call."""
+    """hk_follow: many steps along a path in one call.
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
+    "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, det). "velocity": by Runge-Kutta steps of
+    (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
+    """
+
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, method: str) -> None:
         head = f"#define HK_N {inputs[0][0]}\n"
-        code = source(SCALAR, head, body(made, inputs, outputs, "hk_leaf_body"), "path.c", "newton.c", "follow.c")
+        drivers = {"leaf": ("hk_leaf_body", "newton.c", "follow.c"), "velocity": ("hk_rate_body", "velocity.c")}
+        name, *files = drivers[method]
+        code = source(SCALAR, head, body(made, inputs, outputs, name), "path.c", *files)
         self._library = library(code, long=made.instructions > LONG)
         self._run: Any = self._library.hk_follow
-        self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 2
-        self._run.argtypes += [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p]
+        self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._run.restype = ctypes.c_longlong
 
     def __call__(
         self, segments: Array, counts: Indices, home: Array | None, x: Array, steps: tuple[int, int],
-        limits: tuple[Array, Array], smallest: float, rules: FollowRules, Q: Array,
+        limits: tuple[Array, Array], rules: ctypes.Structure, Q: Array,
     ) -> int:  # fmt: skip
-        """Do the steps [first, last) of a cycle into the rows of Q, from the posture in x; returns how many it did."""
+        """Do the steps [first, last) of a cycle into the rows of Q; returns how many it did.
+
+        x begins with the posture to start from; for "leaf" it is (q, p, R, c).
+        """
         return self._run(
             segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,
-            *steps, limits[0].ctypes.data, limits[1].ctypes.data, smallest, ctypes.addressof(rules), Q.ctypes.data,
+            *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
         )  # fmt: skip
 
 

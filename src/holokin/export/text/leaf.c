@@ -31,6 +31,7 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   rules.representation = HK_C(HK_REPRESENTATION);
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
+  rules.smallest = HK_C(1); /* steps are not halved here */
   rules.sign = y[HK_N + 2] > HK_C(0) ? HK_C(1) : HK_C(-1);
   rules.most = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return ${NAME}_SINGULAR;

@@ -1,7 +1,7 @@
 /* Steps `first` to `last` of one cycle whose segments have counts[] steps; Q (.., HK_N) gets a row a step.
    Returns the steps done; x keeps the posture (and p, R, c) there. Fewer than asked: the leaf ended, or a limit. */
 long long hk_follow(const hk_segment *segments, const long long *counts, const double *home, double *x, long long first,
-                    long long last, const double *lower, const double *upper, double smallest, const hk_rules *rules, double *Q) {
+                    long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
   int s = 0;
   long long before = 0, total = 0;
   for (int i = 0; counts[i] > 0; i++) total += counts[i];
@@ -18,7 +18,7 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
       if (hk_newton(x, rules)) {
         share = goal;
         width *= 2.0;
-      } else if ((width *= 0.5) < smallest)
+      } else if ((width *= 0.5) < rules->smallest)
         return k - first;
     }
     for (int i = 0; i < HK_N; i++) {

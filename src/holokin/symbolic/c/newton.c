@@ -1,7 +1,7 @@
 /* Newton on [f(q) - x; g(q) - c], never jumping to another branch: the rules of motion/leaf.py. hk_leaf_body takes
    (q, p, R, c) and gives (dq, conditioning, margin, det). */
 typedef struct {
-  hk_t singular, representation, contraction, almost, sign;
+  hk_t singular, representation, contraction, almost, smallest, sign;
   int most;
 } hk_rules;
 

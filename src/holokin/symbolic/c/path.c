@@ -1,6 +1,6 @@
 /* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
 typedef struct {
-  double center[3], x[3], y[3], angle, v[3], turn[3], rotation[9];
+  double center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
 } hk_segment;
 
 static void hk_target(const hk_segment *s, double u, double *p, double *R) {

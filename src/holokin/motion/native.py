@@ -1,0 +1,33 @@
+"""Following a plan by native code: many steps in one call, the same as those of the Python steppers."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from ..control import Plan
+from ..symbolic import FollowKernel
+from ..tolerances import TOLERANCES
+from ..types import Matrix, Vector
+
+
+class NativeWalk:
+    """A kernel on its way along a plan; `x` is its memory, which begins with the posture."""
+
+    def __init__(self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool) -> None:
+        robot, n, slack = plan.task.robot, plan.task.n, TOLERANCES.limit
+        p, R = plan.first
+        self._kernel, self._x, self._rules = kernel, x, rules
+        self._segments = plan.path.table(plan.start_rotation)
+        self._counts = np.array([*plan.counts, 0], dtype=np.int64)
+        self._home = np.concatenate([p, R.ravel()]) if plan.path.closed else None
+        span = np.full(n, np.inf)
+        self._limits = (robot.lower - slack, robot.upper + slack) if limits else (-span, span)
+
+    def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
+        """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""
+        self._x[: len(q)] = q
+        return self._kernel(
+            self._segments, self._counts, self._home, self._x, (first, last), self._limits, self._rules, Q
+        )

@@ -1,0 +1,123 @@
+"""Loops along paths: native code and Python take the same steps, halt at the same place, and keep nothing."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.errors import LimitReachedError, OutOfReachError, PathError, PathSingularityError
+from holokin.symbolic import function as function_module
+from holokin.symbolic import native
+from test_native import FOLLOW
+
+Patch = pytest.MonkeyPatch
+compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
+POINT = hk.load("panda").pose(PANDA_START)[:3, 3]
+CORNERS = POINT + np.array([[0, 0, 0], [0, 0.08, 0], [0, 0.08, 0.08], [0, 0, 0]])
+TURNS = np.array([[0.3, 0, 0], [0, 0, 0], [-0.3, 0, 0]])
+TASKS = {"twist": hk.pose, "rpy": lambda r: hk.pose(r, "rpy"), "position": hk.position}
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
+
+
+def both(run: Callable[[], object], monkeypatch: Patch) -> list:
+    """What `run` gives by native code and by Python; an error counts as what it gives."""
+    out: list = []
+    for native_from in (1, 10**9):
+        monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+        try:
+            out.append(run())
+        except PathError as problem:
+            out.append(problem)
+    return out
+
+
+@compiled
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("path", [hk.circle(POINT, POINT - [0.1, 0, 0]), hk.polyline(CORNERS, turns=TURNS)])
+def test_velocity_takes_the_same_steps(name: str, path: hk.Path, monkeypatch: Patch) -> None:
+    strategy = hk.moore_penrose(TASKS[name](hk.load("panda")))
+    ours, theirs = both(lambda: hk.follow(strategy, path, PANDA_START, samples=150, cycles=2), monkeypatch)
+    assert np.abs(ours.q - theirs.q).max() < 1e-14
+    assert np.array_equal(ours.t, theirs.t)
+    assert np.abs(theirs.drift()).max() > 1e-3
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("path", "error"),
+    [
+        (hk.line(POINT, POINT + [2.0, 0, 0]), OutOfReachError),
+        (hk.line(POINT, POINT - [0.35, 0, 0.2]), LimitReachedError),
+    ],
+)
+def test_velocity_halts_where_python_does(path: hk.Path, error: type[Exception], monkeypatch: Patch) -> None:
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
+    ours, theirs = both(lambda: hk.follow(strategy, path, PANDA_START, samples=300, method="velocity"), monkeypatch)
+    assert type(ours) is type(theirs) is error
+    assert str(ours) == str(theirs)
+    assert np.abs(ours.trajectory.q - theirs.trajectory.q).max() < 1e-12
+    assert len(ours.trajectory) > 20
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_done(
+    native_from: int, monkeypatch: Patch
+) -> None:
+    """The pitch grows to 90 degrees at nine tenths of the path."""
+    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    robot = hk.load("panda")
+    q0 = PANDA_START
+    strategy = hk.moore_penrose(hk.pose(robot, "rpy"))
+    R = robot.pose(q0)[:3, :3]
+    pitch, yaw = np.arcsin(-R[2, 0]), np.arctan2(R[1, 0], R[0, 0])
+    axis = np.array([-np.sin(yaw), np.cos(yaw), 0.0])  # about the line of nodes the pitch alone changes
+    path = hk.polyline([POINT, POINT + [1e-3, 0, 0]], turns=[axis * (np.pi / 2 - pitch) / 0.9])
+    with pytest.raises(PathSingularityError, match="representation") as caught:
+        hk.follow(strategy, path, q0, samples=100, limits=False)
+    assert len(caught.value.trajectory) == 90
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+@pytest.mark.parametrize("method", ["leaf", "velocity"])
+def test_following_allocates_its_outputs_and_no_more(method: str, native_from: int, monkeypatch: Patch) -> None:
+    """q and t: 64 bytes a sample; targets and rates are made in blocks."""
+    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
+    loop = hk.circle(POINT, POINT - [0.1, 0, 0])
+    short, long = (20_000, 60_000) if native_from == 1 else (3_000, 7_000)
+    peaks = []
+    hk.follow(strategy, loop, PANDA_START, samples=100, method=method)
+    for samples in (short, long):
+        tracemalloc.start()
+        walk = hk.follow(strategy, loop, PANDA_START, samples=samples, method=method)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert len(walk) == samples + 1
+    assert (peaks[1] - peaks[0]) / (long - short) < 1.1 * 8 * 8
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+def test_a_batch_allocates_its_outputs_and_no_more(native_from: int, monkeypatch: Patch) -> None:
+    monkeypatch.setattr(function_module, "NATIVE_FROM", native_from)
+    monkeypatch.setattr("holokin.strategy.base.PIECE", 2_000)
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
+    strategy.batch(np.tile(PANDA_START, (300, 1)))
+    peaks = []
+    for count in (10_000, 30_000):
+        Q = PANDA_START + np.random.default_rng(0).uniform(-0.1, 0.1, (count, 7))
+        tracemalloc.start()
+        G = strategy.batch(Q)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert G[count // 2] == pytest.approx(strategy(Q[count // 2]), rel=1e-11)
+    assert (peaks[1] - peaks[0]) / 20_000 < 1.02 * 8 * 42
