@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -233,6 +234,21 @@ def test_cmake_builds_and_tests_it(written: Exported, tmp_path: Path) -> None:
     for command in (["cmake", "-S", str(written.folder), "-B", build], ["cmake", "--build", build]):
         subprocess.run(command, check=True, capture_output=True, timeout=300)
     subprocess.run(["ctest", "--test-dir", build], check=True, capture_output=True, timeout=300)
+
+
+@compiled
+def test_the_documented_loop_comes_home(tmp_path: Path, holokin: Command) -> None:
+    """The C of docs/export.md, as it stands there, and what it prints."""
+    page = (Path(__file__).parents[1] / "docs" / "export.md").read_text("utf-8")
+    code, printed = re.search(r"```c\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL).groups()
+    (tmp_path / "loop.c").write_text(code)
+    folder = tmp_path / "panda-c"
+    assert holokin("export", "c", "panda-circle", "--strategy", "lock-3", "--out", folder).code == 0
+    sources = [str(tmp_path / "loop.c"), str(folder / "panda_lock_3.c")]
+    loop = str(tmp_path / "loop")
+    subprocess.run(["cc", "-std=c99", "-O2", f"-I{folder}", *sources, "-o", loop, "-lm"], check=True, timeout=300)
+    done = subprocess.run([loop], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, printed.strip())
 
 
 # --- what cannot be exported ---

@@ -73,6 +73,7 @@ from .control import (
     repetitive_motion,
 )
 from .errors import HolokinError
+from .export import Exported, export_c
 from .motion import (
     Drift,
     InverseKinematics,
@@ -119,6 +120,7 @@ __all__ = [
     "Deviation",
     "Drift",
     "DriftFree",
+    "Exported",
     "Filtration",
     "Finding",
     "Forecast",
@@ -166,6 +168,7 @@ __all__ = [
     "drift",
     "drift_free",
     "drive",
+    "export_c",
     "filtration",
     "fitted",
     "follow",
