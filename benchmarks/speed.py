@@ -3,8 +3,9 @@
     python -m benchmarks.speed            # needs: pip install -e ".[rivals]" and a C compiler
 
 All in one run on one machine, Panda, pose task, the same circle: one control step called from Python, ours with
-feedback to the path and to the leaf, native and by the virtual machine, beside pink, mink, placo and
-Pinocchio with NumPy's pinv. The C floor is a bare scalar C loop over our generated step.
+feedback to the path and to the leaf, native and by the virtual machine, beside pink, mink, placo, Pinocchio and
+roboticstoolbox with NumPy's pinv. The C floor is a bare scalar C loop over our generated step. Then loops in C,
+memory, and growth with the joints.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import os
 import platform
 import tempfile
 import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,13 +24,13 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.drift import versions
+from benchmarks.growth import START, Growth, environment, growth, growth_page
 from holokin.analysis.curvature import curvature_function
 from holokin.control import Controller, PostureTask, drive, mink_controller, pink_controller, placo_controller
 from holokin.errors import MissingExtraError
 from holokin.symbolic.native import engine, library
 from holokin.symbolic.source import step_source
 
-START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]
 LOOP = """
@@ -68,28 +70,14 @@ def c_floor(servo: hk.Servo, pose: np.ndarray, dx: np.ndarray) -> tuple[float, f
 
 def without_compiler(make: Callable[[], hk.Servo]) -> hk.Servo:
     """A servo on the virtual machine."""
-    before = os.environ.get("HOLOKIN_NATIVE")
-    os.environ["HOLOKIN_NATIVE"] = "0"
-    try:
+    with environment(HOLOKIN_NATIVE="0"):
         return make()
-    finally:
-        os.environ.pop("HOLOKIN_NATIVE") if before is None else os.environ.__setitem__("HOLOKIN_NATIVE", before)
 
 
 def first_use(make: Callable[[], hk.Servo]) -> tuple[float, float]:
     """Seconds to build, compile and load a new strategy, and again from the cache."""
-    before = os.environ.get("HOLOKIN_CACHE")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["HOLOKIN_CACHE"] = folder
-        try:
-            times = []
-            for _ in range(2):
-                begin = time.perf_counter()
-                make()
-                times.append(time.perf_counter() - begin)
-        finally:
-            os.environ.pop("HOLOKIN_CACHE") if before is None else os.environ.__setitem__("HOLOKIN_CACHE", before)
-    return times[0], times[1]
+    with tempfile.TemporaryDirectory() as folder, environment(HOLOKIN_CACHE=folder):
+        return _seconds(make), _seconds(make)
 
 
 def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
@@ -102,6 +90,7 @@ def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
             out.append((name, make(robot, PostureTask(1e-3))))
         except MissingExtraError as problem:
             out.append((name, str(problem)))
+    out.append(("roboticstoolbox + pinv", _roboticstoolbox()))
     try:
         import pinocchio as pin
     except ImportError:
@@ -118,6 +107,44 @@ def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
         return la.pinv(J) @ (twist + 100.0 * e)
 
     return [*out, ("Pinocchio + pinv", Controller("Pinocchio + pinv", lambda _q0: law))]
+
+
+def _roboticstoolbox() -> Controller | str:
+    """Its own Panda, whose hand is elsewhere: for the time alone."""
+    try:
+        import roboticstoolbox as rtb
+    except ImportError:
+        return "not installed"
+    arm = rtb.models.Panda()
+
+    def law(q, pose, twist, dt):
+        e, _ = rtb.angle_axis(arm.fkine(q).A, pose), dt
+        return np.linalg.pinv(arm.jacob0(q)) @ (twist + 100.0 * e)
+
+    return Controller("roboticstoolbox + pinv", lambda _q0: law)
+
+
+def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str, float, int]]:
+    """(what, bytes allocated at the peak for each further sample, bytes of the outputs for each)."""
+
+    def slope(run: Callable[[int], object], low: int, high: int) -> float:
+        peaks = []
+        run(low)
+        for count in (low, high):
+            tracemalloc.start()
+            run(count)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        return (peaks[1] - peaks[0]) / (high - low)
+
+    low, high = 100_000, int(100_000 + 200_000 * max(scale, 0.5))
+    Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (2 * high, 7))
+
+    def follow(method: str) -> Callable[[int], object]:
+        return lambda k: hk.follow(strategy, loop, START, samples=k, method=method)
+
+    out = [(f"`follow` by {method}", slope(follow(method), low, high), 8 * 8) for method in ("leaf", "velocity")]
+    return [*out, ("`G.batch`", slope(lambda k: strategy.batch(Q[:k]), 2 * low, 2 * high), 8 * 42)]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -154,15 +181,29 @@ def main(arguments: list[str] | None = None) -> int:
     samples = int(100_000 * max(scale, 0.06))
     hk.follow(strategy, loop, START, samples=samples)
     follow = min(_seconds(lambda: hk.follow(strategy, loop, START, samples=samples)) for _ in range(3)) / samples
+
+    def integrate() -> object:
+        return hk.follow(strategy, loop, START, samples=samples, method="velocity")
+
+    integrate()
+    velocity = min(_seconds(integrate) for _ in range(3)) / samples
     count = int(1_000_000 * max(scale, 0.06))
     Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (count, 7))
-    gain, planes = strategy.gain, curvature_function(strategy)
-    gain.batch(Q, threads=1), planes.batch(Q[: count // 10], threads=1)
-    batch = min(_seconds(lambda: gain.batch(Q, threads=1)) for _ in range(3)) / count
+    planes = curvature_function(strategy)
+    strategy.batch(Q, threads=1), planes.batch(Q[: count // 10], threads=1)
+    batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
     curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
     cold, warm = first_use(make)
     check = drive(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
-    text = page(rows, floor, follow, batch, curved, cold, warm, left_out, samples, count, check.tracking_error())
+    loops = [
+        (f"`follow` by leaf, circle of {samples:,} samples", follow),
+        (f"`follow` by velocity (five evaluations), {samples:,} samples", velocity),
+        (f"`G.batch`, {count:,} postures", batch),
+        ("curvature of all 15 planes", curved),
+    ]
+    kept = memory(strategy, loop, scale)
+    grown = growth(median_and_p99, given.quick)
+    text = page(rows, floor, loops, kept, (cold, warm), left_out, check.tracking_error(), *grown)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "speed.md").write_text(text, "utf-8")
     print(text)
@@ -175,7 +216,11 @@ def _seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-def page(rows, floor, follow, batch, curved, cold, warm, left_out, samples, count, tracking) -> str:
+def page(
+    rows: list[tuple[str, float, float]], floor: float, loops: list[tuple[str, float]],
+    kept: list[tuple[str, float, int]], first: tuple[float, float], left_out: list[str], tracking: float,
+    grown: list[Growth], both: list[Growth],
+) -> str:  # fmt: skip
     """docs/speed.md."""
     ours = next(t for name, t, _ in rows if name == "holokin, native")
     lines = [
@@ -195,12 +240,15 @@ def page(rows, floor, follow, batch, curved, cold, warm, left_out, samples, coun
         "",
         "| loops in C | a sample, one core | in C floors |",
         "|---|---:|---:|",
-        f"| `follow` by leaf, circle of {samples:,} samples | {1e6 * follow:.3g} us | {follow / floor:.3g} |",
-        f"| `G.batch`, {count:,} postures | {1e6 * batch:.3g} us | {batch / floor:.3g} |",
-        f"| curvature of all 15 planes | {1e6 * curved:.3g} us | {curved / floor:.3g} |",
+        *(f"| {what} | {1e6 * t:.3g} us | {t / floor:.3g} |" for what, t in loops),
         "",
-        f"First use of a new strategy (build, compile, load): {cold:.2f} s; later, from the cache: {warm:.3f} s.",
+        "| memory | bytes allocated for each further sample, at the peak | bytes of its outputs |",
+        "|---|---:|---:|",
+        *(f"| {what} | {found:.4g} | {wanted} |" for what, found, wanted in kept),
+        "",
+        f"First use of a strategy (build, compile, load) {first[0]:.2f} s; later, from the cache, {first[1]:.3f} s.",
         f"The step followed the circle in a loop of 0.01 s to {1e3 * tracking:.2g} mm.",
+        *growth_page(grown, both),
     ]
     if left_out:
         lines += ["\nLeft out: " + "; ".join(left_out) + "."]

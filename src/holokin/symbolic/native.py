@@ -106,7 +106,7 @@ def library(source: str, *, fast: bool = False, long: bool = False, includes: tu
     chosen = compiler()
     if chosen is None:
         raise NativeError("no C compiler was found")
-    flags = _flags(fast, long, includes)
+    flags = _flags(chosen, fast, long, includes)
     key = hashlib.sha256(
         "\0".join([source, chosen.version, *chosen.command, *flags, _processor()]).encode()
     ).hexdigest()
@@ -125,7 +125,7 @@ def path_of(loaded: ctypes.CDLL) -> Path:
     return Path(loaded._name)
 
 
-def _flags(fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
+def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
     flags = [
         "-std=gnu99",
         "-O1" if long else "-O2",
@@ -135,8 +135,8 @@ def _flags(fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]
         "-fopenmp-simd",
         f"-ffp-contract={'fast' if fast else 'off'}",
     ]
-    if long:  # two passes of GCC that take time with the square of the length; Clang skips what it does not know
-        flags += ["-fno-tree-dse", "-fno-tree-fre", "-Wno-ignored-optimization-argument"]
+    if long and "clang" not in chosen.version.lower():  # two passes that take time with the square of the length
+        flags += ["-fno-tree-dse", "-fno-tree-fre"]
     flags += [] if sys.platform == "win32" else ["-fPIC"]
     flags += ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
     if platform.machine().lower() in ("x86_64", "amd64"):
