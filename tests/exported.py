@@ -51,7 +51,7 @@ static void expect(int status, const NAME_real *out, int count) {
     if (status >= NAME_SINGULAR && (out[i] < 0 || out[i] > 0 || !(out[i] - out[i] == 0))) wrong++;
     if (!(out[i] - out[i] == 0)) wrong++;
   }
-  if (status < NAME_IMPRECISE || status > NAME_NOT_CONVERGED) wrong++;
+  if (status < NAME_IMPRECISE || status > NAME_BAD_HOLD) wrong++;
 }
 int main(void) {
   long statuses[8] = {0};
@@ -83,7 +83,7 @@ LEAF = """
     for (int i = 0; i < NAME_R; i++) c[i] = g[i] + (NAME_real)draw(0.01);
     expect(NAME_leaf_step(q, target, c, dq), dq, NAME_N);
     for (int i = 0; i < NAME_N; i++) before[i] = q[i];
-    if (NAME_inverse(q, target, c, 12) > NAME_OK)
+    if (NAME_inverse(q, target, c, 12) > NAME_LIMIT)
       for (int i = 0; i < NAME_N; i++)
         if (!(q[i] - q[i] == 0 ? q[i] <= before[i] && q[i] >= before[i] : before[i] - before[i] != 0)) wrong++;
 """
@@ -93,7 +93,7 @@ LEAF = """
 def program(written: Exported, text: str, folder: Path, *flags: str, leaf: str = "") -> Path:
     """The program of a text whose NAME and LEAF are replaced, built with the library by gcc's rules."""
     code = text.replace("LEAF\n", leaf).replace("NAME_", "@").replace("NAME", written.name)
-    upper = ("N", "M", "R", "TARGET", "SINGULAR", "IMPRECISE", "NOT_CONVERGED", "OK")
+    upper = ("N", "M", "R", "TARGET", "SINGULAR", "IMPRECISE", "BAD_HOLD", "LIMIT", "OK")
     for word in sorted(upper, key=len, reverse=True):
         code = code.replace(f"@{word}", f"{written.name.upper()}_{word}")
     source = folder / "program.c"

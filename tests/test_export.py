@@ -15,7 +15,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, assert_untouched
 from exported import LEAF, ON_ANYTHING, STRICT, program, rates
-from holokin.errors import ArgumentError, NativeError, SingularityError
+from holokin.errors import ArgumentError, ExportError, SingularityError
 from holokin.export import Exported, c_name, check, export_c
 from holokin.job import job_strategy, open_job, packaged_jobs
 from holokin.symbolic import native
@@ -53,8 +53,8 @@ def test_every_packaged_strategy_passes_its_self_test(job: str, label: str, holo
     outcome = holokin("export", "c", job, "--strategy", label, "--out", folder, "--check")
     assert outcome.code == 0
     assert outcome.out.count("passed") == 2
-    assert {f.name for f in folder.iterdir()} >= {"selftest.c", "CMakeLists.txt", "README.md"}
-    assert "$" not in "".join((folder / name).read_text() for name in ("README.md", "selftest.c"))
+    assert {f.name for f in folder.iterdir()} >= {"CMakeLists.txt", "README.md"}
+    assert "$name" not in "".join((folder / name).read_text() for name in ("README.md", "CMakeLists.txt"))
 
 
 @compiled
@@ -66,8 +66,42 @@ def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
     code = (tmp_path / "ppr.c").read_text()
     assert "const hk_t v10 =" in code
     (tmp_path / "ppr.c").write_text(code.replace("const hk_t v10 =", "const hk_t v10 = HK_C(1e-11) +", 1))
-    with pytest.raises(NativeError, match="self-test in double failed"):
+    with pytest.raises(ExportError, match="self-test in double failed"):
         check(made)
+
+
+@compiled
+@pytest.mark.parametrize("orientation", ["zyz", "rotation-vector"])
+def test_arguments_that_are_not_needed_must_be_finite_too(orientation: str, holokin: Command, tmp_path: Path) -> None:
+    """ZYZ angles read five of the nine numbers of a rotation; the self-test spoils each argument in turn."""
+    arguments = ("orientation", "--strategy", "one-H", "--orientation", orientation, "--out", tmp_path, "--check")
+    assert holokin("export", "c", *arguments).code == 0
+
+
+@compiled
+def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
+    made = export_c(sew(), tmp_path, start=PANDA_START, name="law", vectors_count=3)
+    code = (tmp_path / "law.c").read_text()
+    (tmp_path / "law.c").write_text(
+        code.replace("out[i] = sound ? y[i] :", "out[i] = i == 0 ? HK_NAN : sound ? y[i] :")
+    )
+    with pytest.raises(ExportError, match="self-test in double failed"):
+        check(made)
+
+
+@compiled
+@pytest.mark.parametrize("n", [7, 40])
+def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path) -> None:
+    """A badly scaled constraint, and forty joints, whose det [J; J_g] is no number in single precision."""
+    if n == 7:
+        strategy, start = hk.holonomic(hk.pose(hk.load("panda")), hk.linear([50, 0, 50, 0, 0, 0, 0])), PANDA_START
+    else:
+        rows = 0.05 * np.random.default_rng(0).normal(size=(n - 2, n))
+        start = np.random.default_rng(1).uniform(-0.5, 0.5, n)
+        strategy = hk.holonomic(hk.position(chain(n)), hk.linear(rows))
+    double, single = check(export_c(strategy, tmp_path, start=start, name="law", vectors_count=16))
+    assert "16 vectors" in double
+    assert " 0 vectors" not in single
 
 
 @compiled
@@ -173,6 +207,13 @@ def test_its_inverse_kinematics_comes_home_from_a_loop(
     target[0, 3] += 1.0
     assert c_code.panda_sew_inverse(*at(q, target, leaf), 12) == 5
     assert np.array_equal(q, before)
+    end = strategy.task.robot.upper[6] - 0.01
+    q[6], turn = end, np.eye(4)
+    turn[:2, :2] = [[np.cos(0.05), -np.sin(0.05)], [np.sin(0.05), np.cos(0.05)]]
+    target = robot.pose(q) @ turn  # about the last joint's axis
+    assert c_code.panda_sew_inverse(*at(q, target, leaf), 12) == 2
+    assert robot.pose(q) == pytest.approx(target, abs=1e-12)
+    assert q[6] == pytest.approx(end + 0.05)
 
 
 @compiled
@@ -197,6 +238,11 @@ def test_its_step_is_the_controllers(written: Exported, tmp_path: Path, monkeypa
             assert (status, scale[0]) == (servo.status, servo.scale)
             seen.add(status)
     assert seen >= {0, 1}
+    for k, bad in ((1, 0.0), (1, -1e-3), (1, np.nan), (2, -1.0), (2, 2100.0), (3, np.inf)):
+        odd = hold.copy()
+        odd[k] = bad
+        assert c_code.panda_sew_step(*at(q, strategy.task.robot.pose(q), np.ones(6), odd, dq, scale)) == 6
+        assert not dq.any()
 
 
 @compiled
@@ -256,16 +302,20 @@ def test_the_documented_loop_comes_home(tmp_path: Path, holokin: Command) -> Non
 
 def test_the_command_refuses_in_one_sentence(holokin: Command, out: Path) -> None:
     for arguments, words in (
-        (("panda-circle",), ("strategy of", "lock-3")),
+        (("panda-circle",), ("name one of the job's", "lock-3")),
+        (("paper", "--strategy", "lock-3"), ("stands for several", "ppr-cycle")),
         (("panda-circle", "--strategy", "lock-4"), ("lock-4", "did you mean 'lock-3'")),
         (("nothing", "--strategy", "x"), ("nothing",)),
         (("panda-circle", "--strategy", "lock-3", "--name", "7-lock"), ("C name",)),
+        (("panda-circle", "--strategy", "lock-3", "--name", "math"), ("C name",)),
+        (("panda-circle", "--strategy", "lock-3", "--name", ""), ("C name",)),
         (("panda-circle", "--strategy", "lock-3", "--dt", "-1"), ("dt",)),
+        (("panda-circle", "--strategy", "lock-3", "--dt", "1e-7"), ("dt",)),
         (("panda-circle", "--strategy", "lock-3", "--orientation", "zyz"), ("zyz", "twist")),
     ):
         assert_refused(holokin("export", "c", *arguments, "--out", out), *words)
         assert_untouched(out)
-    (out / "README.md").write_text("# My own\n")
+    (out / "README.md").write_text("# My own\n\nIt uses holokin.\n")
     assert_refused(holokin("export", "c", "panda-circle", "--strategy", "lock-3", "--out", out), "README.md", "choose")
     assert sorted(f.name for f in out.iterdir()) == ["README.md", "mine.txt"]
 
@@ -276,6 +326,8 @@ def test_an_export_over_an_older_one_replaces_it(tmp_path: Path) -> None:
     assert first.files == again.files
     assert "hold->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(again.files)
+    with pytest.raises(ArgumentError, match="another export"):
+        export_c(sew(), tmp_path, start=PANDA_START, name="other")
 
 
 def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:

@@ -81,9 +81,9 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
         one = getattr(numbers, name)(*(value[0] if len(value) == 600 else value for value in arguments))
         for a, b in zip(one, theirs, strict=True):
             assert np.abs(a - b[0]).max() < 1e-11 * max(1.0, np.abs(b[0]).max())
-    det = numbers.leaf_step.batch(Q, p, R, c)[3]
+    side = numbers.leaf_step.batch(Q, p, R, c)[3]
     A = np.concatenate([written.task.jacobian_batch(Q)[0], np.array([written.rows(q) for q in Q])], axis=1)
-    assert det == pytest.approx(np.linalg.det(A), rel=1e-9)
+    assert np.array_equal(side, np.sign(np.linalg.det(A)))
 
 
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
@@ -130,7 +130,7 @@ def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
     solve_numbers(A, B, X, figures)
     for i in range(5):
         assert A[..., i] @ X[..., i] == pytest.approx(B[..., i])
-        assert figures[1, i] == pytest.approx(np.linalg.det(A[..., i]))
+        assert figures[1, i] == np.sign(np.linalg.det(A[..., i]))
 
 
 def test_the_code_of_sixty_joints_stays_short() -> None:

@@ -235,8 +235,10 @@ def export_c(
     Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
     """
     from .export import check as build_and_run
-    from .job import export_job, open_job
+    from .job import expand, export_job, open_job
 
+    if expand([job]) != [job]:
+        raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
     written = export_job(*open_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
     for file in written.files:
         typer.echo(f"wrote {out / file}")

@@ -271,7 +271,15 @@ class NativeError(HolokinError):
     """Native code that could not be made or loaded."""
 
     def __init__(self, fact: str) -> None:
+        self.fact = fact
         super().__init__(f"{fact}; everything works without native code too: set HOLOKIN_NATIVE=0")
+
+
+class ExportError(HolokinError):
+    """A strategy that cannot be written as C, or whose C failed its self-test."""
+
+    def __init__(self, fact: str, cure: str) -> None:
+        super().__init__(f"{fact}; {cure}")
 
 
 class MissingExtraError(HolokinError):

@@ -57,6 +57,12 @@ typedef float hk_t;
 #define HK_SINH(x) HK_F(sinh)(x)
 #define HK_COSH(x) HK_F(cosh)(x)
 #define HK_TANH(x) HK_F(tanh)(x)
+#define HK_ASINH(x) HK_F(asinh)(x)
+#define HK_ACOSH(x) HK_F(acosh)(x)
+#define HK_ATANH(x) HK_F(atanh)(x)
+#define HK_ERF(x) HK_F(erf)(x)
+#define HK_LOG1P(x) HK_F(log1p)(x)
+#define HK_EXPM1(x) HK_F(expm1)(x)
 #define HK_FLOOR(x) HK_F(floor)(x)
 #define HK_CEIL(x) HK_F(ceil)(x)
 #define HK_FABS(x) HK_F(fabs)(x)
@@ -68,14 +74,14 @@ typedef float hk_t;
 #define HK_FMAX(a, b) ((a) > (b) ? (a) : (b))
 #define HK_LT(a, b) ((a) < (b) ? HK_C(1) : HK_C(0))
 #define HK_LE(a, b) ((a) <= (b) ? HK_C(1) : HK_C(0))
-#define HK_EQ(a, b) (!((a) < (b)) && !((a) > (b)) ? HK_C(1) : HK_C(0))
-#define HK_NE(a, b) ((a) < (b) || (a) > (b) ? HK_C(1) : HK_C(0))
-#define HK_TRUE(a) ((a) < HK_C(0) || (a) > HK_C(0))
+#define HK_EQ(a, b) ((a) == (b) ? HK_C(1) : HK_C(0))
+#define HK_NE(a, b) ((a) != (b) ? HK_C(1) : HK_C(0))
+#define HK_TRUE(a) ((a) != HK_C(0))
 #define HK_NOT(a) (HK_TRUE(a) ? HK_C(0) : HK_C(1))
 #define HK_AND(a, b) (HK_TRUE(a) && HK_TRUE(b) ? HK_C(1) : HK_C(0))
 #define HK_OR(a, b) (HK_TRUE(a) || HK_TRUE(b) ? HK_C(1) : HK_C(0))
 #define HK_IF(c, a) (HK_TRUE(c) ? (a) : HK_C(0))
-#define HK_SIGN(a) ((a) > HK_C(0) ? HK_C(1) : (a) < HK_C(0) ? HK_C(-1) : HK_C(0))
+#define HK_SIGN(a) ((a) > HK_C(0) ? HK_C(1) : (a) < HK_C(0) ? HK_C(-1) : (a))
 
 static void hk_pose_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -278,62 +284,62 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v76 = HK_FMAX(v74, HK_C(1e-12));
   const hk_t v77 = HK_C(1) / v76;
   const hk_t v78 = HK_FMIN(HK_C(1.0), v77);
-  const hk_t v79 = x[9];
-  const hk_t v80 = v73 * v79;
-  const hk_t v81 = HK_LT(HK_C(1e-12), v80);
-  const hk_t v83 = HK_C(5.0) - v4;
-  const hk_t v85 = HK_FMAX(v83, HK_C(0.0));
-  const hk_t v86 = HK_FMAX(v80, HK_C(1e-12));
-  const hk_t v87 = v85 / v86;
-  const hk_t v88 = HK_IF(v81, v87);
-  const hk_t v89 = HK_NOT(v81);
-  const hk_t v90 = HK_IF(v89, HK_C(1.0));
-  const hk_t v91 = v88 + v90;
-  const hk_t v92 = HK_FMIN(v78, v91);
-  const hk_t v93 = -v80;
-  const hk_t v94 = HK_LT(HK_C(1e-12), v93);
-  const hk_t v96 = HK_C(-5.0) - v4;
-  const hk_t v97 = -v96;
-  const hk_t v98 = HK_FMAX(v97, HK_C(0.0));
-  const hk_t v99 = HK_FMAX(v93, HK_C(1e-12));
-  const hk_t v100 = v98 / v99;
-  const hk_t v101 = HK_IF(v94, v100);
-  const hk_t v102 = HK_NOT(v94);
-  const hk_t v103 = HK_IF(v102, HK_C(1.0));
-  const hk_t v104 = v101 + v103;
-  const hk_t v105 = HK_FMIN(v92, v104);
-  const hk_t v106 = HK_FABS(v65);
-  const hk_t v107 = HK_FMAX(v106, HK_C(1e-12));
-  const hk_t v108 = HK_C(1) / v107;
-  const hk_t v109 = HK_FMIN(v105, v108);
-  const hk_t v110 = v65 * v79;
-  const hk_t v111 = HK_LT(HK_C(1e-12), v110);
-  const hk_t v112 = HK_C(5.0) - v16;
-  const hk_t v113 = HK_FMAX(v112, HK_C(0.0));
-  const hk_t v114 = HK_FMAX(v110, HK_C(1e-12));
-  const hk_t v115 = v113 / v114;
-  const hk_t v116 = HK_IF(v111, v115);
-  const hk_t v117 = HK_NOT(v111);
-  const hk_t v118 = HK_IF(v117, HK_C(1.0));
-  const hk_t v119 = v116 + v118;
-  const hk_t v120 = HK_FMIN(v109, v119);
-  const hk_t v121 = -v110;
-  const hk_t v122 = HK_LT(HK_C(1e-12), v121);
-  const hk_t v123 = HK_C(-5.0) - v16;
-  const hk_t v124 = -v123;
-  const hk_t v125 = HK_FMAX(v124, HK_C(0.0));
-  const hk_t v126 = HK_FMAX(v121, HK_C(1e-12));
-  const hk_t v127 = v125 / v126;
-  const hk_t v128 = HK_IF(v122, v127);
-  const hk_t v129 = HK_NOT(v122);
-  const hk_t v130 = HK_IF(v129, HK_C(1.0));
-  const hk_t v131 = v128 + v130;
-  const hk_t v132 = HK_FMIN(v120, v131);
-  const hk_t v134 = HK_FABS(v61);
-  const hk_t v135 = HK_FMAX(v134, HK_C(1e-12));
-  const hk_t v136 = HK_C(3.141592653589793) / v135;
-  const hk_t v137 = HK_FMIN(v132, v136);
-  const hk_t v138 = v61 * v79;
+  const hk_t v79 = HK_FABS(v65);
+  const hk_t v80 = HK_FMAX(v79, HK_C(1e-12));
+  const hk_t v81 = HK_C(1) / v80;
+  const hk_t v82 = HK_FMIN(v78, v81);
+  const hk_t v84 = HK_FABS(v61);
+  const hk_t v85 = HK_FMAX(v84, HK_C(1e-12));
+  const hk_t v86 = HK_C(3.141592653589793) / v85;
+  const hk_t v87 = HK_FMIN(v82, v86);
+  const hk_t v88 = x[9];
+  const hk_t v89 = v73 * v88;
+  const hk_t v90 = HK_LT(HK_C(1e-12), v89);
+  const hk_t v92 = HK_C(5.0) - v4;
+  const hk_t v94 = HK_FMAX(v92, HK_C(0.0));
+  const hk_t v95 = HK_FMAX(v89, HK_C(1e-12));
+  const hk_t v96 = v94 / v95;
+  const hk_t v97 = HK_IF(v90, v96);
+  const hk_t v98 = HK_NOT(v90);
+  const hk_t v99 = HK_IF(v98, HK_C(1.0));
+  const hk_t v100 = v97 + v99;
+  const hk_t v101 = HK_FMIN(HK_C(1.0), v100);
+  const hk_t v102 = -v89;
+  const hk_t v103 = HK_LT(HK_C(1e-12), v102);
+  const hk_t v105 = HK_C(-5.0) - v4;
+  const hk_t v106 = -v105;
+  const hk_t v107 = HK_FMAX(v106, HK_C(0.0));
+  const hk_t v108 = HK_FMAX(v102, HK_C(1e-12));
+  const hk_t v109 = v107 / v108;
+  const hk_t v110 = HK_IF(v103, v109);
+  const hk_t v111 = HK_NOT(v103);
+  const hk_t v112 = HK_IF(v111, HK_C(1.0));
+  const hk_t v113 = v110 + v112;
+  const hk_t v114 = HK_FMIN(v101, v113);
+  const hk_t v115 = v65 * v88;
+  const hk_t v116 = HK_LT(HK_C(1e-12), v115);
+  const hk_t v117 = HK_C(5.0) - v16;
+  const hk_t v118 = HK_FMAX(v117, HK_C(0.0));
+  const hk_t v119 = HK_FMAX(v115, HK_C(1e-12));
+  const hk_t v120 = v118 / v119;
+  const hk_t v121 = HK_IF(v116, v120);
+  const hk_t v122 = HK_NOT(v116);
+  const hk_t v123 = HK_IF(v122, HK_C(1.0));
+  const hk_t v124 = v121 + v123;
+  const hk_t v125 = HK_FMIN(v114, v124);
+  const hk_t v126 = -v115;
+  const hk_t v127 = HK_LT(HK_C(1e-12), v126);
+  const hk_t v128 = HK_C(-5.0) - v16;
+  const hk_t v129 = -v128;
+  const hk_t v130 = HK_FMAX(v129, HK_C(0.0));
+  const hk_t v131 = HK_FMAX(v126, HK_C(1e-12));
+  const hk_t v132 = v130 / v131;
+  const hk_t v133 = HK_IF(v127, v132);
+  const hk_t v134 = HK_NOT(v127);
+  const hk_t v135 = HK_IF(v134, HK_C(1.0));
+  const hk_t v136 = v133 + v135;
+  const hk_t v137 = HK_FMIN(v125, v136);
+  const hk_t v138 = v61 * v88;
   const hk_t v139 = HK_LT(HK_C(1e-12), v138);
   const hk_t v141 = HK_C(12.566370614359172) - v5;
   const hk_t v142 = HK_FMAX(v141, HK_C(0.0));
@@ -356,19 +362,58 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v160 = HK_IF(v159, HK_C(1.0));
   const hk_t v161 = v158 + v160;
   const hk_t v162 = HK_FMIN(v149, v161);
-  const hk_t v163 = v162 * v73;
-  y[0] = v163;
-  const hk_t v165 = v162 * v65;
-  y[1] = v165;
-  const hk_t v167 = v162 * v61;
-  y[2] = v167;
-  y[3] = v162;
-  const hk_t v171 = HK_FABS(v60);
-  const hk_t v172 = HK_FMIN(HK_C(1.224744871391589), v171);
-  const hk_t v174 = HK_FMAX(HK_C(1.4142135623730951), v171);
-  const hk_t v175 = v172 / v174;
-  y[4] = v175;
+  const hk_t v163 = HK_FMIN(v87, v162);
+  const hk_t v164 = v163 * v73;
+  y[0] = v164;
+  const hk_t v166 = v163 * v65;
+  y[1] = v166;
+  const hk_t v168 = v163 * v61;
+  y[2] = v168;
+  y[3] = v163;
+  const hk_t v172 = HK_FABS(v60);
+  const hk_t v173 = HK_FMIN(HK_C(1.224744871391589), v172);
+  const hk_t v175 = HK_FMAX(HK_C(1.4142135623730951), v172);
+  const hk_t v176 = v173 / v175;
+  y[4] = v176;
   y[5] = HK_C(1.0);
+  y[6] = v162;
+  const hk_t v180 = HK_FABS(v4);
+  const hk_t v182 = v180 / HK_C(1024.0);
+  const hk_t v183 = HK_FABS(v16);
+  const hk_t v184 = v183 / HK_C(1024.0);
+  const hk_t v185 = v182 + v184;
+  const hk_t v186 = HK_FABS(v5);
+  const hk_t v187 = v186 / HK_C(1024.0);
+  const hk_t v188 = v185 + v187;
+  const hk_t v189 = HK_FABS(v3);
+  const hk_t v190 = v189 / HK_C(1024.0);
+  const hk_t v191 = v188 + v190;
+  const hk_t v192 = HK_FABS(v29);
+  const hk_t v193 = v192 / HK_C(1024.0);
+  const hk_t v194 = v191 + v193;
+  const hk_t v195 = x[5];
+  const hk_t v196 = HK_FABS(v195);
+  const hk_t v197 = v196 / HK_C(1024.0);
+  const hk_t v198 = v194 + v197;
+  const hk_t v199 = HK_FABS(v1);
+  const hk_t v200 = v199 / HK_C(1024.0);
+  const hk_t v201 = v198 + v200;
+  const hk_t v202 = HK_FABS(v28);
+  const hk_t v203 = v202 / HK_C(1024.0);
+  const hk_t v204 = v201 + v203;
+  const hk_t v205 = HK_FABS(v15);
+  const hk_t v206 = v205 / HK_C(1024.0);
+  const hk_t v207 = v204 + v206;
+  const hk_t v208 = HK_FABS(v88);
+  const hk_t v209 = v208 / HK_C(1024.0);
+  const hk_t v210 = v207 + v209;
+  const hk_t v211 = HK_FABS(v2);
+  const hk_t v212 = v211 / HK_C(1024.0);
+  const hk_t v213 = v210 + v212;
+  const hk_t v214 = HK_FABS(v14);
+  const hk_t v215 = v214 / HK_C(1024.0);
+  const hk_t v216 = v213 + v215;
+  y[7] = v216;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -452,8 +497,8 @@ static void hk_leaf_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v72 = v69 / v71;
   y[3] = v72;
   y[4] = HK_C(1.0);
-  const hk_t v77 = HK_C(1.7320508075688772) * v50;
-  y[5] = v77;
+  const hk_t v76 = HK_COPYSIGN(HK_C(1.0), v50);
+  y[5] = v76;
 }
 
 static int hk_finite(const hk_t *x, int count) {
@@ -486,14 +531,15 @@ static int hk_refuse(int count, hk_t *out) {
   return PPR_NOT_FINITE;
 }
 
-/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning, margin).
+/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning,
+   margin, room, given): room is the scale that positions allow, given is finite where all arguments are.
    held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position.
    out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
    dq is zero. */
 HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, const hk_t *held) {
   enum { size = HK_N + HK_POSE + HK_M + HK_HOLD };
-  hk_t x[size], y[HK_N + 3];
+  hk_t x[size], y[HK_N + 5];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
@@ -502,18 +548,17 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
   const int sound = y[HK_N + 1] > HK_C(HK_SINGULAR) && y[HK_N + 2] > HK_C(HK_REPRESENTATION);
-  if (!finite || !sound) {
+  const int given = y[HK_N + 4] - y[HK_N + 4] == HK_C(0);
+  if (!finite || !sound || !given) {
     for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
-    for (int i = 0; i < size; i++)
-      if (!(x[i] - x[i] == HK_C(0))) return 4;
-    return 3;
+    return given ? 3 : 4;
   }
   for (int i = 0; i < HK_N + 1; i++) out[i] = y[i];
 #ifdef HK_IMPRECISE
   if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
 #endif
   if (y[HK_N] >= HK_C(1)) return 0;
-  return y[HK_N] > HK_C(HK_HELD) ? 1 : 2;
+  return y[HK_N + 3] > HK_C(HK_HELD) ? 1 : 2;
 }
 
 void ppr_defaults(ppr_hold *hold) {
@@ -559,6 +604,12 @@ int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real dx[2]
   held[HK_R] = hold->dt;
   held[HK_R + 1] = hold->gain;
   held[HK_R + 2] = hold->leaf_gain;
+  if (!(hold->dt > HK_C(0) && hold->gain >= HK_C(0) && hold->gain * hold->dt < HK_C(2) &&
+        hold->leaf_gain >= HK_C(0) && hold->leaf_gain * hold->dt < HK_C(2))) {
+    *scale = HK_C(0);
+    hk_refuse(HK_N, dq);
+    return PPR_BAD_HOLD;
+  }
   const int status = hk_step(q, target, dx, out, held);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];
   *scale = out[HK_N];
@@ -580,7 +631,7 @@ static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) 
     for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = i == j ? HK_C(1) : HK_C(0);
   }
   for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = c[i];
-  return hk_finite(x, HK_N + 12 + HK_R);
+  return hk_finite(x, HK_N + 12 + HK_R) && hk_finite(target, HK_POSE);
 }
 
 int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
@@ -591,10 +642,21 @@ int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real 
   return hk_deliver(y, HK_N, dq);
 }
 
+/* 1 where a joint is beyond its limits. */
+static int hk_beyond(const hk_t *q) {
+  if (q[0] > HK_C(5.000000001)) return 1;
+  if (q[0] < HK_C(-5.000000001)) return 1;
+  if (q[1] > HK_C(5.000000001)) return 1;
+  if (q[1] < HK_C(-5.000000001)) return 1;
+  if (q[2] > HK_C(12.566370615359173)) return 1;
+  if (q[2] < HK_C(-12.566370615359173)) return 1;
+  return 0;
+}
+
 /* Newton on [f(q) - x; g(q) - c], never jumping to another branch: the rules of motion/leaf.py. hk_leaf_body takes
-   (q, p, R, c) and gives (dq, conditioning, margin, det). */
+   (q, p, R, c) and gives (dq, conditioning, margin, sign of det). */
 typedef struct {
-  hk_t singular, representation, contraction, almost, smallest, sign;
+  hk_t singular, representation, contraction, almost, smallest, side;
   int most;
 } hk_rules;
 
@@ -605,12 +667,11 @@ static int hk_newton(hk_t *x, const hk_rules *rules) {
   for (int k = 0; k < rules->most; k++) {
     hk_t size = HK_C(0);
     hk_leaf_body(x, y);
+    int sound = y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation && y[HK_N + 2] * rules->side > HK_C(0);
     for (int i = 0; i < HK_N; i++) {
-      const hk_t step = HK_FABS(y[i]);
-      if (!(step <= size)) size = step; /* NaN included */
+      sound &= y[i] - y[i] == HK_C(0);
+      size = HK_FMAX(HK_FABS(y[i]), size);
     }
-    const int sound =
-        y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation && y[HK_N + 2] * rules->sign > HK_C(0);
     if (!sound) break;
     if (before <= rules->almost) {
       if (size <= before)
@@ -635,11 +696,13 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
   rules.smallest = HK_C(1); /* steps are not halved here */
-  rules.sign = y[HK_N + 2] > HK_C(0) ? HK_C(1) : HK_C(-1);
+  rules.side = y[HK_N + 2];
   rules.most = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;
   if (!hk_newton(x, &rules)) return PPR_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) q[i] = x[i];
+  if (hk_beyond(q)) return PPR_LIMIT;
+  hk_leaf_body(x, y);
   return hk_rough(y[HK_N], y[HK_N + 1]) ? PPR_IMPRECISE : PPR_OK;
 }
 

@@ -6,8 +6,9 @@
    Joints: q1, q2, q3.
    Task rows: x, y.
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame. A wanted pose is a position, 3 numbers.
-   Every function returns a status; where that is PPR_SINGULAR or more its results are zero. None allocates,
-   keeps anything between calls, or loops without a bound. Define PPR_FLOAT for single precision. */
+   That a wanted pose is one, with a rotation in it, is not checked; its last row is not used.
+   Functions with a status: where it is PPR_SINGULAR or more their results are zero. None allocates, keeps
+   anything between calls, or loops without a bound. Define PPR_FLOAT for single precision. */
 #ifndef PPR_H
 #define PPR_H
 
@@ -33,12 +34,14 @@ enum {
   PPR_OK = 0,
   PPR_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
   PPR_LIMIT = 2,        /* a joint stands at its position limit */
-  PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank here, or the orientation's representation does */
+  PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
-  PPR_NOT_CONVERGED = 5 /* no posture on this leaf near the given one has the wanted pose */
+  PPR_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
+  PPR_BAD_HOLD = 6      /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
 };
 
-/* What a control step holds on to. ppr_defaults gives that of the start posture. */
+/* What a control step holds on to. ppr_defaults gives that of the start posture, with gains of 0.1/dt: another dt
+   wants other gains, below 2/dt. */
 typedef struct {
   ppr_real leaf[1];   /* c = g(q) of the leaf to hold */
   ppr_real dt;        /* the loop's step [s] */
@@ -68,8 +71,9 @@ int ppr_constraint(const ppr_real q[3], ppr_real g[1]);
 int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
     ppr_real dq[3]);
 
-/* Inverse kinematics: q becomes the posture on the leaf c with the wanted pose, or stays. Newton from q, at most `most`
-   steps (12 is plenty), refused where it might land on another branch: keep targets close, as along a path. */
+/* Inverse kinematics: q becomes the posture on the leaf c with the wanted pose, or, from PPR_SINGULAR on, stays.
+   Newton from q, at most `most` steps (12 is plenty), refused where it might land on another branch: keep targets close,
+   as along a path. PPR_LIMIT: q is that posture, but beyond a joint's limits. */
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/* Test vectors of ppr, computed in double precision by holokin 0.1.0. */
+/* Test vectors of ppr, in double precision. Written by holokin 0.1.0. */
 typedef struct {
   double q[3];
   double target[3];
@@ -13,6 +13,7 @@ typedef struct {
   double leaf[3];
   double inverse[3];
   int status, precise;
+  double loss;
 } vector;
 
 static const vector vectors[] = {
@@ -29,7 +30,8 @@ static const vector vectors[] = {
    {-0.019467753661431105, 0.012486431705526276, 0.016510188579559274},
    {1.019916005220301, -0.5211892381707416, 0.3428818881511688},
    1,
-   1},
+   1,
+   1.0},
   {{0.9459182024002075, 0.1315656453371048, 1.1012517213821411},
    {1.3950656652450562, 1.0290398597717285, 0.0},
    {0.09186217933893204, -0.1297377496957779},
@@ -43,5 +45,6 @@ static const vector vectors[] = {
    {-0.01997024939354435, 0.014141524439095929, -0.01865661144256592},
    {0.9260276630753244, 0.14586187514992727, 1.0825951099395752},
    1,
-   1},
+   1,
+   1.0},
 };

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, copysign, factorise, jacobian, log, solve, sumsqr, vertcat
+from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
 from ..task import Task
 from ..types import ArrayLike
 from .base import Constraint
@@ -72,7 +72,7 @@ def stationary(
 def unit_null_vector(J: SX) -> SX:
     """The unit n (n,) with J n = 0 and det [J; n^T] > 0 of a J (n - 1, n): smooth wherever J has full rank."""
     last = factorise(J.T).complement()
-    return last * copysign(1, factorise(vertcat(J, last.T)).determinant())
+    return last * factorise(vertcat(J, last.T)).orientation()
 
 
 def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ..errors import NativeError
+from ..errors import ExportError
 from ..symbolic import compiler
 from .folder import Exported
 
@@ -19,13 +19,13 @@ PATIENCE = 300.0
 def check(exported: Exported) -> list[str]:
     """Build and run the self-test in double and in single precision; returns what each says.
 
-    Raises: NativeError: no compiler, it refuses the code, or a test fails.
+    Raises: ExportError: no compiler, it refuses the code, or a test fails.
     """
     chosen = compiler()
     if chosen is None:
-        raise NativeError("no C compiler was found, so the self-test was not run")
+        raise ExportError("no C compiler was found, so the self-test was not run", "build it where there is one")
     said = []
-    sources = [str(exported.folder / f"{exported.name}.c"), str(exported.folder / "selftest.c")]
+    sources = [str(exported.folder / f"{exported.name}.c"), str(exported.folder / f"{exported.name}_selftest.c")]
     with tempfile.TemporaryDirectory() as folder:
         for precision, defined in (("double", ()), ("float", (f"-D{exported.name.upper()}_FLOAT",))):
             test = str(Path(folder) / f"selftest-{precision}{'.exe' if sys.platform == 'win32' else ''}")
@@ -39,9 +39,9 @@ def _run(command: list[str], fault: str) -> str:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     except (OSError, subprocess.TimeoutExpired) as problem:
-        raise NativeError(f"{fault} ({problem})") from problem
+        raise ExportError(f"{fault} ({problem})", "please report it") from problem
     if done.returncode != 0:
         lines = (done.stderr + done.stdout).strip().splitlines()
         complaint = next((line for line in lines if "error" in line), lines[0] if lines else f"code {done.returncode}")
-        raise NativeError(f"{fault} ({complaint.strip()})")
+        raise ExportError(f"{fault} ({complaint.strip()})", "do not use it; please report it, with the job")
     return done.stdout

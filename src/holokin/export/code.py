@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError, NativeError
+from ..errors import ArgumentError, ExportError, NativeError
 from ..motion import leaf_value, step_function
 from ..motion.leaf import ALMOST
 from ..motion.servo import HELD
@@ -32,6 +32,20 @@ ALMOST_FLOAT = 1e-3
 """A correction whose square is round-off in single precision."""
 
 
+RESERVED = {
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
+    "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed",
+    "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "main",
+    "assert", "complex", "ctype", "errno", "fenv", "inttypes", "iso646", "limits", "locale", "math", "setjmp",
+    "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio", "stdlib", "string", "tgmath", "time", "wchar",
+    "wctype",
+}  # fmt: skip
+"""Words of C, and its headers, which a file of that name would hide."""
+
+SHORTEST, LONGEST = 1e-5, 1.0
+"""Steps [s] for which the default gains make sense."""
+
+
 @dataclass(frozen=True, eq=False)
 class Source:
     """A strategy, the posture whose leaf it holds, the step [s] of its loop, and the name its C goes by."""
@@ -43,13 +57,16 @@ class Source:
     limits: bool = True
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
-            raise ArgumentError("the name", self.name, "give a C name: lower-case letters, digits, underscores")
-        if not (np.isfinite(self.dt) and self.dt > 0):
-            raise ArgumentError("dt", self.dt, "give a positive step in seconds")
+        fits = re.fullmatch(r"[a-z][a-z0-9_]{0,39}", self.name) and not self.name.startswith("hk")
+        if not fits or self.name in RESERVED:
+            cure = "give a C name of your own: up to 40 lower-case letters, digits, underscores, not beginning with hk"
+            raise ArgumentError("the name", self.name, cure)
+        if not SHORTEST <= self.dt <= LONGEST:
+            raise ArgumentError("dt", self.dt, f"give a step from {SHORTEST:g} to {LONGEST:g} s")
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
-            raise NativeError(f"{longest} of {self.strategy.name!r} takes {size} operations, {LARGEST} are the most")
+            fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations, {LARGEST:,} are the most"
+            raise ExportError(fact, "take a shorter law; of a radial one hk.fitted makes a polynomial")
 
     @property
     def held(self) -> bool:
@@ -96,16 +113,16 @@ class Source:
         return {
             "name": self.name,
             "NAME": self.name.upper(),
-            "title": _line(f"{s.name}, {task.name}"),
-            "law": _line(f"The strategy's leaves are g(q) = c, {s.constraint.name}.")
+            "title": line(f"{s.name}, {task.name}"),
+            "law": line(f"The strategy's leaves are g(q) = c, {s.constraint.name}.")
             if s.constraint is not None and r
-            else "The strategy holds no leaf: it need not come home.",
+            else "The strategy keeps no leaf; whether it comes home is for `holokin run` to tell.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
-            "joints": _line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
+            "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
             "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
             "target_words": "a position in the base frame, 3 numbers" if position else
             "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
-            "singular_words": "J, [J; J_g] or H loses rank here, or the orientation's representation does",
+            "singular_words": "J, [J; J_g] or H loses rank, the representation does, or a result overflows",
             "leaf_member": f"  {self.name}_real leaf[{r}];   /* c = g(q) of the leaf to hold */\n" if r else "",
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
@@ -120,9 +137,21 @@ class Source:
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
             "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
             "gather": _gather(position),
+            "beyond": _beyond(self) or "  (void)q;\n",
+            "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
             "dt": f"{self.dt:g}",
             "hold_words": "and the leaf of the start" if r else "no leaf",
         }  # fmt: skip
+
+
+def _beyond(source: Source) -> str:
+    """C that returns 1 where a joint is outside its limits."""
+    lines = []
+    for i, joint in enumerate(source.strategy.task.robot.coordinates if source.limits else ()):
+        for bound, sign, slack in ((joint.upper, ">", TOLERANCES.limit), (joint.lower, "<", -TOLERANCES.limit)):
+            if np.isfinite(bound):
+                lines.append(f"  if (q[{i}] {sign} HK_C({_c(bound + slack)})) return 1;\n")
+    return "".join(lines)
 
 
 def _checked(name: str, inputs: Mapping[str, SX], outputs: Mapping[str, SX], margin: SX) -> Function:
@@ -142,9 +171,9 @@ def _gather(position: bool) -> str:
     )
 
 
-def _line(words: str) -> str:
+def line(words: str) -> str:
     """Words of a user on one line that does not end a comment."""
-    return " ".join(words.replace("*/", "* /").split())
+    return " ".join(words.replace("*/", "* /").replace("/*", "/ *").split())
 
 
 def _c(value: float) -> str:
@@ -164,7 +193,10 @@ def header(source: Source, words: Mapping[str, Any]) -> str:
 
 def library(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.c."""
-    bodies = "".join(function.c(f"hk_{key}_body") for key, function in source.functions.items())
+    try:
+        bodies = "".join(function.c(f"hk_{key}_body") for key, function in source.functions.items())
+    except NativeError as problem:
+        raise ExportError(problem.fact, "write the law without it") from None
     leaf = text("leaf.c", {**words, "newton": code_file("newton.c")}) if source.held else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies else ""

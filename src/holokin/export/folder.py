@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,11 @@ import numpy as np
 from ..errors import ArgumentError
 from ..motion.leaf import leaf_value
 from ..strategy import Strategy
-from ..types import ArrayLike
-from .code import Source, header, library, text
+from ..types import ArrayLike, whole
+from .code import Source, header, library, line, text
 from .vectors import selftest, vectors, vectors_header
 
-MARK = "holokin"
+MARK = re.compile(r"ritten by holokin \d")
 """What every file written here says in its first lines; others are never overwritten."""
 
 
@@ -45,7 +46,8 @@ def export_c(
 
     The library has the tool's pose, G, dq = G dx, the control step of `controller` and, for a strategy with a
     constraint, g, the Newton step on its leaf and inverse kinematics. It allocates nothing and keeps nothing, takes
-    the same time at every posture, and returns a status. With NAME_FLOAT defined it computes in single precision.
+    the same time at every posture (inverse kinematics a bounded one), and returns a status. With NAME_FLOAT defined
+    it computes in single precision.
 
     Args:
         folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
@@ -58,7 +60,7 @@ def export_c(
 
     Raises:
         ArgumentError: a name that is no C name, a bad dt, files in the way, a start near a singularity.
-        NativeError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
+        ExportError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
     """
     from .. import __version__
 
@@ -68,23 +70,24 @@ def export_c(
     strategy(q0)
     if strategy.constraint is not None:
         leaf_value(strategy, q0)
-    if isinstance(vectors_count, bool) or vectors_count < 1:
-        raise ArgumentError("vectors_count", vectors_count, "give a whole number from 1 on")
-    source = Source(strategy, q0, float(dt), name or c_name(f"{robot.name}_{strategy.name}"), limits)
-    found = vectors(source, int(vectors_count))
+    count = whole("vectors_count", vectors_count)
+    if isinstance(dt, bool) or not isinstance(dt, int | float | np.number):
+        raise ArgumentError("dt", dt, "give a step in seconds")
+    short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
+    source = Source(strategy, q0, float(dt), short, limits)
+    found = vectors(source, count)
     operations = {key: function.program.instructions for key, function in source.functions.items()}
-    words = source.words | {"version": __version__, "origin": origin, "count": len(found)}
+    words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}
     words |= _tables(source, operations)
-    short = source.name
     texts = {
         f"{short}.h": header(source, words),
         f"{short}.c": library(source, words),
         f"{short}_vectors.h": vectors_header(source, found, words),
-        "selftest.c": selftest(source, words),
+        f"{short}_selftest.c": selftest(source, words),
         "CMakeLists.txt": text("CMakeLists.txt", words),
         "README.md": text("README.md", words),
     }
-    _write(Path(folder), texts)
+    _write(Path(folder), texts, short)
     return Exported(Path(folder), short, tuple(texts), operations)
 
 
@@ -92,7 +95,8 @@ def c_name(words: str) -> str:
     """A C name of words: lower-case letters, digits, underscores."""
     letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in words.lower())
     name = "_".join(part for part in letters.split("_") if part)
-    return name if name[:1].isalpha() else f"law_{name}".rstrip("_")
+    name = name if name[:1].isalpha() and not name.startswith("hk") else f"law_{name}"
+    return name[:40].rstrip("_")
 
 
 def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
@@ -100,7 +104,7 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     joints = ["| | joint | unit | lower | upper | start |", "|---:|---|---|---:|---:|---:|"]
     for i, (joint, value) in enumerate(zip(robot.coordinates, source.start, strict=True)):
         bounds = " | ".join(f"{b:.6g}" if np.isfinite(b) else "none" for b in (joint.lower, joint.upper))
-        joints.append(f"| {i} | {joint.name} | {joint.unit} | {bounds} | {value:.6g} |")
+        joints.append(f"| {i} | {joint.name.replace('|', '/')} | {joint.unit} | {bounds} | {value:.6g} |")
     n, m = source.strategy.task.n, source.strategy.task.m
     rows = [
         ("pose", f"{name}_pose(q, T)", "the tool's pose T (4x4) at q"),
@@ -124,18 +128,22 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}
 
 
-def _write(folder: Path, texts: dict[str, str]) -> None:
+def _write(folder: Path, texts: dict[str, str], name: str) -> None:
     """All files or none. Raises: ArgumentError."""
     try:
         for file in texts:
             there = folder / file
-            if there.exists() and (not there.is_file() or MARK not in there.read_text("utf-8", "replace")[:600]):
+            if there.exists() and not (there.is_file() and MARK.search(there.read_text("utf-8", "replace")[:600])):
                 raise ArgumentError("the output folder", str(folder), f"its {file} is not holokin's: choose another")
+        build = folder / "CMakeLists.txt"
+        if build.exists() and f"project({name} C)" not in build.read_text("utf-8", "replace"):
+            raise ArgumentError("the output folder", str(folder), "it holds another export: give each its own")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".holokin-") as aside:
             for file, content in texts.items():
                 (Path(aside) / file).write_text(content, "utf-8")
             for file in texts:
                 os.replace(Path(aside) / file, folder / file)
-    except OSError as problem:
-        raise ArgumentError("the output folder", str(folder), f"cannot be written: {problem.strerror}") from None
+    except (OSError, ValueError) as problem:
+        why = problem.strerror if isinstance(problem, OSError) else str(problem)
+        raise ArgumentError("the output folder", str(folder), f"cannot be written: {why}") from None

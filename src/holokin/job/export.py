@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from ..errors import UnknownNameError
+from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategy import Strategy
 from ..types import Vector
@@ -29,8 +29,10 @@ def job_strategy(
     tasks = build_tasks(job, robot, start)
     if label is None and len(job.strategies) == 1:
         label = next(iter(job.strategies))
+    if label is None:
+        raise ArgumentError("the strategy", None, f"name one of the job's: {', '.join(job.strategies)}")
     if label not in job.strategies:
-        raise UnknownNameError(f"strategy of {file.name}", label or "", tuple(job.strategies))
+        raise UnknownNameError(f"strategy of {file.name}", label, tuple(job.strategies))
     known = tuple(str(task.orientation) for task in tasks)
     if orientation is not None and orientation not in known:
         raise UnknownNameError(f"orientation of {file.name}", orientation, known)
@@ -51,4 +53,11 @@ def export_job(
     label, strategy, start = job_strategy(job, file, label, orientation)
     robot = strategy.task.robot.name
     origin = f"the job {name}, strategy {label}"
-    return export_c(strategy, folder, start=start, dt=dt, name=prefix or c_name(f"{robot}_{label}"), origin=origin)
+    return export_c(
+        strategy,
+        folder,
+        start=start,
+        dt=dt,
+        name=c_name(f"{robot}_{label}") if prefix is None else prefix,
+        origin=origin,
+    )

@@ -38,15 +38,15 @@ def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Target], Ve
     """
     correct = strategy.leaf_step
     pose = strategy.task.robot.pose(q0, strategy.task.tip)
-    sign = np.sign(correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3])
+    side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
     def newton(q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
         before = np.inf
         for _ in range(_MOST):
-            dq, conditioning, margin, determinant = correct(q, p, R, c)
+            dq, conditioning, margin, here = correct(q, p, R, c)
             size = float(np.abs(dq).max())
             sound = conditioning > TOLERANCES.singular and margin > TOLERANCES.representation
-            if not sound or determinant * sign <= 0:
+            if not sound or here != side:
                 return None
             if before <= ALMOST:
                 return q + dq if size <= before else q
@@ -83,8 +83,8 @@ def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> Nat
     if kernel is None:
         return None
     (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
-    sign = float(np.sign(strategy.leaf_step(q0, p, R, c)[3]))
-    rules = LeafRules(t.singular, t.representation, t.contraction, ALMOST, t.smallest_step, sign, _MOST)
+    side = float(strategy.leaf_step(q0, p, R, c)[3])
+    rules = LeafRules(t.singular, t.representation, t.contraction, ALMOST, t.smallest_step, side, _MOST)
     return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c]), rules, limits)
 
 

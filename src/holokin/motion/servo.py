@@ -30,6 +30,8 @@ from ..symbolic import (
     fmin,
     if_else,
     symbol,
+    vec,
+    vertcat,
 )
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Vector
@@ -115,7 +117,7 @@ class Servo:
         """The step by CasADi's virtual machine, on memory of its own."""
         trigger, (q_in, pose_in, dx_in, held_in), results = self._function.port()
         held_in[...] = self._held
-        rates, scale, conditioning, margin = results
+        rates, scale, conditioning, margin, room, given = results
         out, dq, slow = self._out, self._dq, self._converted
         shapes = (q_in.shape, pose_in.shape, dx_in.shape)
         least, clear = TOLERANCES.singular, TOLERANCES.representation
@@ -129,15 +131,14 @@ class Servo:
             q_in[...], pose_in[...], dx_in[...] = q, x_des, dx_des
             trigger()
             share = scale.item()
-            size = rates @ rates + share
+            size = rates @ rates + share + given.item()
             if size - size == 0.0 and conditioning.item() > least and margin.item() > clear:
                 dq[...] = rates
                 out[-2] = share
-                out[-1] = 0 if share >= 1.0 else 1 if share > HELD else 2
+                out[-1] = 0 if share >= 1.0 else 1 if room.item() > HELD else 2
                 return dq
             out[:-1] = 0.0
-            given = np.isfinite(q).all() and np.isfinite(x_des).all() and np.isfinite(dx_des).all()
-            out[-1] = StepStatus.SINGULAR if given else StepStatus.NOT_FINITE
+            out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE
             return dq
 
         return step
@@ -182,9 +183,10 @@ def controller(
 
 
 def step_function(strategy: Strategy, limits: bool) -> Function:
-    """(q, pose, dx, held) -> (dq, scale, conditioning, margin), with held = (c, dt, K, K_g).
+    """(q, pose, dx, held) -> (dq, scale, conditioning, margin, room, given), with held = (c, dt, K, K_g).
 
     pose (4, 4), or (3,) where the task is a position. Step and gains are data, so one compiled step serves them all.
+    room is the scale that position limits allow; given is finite where all arguments are, also those not needed.
     """
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if strategy.constraint is not None else 0
@@ -197,19 +199,25 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         found = e.rate(u, leaf_gain * strategy.leaf_gap(c))
     else:
         found = e.rate(u)
-    dq, scale = found.X, SX(1)
+    dq, fast, room = found.X, SX(1), SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             if np.isfinite(joint.max_velocity):
-                scale = fmin(scale, joint.max_velocity / fmax(fabs(dq[i]), 1e-12))
+                fast = fmin(fast, joint.max_velocity / fmax(fabs(dq[i]), 1e-12))
             for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
                 if np.isfinite(bound):
-                    room, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
-                    scale = fmin(scale, if_else(speed > 1e-12, room / fmax(speed, 1e-12), 1))
+                    left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
+                    room = fmin(room, if_else(speed > 1e-12, left / fmax(speed, 1e-12), 1))
+    given, scale = SX(0), fmin(fast, room)
+    values = vertcat(e.q, vec(pose), dx, held)
+    for i in range(values.shape[0]):
+        given = given + fabs(values[i]) / 1024  # their sum is finite where they are
     outputs = {
         "dq": scale * dq,
         "scale": scale,
         "conditioning": found.conditioning,
         "margin": strategy.margin_expression,
+        "room": room,
+        "given": given,
     }
     return Function("step", {"q": e.q, "pose": pose, "dx": dx, "held": held}, outputs, found.system)

@@ -233,7 +233,7 @@ class Strategy:
 
     @cached_property
     def leaf_step(self) -> Function:
-        """(q, p, R, c) -> (Newton correction, conditioning, margin, det [J; J_g]).
+        """(q, p, R, c) -> (Newton correction, conditioning, margin, sign of det [J; J_g]).
 
         One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
         """
@@ -244,7 +244,7 @@ class Strategy:
             "dq": found.X,
             "conditioning": found.conditioning,
             "margin": self.margin_expression,
-            "det": found.determinant,
+            "side": found.orientation,
         }
         return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
 

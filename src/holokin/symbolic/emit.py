@@ -27,7 +27,8 @@ _UNARY = {
     ca.OP_ASIN: "HK_ASIN({})", ca.OP_ACOS: "HK_ACOS({})", ca.OP_ATAN: "HK_ATAN({})", ca.OP_EXP: "HK_EXP({})",
     ca.OP_LOG: "HK_LOG({})", ca.OP_SINH: "HK_SINH({})", ca.OP_COSH: "HK_COSH({})", ca.OP_TANH: "HK_TANH({})",
     ca.OP_FABS: "HK_FABS({})", ca.OP_SIGN: "HK_SIGN({})", ca.OP_NOT: "HK_NOT({})", ca.OP_FLOOR: "HK_FLOOR({})",
-    ca.OP_CEIL: "HK_CEIL({})",
+    ca.OP_CEIL: "HK_CEIL({})", ca.OP_ASINH: "HK_ASINH({})", ca.OP_ACOSH: "HK_ACOSH({})", ca.OP_ATANH: "HK_ATANH({})",
+    ca.OP_ERF: "HK_ERF({})", ca.OP_LOG1P: "HK_LOG1P({})", ca.OP_EXPM1: "HK_EXPM1({})",
 }  # fmt: skip
 
 _CONSTANT = {"inf": "HK_INF", "-inf": "(-HK_INF)", "nan": "HK_NAN", "-nan": "HK_NAN"}
@@ -64,7 +65,8 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
         elif op in _UNARY:
             value = _UNARY[op].format(register[into[0]])
         else:
-            raise NativeError(f"{name} uses operation number {op} of CasADi, which has no C here")
+            known = {getattr(ca, key): key for key in dir(ca) if key.startswith("OP_")}
+            raise NativeError(f"{name} uses CasADi's {known.get(op, op)}, which has no C here")
         register[out[0]] = f"v{k}"
         lines.append(f"  const hk_t v{k} = {value};")
     return "\n".join(lines)

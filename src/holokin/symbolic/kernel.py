@@ -38,7 +38,7 @@ class LeafRules(ctypes.Structure):
         ("contraction", ctypes.c_double),
         ("almost", ctypes.c_double),
         ("smallest", ctypes.c_double),
-        ("sign", ctypes.c_double),
+        ("side", ctypes.c_double),
         ("most", ctypes.c_int),
     )
 
@@ -92,8 +92,8 @@ class BatchKernel:
 class FollowKernel:
     """hk_follow: many steps along a path in one call.
 
-    "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, det). "velocity": by Runge-Kutta steps of
-    (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
+    "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, sign of det).
+    "velocity": by Runge-Kutta steps of (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
     """
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, method: str) -> None:

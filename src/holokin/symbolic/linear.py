@@ -24,18 +24,18 @@ class System:
     B: ca.SX
     X: ca.SX
     figures: ca.SX
-    """(2,): conditioning, determinant."""
+    """(2,): conditioning, orientation."""
 
 
 class Solution(NamedTuple):
-    """X = A^-1 B, 1 / cond A as `Factorisation.conditioning` estimates it, and det A; expressions.
+    """X = A^-1 B, 1 / cond A as `Factorisation.conditioning` estimates it, and the sign of det A; expressions.
 
     Where `system` is given they are its symbols, and a `Function` of them must be told of it.
     """
 
     X: ca.SX
     conditioning: ca.SX
-    determinant: ca.SX = ca.SX(1)
+    orientation: ca.SX = ca.SX(1)
     system: System | None = None
 
 
@@ -64,12 +64,12 @@ class Factorisation:
             Q[k:, :] = Q[k:, :] - (beta * v) @ (v.T @ Q[k:, :])
         return ca.densify(Q)
 
-    def determinant(self) -> ca.SX:
-        """det A of a square A: each reflection turns the sign once."""
-        product = ca.SX(-1 if len(self.reflections) % 2 else 1)
+    def orientation(self) -> ca.SX:
+        """The sign of det A of a square A, 1 or -1: a determinant itself would leave the range of numbers."""
+        sign = ca.SX(-1 if len(self.reflections) % 2 else 1)  # each reflection turns it once
         for k in range(self.R.shape[0]):
-            product = product * self.R[k, k]
-        return product
+            sign = sign * ca.copysign(1, self.R[k, k])
+        return sign
 
     def conditioning(self) -> ca.SX:
         """min |R_kk| / max |R_kk|, in [0, 1]: a cheap estimate of 1 / cond A; 0 for a singular A."""
@@ -130,6 +130,6 @@ def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
     n, k = B.shape
     if n < DENSE_FROM or written_out:
         extended = factorise(A)
-        return Solution(extended.solve(B), extended.conditioning(), extended.determinant())
+        return Solution(extended.solve(B), extended.conditioning(), extended.orientation())
     X, figures = ca.SX.sym("X", n, k), ca.SX.sym("figures", 2)
     return Solution(X, figures[0], figures[1], System(ca.SX(A), ca.SX(B), X, figures))

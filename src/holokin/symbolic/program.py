@@ -8,7 +8,6 @@ half a million lines that no compiler can finish.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,7 +101,7 @@ class Port(threading.local):
 
 
 def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
-    """X = A^-1 B, with figures = (min |R_kk| / max |R_kk| of A = Q R, det A); not a number where A is singular.
+    """X = A^-1 B, with figures = (min |R_kk| / max |R_kk| of A = Q R, sign of det A); not a number where A is singular.
 
     Arrays of several systems hold them side by side along the last axis.
     """
@@ -117,7 +116,8 @@ def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
     sizes = np.abs(diagonal).tolist()
     most = max(sizes)
     figures[0] = min(sizes) / most if most > 0 else np.nan
-    figures[1] = math.prod(diagonal.tolist()) * (-1) ** (len(tau) - tau.tolist().count(0.0))
+    turns = len(tau) - tau.tolist().count(0.0) + np.signbit(diagonal).sum()  # a reflection turns the sign
+    figures[1] = -1.0 if turns % 2 else 1.0
     turned, _, _ = lapack.dormqr("L", "T", reflections, tau, B, 64 * B.shape[1])  # type: ignore[attr-defined]
     found, info = lapack.dtrtrs(reflections, turned)  # type: ignore[attr-defined]
     X[...] = found if info == 0 else np.nan

@@ -91,6 +91,12 @@ int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], c
 $held_copy  held[HK_R] = hold->dt;
   held[HK_R + 1] = hold->gain;
   held[HK_R + 2] = hold->leaf_gain;
+  if (!(hold->dt > HK_C(0) && hold->gain >= HK_C(0) && hold->gain * hold->dt < HK_C(2) &&
+        hold->leaf_gain >= HK_C(0) && hold->leaf_gain * hold->dt < HK_C(2))) {
+    *scale = HK_C(0);
+    hk_refuse(HK_N, dq);
+    return ${NAME}_BAD_HOLD;
+  }
   const int status = hk_step(q, target, dx, out, held);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];
   *scale = out[HK_N];

@@ -6,8 +6,9 @@
    Joints: $joints.
    Task rows: $rows.
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame.$pose_note
-   Every function returns a status; where that is ${NAME}_SINGULAR or more its results are zero. None allocates,
-   keeps anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision. */
+   That a wanted pose is one, with a rotation in it, is not checked; its last row is not used.
+   Functions with a status: where it is ${NAME}_SINGULAR or more their results are zero. None allocates, keeps
+   anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision.$limit_words */
 #ifndef ${NAME}_H
 #define ${NAME}_H
 
@@ -35,10 +36,12 @@ enum {
   ${NAME}_LIMIT = 2,        /* a joint stands at its position limit */
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
-  ${NAME}_NOT_CONVERGED = 5 /* no posture on this leaf near the given one has the wanted pose */
+  ${NAME}_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
+  ${NAME}_BAD_HOLD = 6      /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
 };
 
-/* What a control step holds on to. ${name}_defaults gives that of the start posture. */
+/* What a control step holds on to. ${name}_defaults gives that of the start posture, with gains of 0.1/dt: another dt
+   wants other gains, below 2/dt. */
 typedef struct {
 $leaf_member  ${name}_real dt;        /* the loop's step [s] */
   ${name}_real gain;      /* K [1/s]: how fast the tool comes back to its path */

@@ -10,7 +10,7 @@ int ${name}_constraint(const ${name}_real q[$n], ${name}_real g[$r]) {
 static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) {
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
 $gather  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = c[i];
-  return hk_finite(x, HK_N + 12 + HK_R);
+  return hk_finite(x, HK_N + 12 + HK_R) && hk_finite(target, HK_POSE);
 }
 
 int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r],
@@ -19,6 +19,11 @@ int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$targe
   if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
   hk_leaf_body(x, y);
   return hk_deliver(y, HK_N, dq);
+}
+
+/* 1 where a joint is beyond its limits. */
+static int hk_beyond(const hk_t *q) {
+$beyond  return 0;
 }
 
 $newton
@@ -32,10 +37,12 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
   rules.smallest = HK_C(1); /* steps are not halved here */
-  rules.sign = y[HK_N + 2] > HK_C(0) ? HK_C(1) : HK_C(-1);
+  rules.side = y[HK_N + 2];
   rules.most = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return ${NAME}_SINGULAR;
   if (!hk_newton(x, &rules)) return ${NAME}_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) q[i] = x[i];
+  if (hk_beyond(q)) return ${NAME}_LIMIT;
+  hk_leaf_body(x, y);
   return hk_rough(y[HK_N], y[HK_N + 1]) ? ${NAME}_IMPRECISE : ${NAME}_OK;
 }

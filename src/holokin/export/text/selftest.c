@@ -1,4 +1,5 @@
-/* Self-test of $name: the numbers that holokin $version computed, and what must not happen. Returns 0 when all is well. */
+/* Self-test of $name: the numbers that holokin computed, and what must not happen. Returns 0 when all is well.
+   Written by holokin $version. */
 #include <math.h>
 #include <stdio.h>
 
@@ -24,7 +25,8 @@ static double compare(const char *what, int k, const real *got, const double *wa
   for (int i = 0; i < count; i++) size = fmax(size, fabs(wanted[i]));
   for (int i = 0; i < count; i++) {
     const double off = fabs((double)got[i] - wanted[i]) / size;
-    if (!(off <= error)) error = off;
+    if (off > error || !(off - off == 0.0)) error = off; /* what is not a number stays */
+    if (!(error - error == 0.0)) break;
   }
   if (!(error <= most)) {
     printf("%s: vector %d is off by %g\n", what, k, error);
@@ -55,24 +57,32 @@ $declare_leaf  ${name}_defaults(&hold);
     const vector *v = &vectors[k];
     int status = 0;
 #ifdef ${NAME}_FLOAT
-    if (!v->precise) continue; /* its status may differ */
+    const double most = v->precise ? TOLERANCE : 1e-2;
+#else
+    const double most = TOLERANCE * v->loss;
 #endif
-    tested++;
+    const double feedback = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
     copy(v->q, q, $n);
     copy(v->target, target, $target);
     copy(v->dx, dx, $m);
+    status = ${name}_gain(q, G);
+    if (!v->precise && sizeof(real) < sizeof(double)) {
+      if (status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
+      if (status == ${NAME}_IMPRECISE) status = ${NAME}_OK;
+    }
+    tested++;
+    worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
     status |= ${name}_pose(q, T);
     worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
-    status |= ${name}_gain(q, G);
-    worst[1] = compare("gain", k, G, v->gain, $nm, TOLERANCE, worst[1]);
-    status |= ${name}_rate(q, dx, dq);
-    worst[2] = compare("rate", k, dq, v->rate, $n, TOLERANCE, worst[2]);
-    if (${name}_step(q, target, dx, &hold, dq, &scale) != v->status) {
+    ${name}_rate(q, dx, dq);
+    worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
+    const int stepped = ${name}_step(q, target, dx, &hold, dq, &scale);
+    if (stepped != v->status && (v->precise || stepped != ${NAME}_IMPRECISE)) {
       printf("step: vector %d has another status\n", k);
       failures++;
     }
-    worst[3] = compare("step", k, dq, v->step, $n, TOLERANCE, worst[3]);
-    worst[3] = compare("scale", k, &scale, &v->scale, 1, TOLERANCE, worst[3]);
+    worst[3] = compare("step", k, dq, v->step, $n, feedback, worst[3]);
+    worst[3] = compare("scale", k, &scale, &v->scale, 1, feedback, worst[3]);
 $leaf_tests    if (status != ${NAME}_OK) {
       printf("vector %d: a status that is not OK\n", k);
       failures++;
@@ -83,16 +93,32 @@ $leaf_tests    if (status != ${NAME}_OK) {
     copy(vectors[0].q, q, $n);
     copy(vectors[0].target, target, $target);
     copy(vectors[0].dx, dx, $m);
-    dx[$m - 1] = bad[b];
-    expect("rate of a bad dx", ${name}_rate(q, dx, dq), ${NAME}_NOT_FINITE, dq, $n);
-    expect("step of a bad dx", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
-    dx[$m - 1] = (real)0;
-    target[0] = bad[b];
-    expect("step of a bad target", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
-$bad_leaf    q[$n - 1] = bad[b];
-    expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, 16);
-    expect("gain of a bad q", ${name}_gain(q, G), ${NAME}_NOT_FINITE, G, $nm);
-    expect("step of a bad q", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+    for (int i = 0; i < $m; i++) {
+      const real good = dx[i];
+      dx[i] = bad[b];
+      expect("rate of a bad dx", ${name}_rate(q, dx, dq), ${NAME}_NOT_FINITE, dq, $n);
+      expect("step of a bad dx", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+      dx[i] = good;
+    }
+    for (int i = 0; i < $target; i++) {
+      const real good = target[i];
+      target[i] = bad[b];
+      expect("step to a bad target", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+$bad_leaf      target[i] = good;
+    }
+    for (int i = 0; i < $n; i++) {
+      const real good = q[i];
+      q[i] = bad[b];
+      expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, 16);
+      expect("gain of a bad q", ${name}_gain(q, G), ${NAME}_NOT_FINITE, G, $nm);
+      expect("step of a bad q", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+      q[i] = good;
+    }
+    ${name}_hold odd = hold;
+    odd.dt = bad[b];
+    expect("step with a bad dt", ${name}_step(q, target, dx, &odd, dq, &scale), ${NAME}_BAD_HOLD, dq, $n);
+    odd.dt = -hold.dt;
+    expect("step with a negative dt", ${name}_step(q, target, dx, &odd, dq, &scale), ${NAME}_BAD_HOLD, dq, $n);
   }
 $singular_test  printf("$name, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
          PRECISION, tested, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");

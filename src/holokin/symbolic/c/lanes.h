@@ -74,6 +74,12 @@ HK_EACH(hk_log, log)
 HK_EACH(hk_sinh, sinh)
 HK_EACH(hk_cosh, cosh)
 HK_EACH(hk_tanh, tanh)
+HK_EACH(hk_asinh, asinh)
+HK_EACH(hk_acosh, acosh)
+HK_EACH(hk_atanh, atanh)
+HK_EACH(hk_erf, erf)
+HK_EACH(hk_log1p, log1p)
+HK_EACH(hk_expm1, expm1)
 HK_EACH(hk_floor, floor)
 HK_EACH(hk_ceil, ceil)
 HK_EACH(hk_far_sin, sin)
@@ -129,6 +135,12 @@ static inline hk_t hk_cos(hk_t x) { return hk_near(x) ? hk_sin_part(x, 1) : hk_f
 #define HK_SINH hk_sinh
 #define HK_COSH hk_cosh
 #define HK_TANH hk_tanh
+#define HK_ASINH hk_asinh
+#define HK_ACOSH hk_acosh
+#define HK_ATANH hk_atanh
+#define HK_ERF hk_erf
+#define HK_LOG1P hk_log1p
+#define HK_EXPM1 hk_expm1
 #define HK_FLOOR hk_floor
 #define HK_CEIL hk_ceil
 #define HK_POW hk_pow

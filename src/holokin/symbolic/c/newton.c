@@ -1,7 +1,7 @@
 /* Newton on [f(q) - x; g(q) - c], never jumping to another branch: the rules of motion/leaf.py. hk_leaf_body takes
-   (q, p, R, c) and gives (dq, conditioning, margin, det). */
+   (q, p, R, c) and gives (dq, conditioning, margin, sign of det). */
 typedef struct {
-  hk_t singular, representation, contraction, almost, smallest, sign;
+  hk_t singular, representation, contraction, almost, smallest, side;
   int most;
 } hk_rules;
 
@@ -12,12 +12,11 @@ static int hk_newton(hk_t *x, const hk_rules *rules) {
   for (int k = 0; k < rules->most; k++) {
     hk_t size = HK_C(0);
     hk_leaf_body(x, y);
+    int sound = y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation && y[HK_N + 2] * rules->side > HK_C(0);
     for (int i = 0; i < HK_N; i++) {
-      const hk_t step = HK_FABS(y[i]);
-      if (!(step <= size)) size = step; /* NaN included */
+      sound &= y[i] - y[i] == HK_C(0);
+      size = HK_FMAX(HK_FABS(y[i]), size);
     }
-    const int sound =
-        y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation && y[HK_N + 2] * rules->sign > HK_C(0);
     if (!sound) break;
     if (before <= rules->almost) {
       if (size <= before)

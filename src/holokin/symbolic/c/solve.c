@@ -1,8 +1,8 @@
 /* A dense system amid straight-line code: A = Q R by Householder reflections, as symbolic/linear.py writes them out.
-   M = [A | B] (n, n + k) by rows; B becomes A^-1 B. figures: min |R_ii| / max |R_ii|, det A. w: n + k numbers. */
+   M = [A | B] (n, n + k) by rows; B becomes A^-1 B. figures: min |R_ii| / max |R_ii|, sign of det A. w: n + k numbers. */
 static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *restrict figures) {
   const int width = n + k;
-  hk_t least = HK_INF, most = HK_C(0), determinant = HK_C(1);
+  hk_t least = HK_INF, most = HK_C(0), side = HK_C(1);
   for (int c = 0; c < n - 1; c++) {
     hk_t sum = HK_C(0);
     for (int i = c; i < n; i++) sum = sum + M[i * width + c] * M[i * width + c];
@@ -20,13 +20,13 @@ static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *res
       HK_SIMD for (int j = c + 1; j < width; j++) row[j] = row[j] - v * w[j];
     }
     M[c * width + c] = -s * norm;
-    determinant = -determinant; /* a reflection turns the sign */
+    side = -side; /* a reflection turns the sign */
   }
   for (int i = n - 1; i >= 0; i--) {
     const hk_t r = M[i * width + i], size = HK_FABS(r);
     least = HK_FMIN(size, least);
     most = HK_FMAX(size, most);
-    determinant = determinant * r;
+    side = HK_COPYSIGN(HK_C(1), side * HK_COPYSIGN(HK_C(1), r));
     for (int j = n; j < width; j++) {
       const hk_t found = M[i * width + j] / r;
       M[i * width + j] = found;
@@ -34,5 +34,5 @@ static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *res
     }
   }
   figures[0] = least / most;
-  figures[1] = determinant;
+  figures[1] = side;
 }

@@ -1,11 +1,12 @@
-/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning, margin).
+/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning,
+   margin, room, given): room is the scale that positions allow, given is finite where all arguments are.
    held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position.
    out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
    dq is zero. */
 HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, const hk_t *held) {
   enum { size = HK_N + HK_POSE + HK_M + HK_HOLD };
-  hk_t x[size], y[HK_N + 3];
+  hk_t x[size], y[HK_N + 5];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
@@ -14,16 +15,15 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
   const int sound = y[HK_N + 1] > HK_C(HK_SINGULAR) && y[HK_N + 2] > HK_C(HK_REPRESENTATION);
-  if (!finite || !sound) {
+  const int given = y[HK_N + 4] - y[HK_N + 4] == HK_C(0);
+  if (!finite || !sound || !given) {
     for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
-    for (int i = 0; i < size; i++)
-      if (!(x[i] - x[i] == HK_C(0))) return 4;
-    return 3;
+    return given ? 3 : 4;
   }
   for (int i = 0; i < HK_N + 1; i++) out[i] = y[i];
 #ifdef HK_IMPRECISE
   if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
 #endif
   if (y[HK_N] >= HK_C(1)) return 0;
-  return y[HK_N] > HK_C(HK_HELD) ? 1 : 2;
+  return y[HK_N + 3] > HK_C(HK_HELD) ? 1 : 2;
 }

@@ -1,0 +1,137 @@
+/* Self-test of ppr: the numbers that holokin computed, and what must not happen. Returns 0 when all is well.
+   Written by holokin 0.1.0. */
+#include <math.h>
+#include <stdio.h>
+
+#include "ppr.h"
+#include "ppr_vectors.h"
+
+#ifdef PPR_FLOAT
+#define TOLERANCE 1e-4
+#define PRECISION "float"
+#else
+#define TOLERANCE 1e-12
+#define PRECISION "double"
+#endif
+#define COUNT ((int)(sizeof vectors / sizeof vectors[0]))
+
+typedef ppr_real real;
+
+static int failures, tested;
+
+/* `count` numbers against those wanted, in shares of the largest or of 1; returns the larger of this and `worst`. */
+static double compare(const char *what, int k, const real *got, const double *wanted, int count, double most, double worst) {
+  double size = 1.0, error = 0.0;
+  for (int i = 0; i < count; i++) size = fmax(size, fabs(wanted[i]));
+  for (int i = 0; i < count; i++) {
+    const double off = fabs((double)got[i] - wanted[i]) / size;
+    if (off > error || !(off - off == 0.0)) error = off; /* what is not a number stays */
+    if (!(error - error == 0.0)) break;
+  }
+  if (!(error <= most)) {
+    printf("%s: vector %d is off by %g\n", what, k, error);
+    failures++;
+  }
+  return error > worst ? error : worst;
+}
+
+static void expect(const char *what, int status, int wanted, const real *result, int count) {
+  int zero = 1;
+  for (int i = 0; i < count; i++) zero &= (result[i] == (real)0);
+  if (status != wanted || !zero) {
+    printf("%s: status %d instead of %d, results %s\n", what, status, wanted, zero ? "zero" : "not zero");
+    failures++;
+  }
+}
+
+static void copy(const double *from, real *to, int count) {
+  for (int i = 0; i < count; i++) to[i] = (real)from[i];
+}
+
+int main(void) {
+  double worst[7] = {0};
+  real q[3], target[3], dx[2], T[16], G[6], dq[3], scale;
+  ppr_hold hold;
+  real c[1], g[1];
+  ppr_defaults(&hold);
+  for (int k = 0; k < COUNT; k++) {
+    const vector *v = &vectors[k];
+    int status = 0;
+#ifdef PPR_FLOAT
+    const double most = v->precise ? TOLERANCE : 1e-2;
+#else
+    const double most = TOLERANCE * v->loss;
+#endif
+    const double feedback = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
+    copy(v->q, q, 3);
+    copy(v->target, target, 3);
+    copy(v->dx, dx, 2);
+    status = ppr_gain(q, G);
+    if (!v->precise && sizeof(real) < sizeof(double)) {
+      if (status == PPR_SINGULAR) continue; /* too near a singularity for single precision */
+      if (status == PPR_IMPRECISE) status = PPR_OK;
+    }
+    tested++;
+    worst[1] = compare("gain", k, G, v->gain, 6, most, worst[1]);
+    status |= ppr_pose(q, T);
+    worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
+    ppr_rate(q, dx, dq);
+    worst[2] = compare("rate", k, dq, v->rate, 3, most, worst[2]);
+    const int stepped = ppr_step(q, target, dx, &hold, dq, &scale);
+    if (stepped != v->status && (v->precise || stepped != PPR_IMPRECISE)) {
+      printf("step: vector %d has another status\n", k);
+      failures++;
+    }
+    worst[3] = compare("step", k, dq, v->step, 3, feedback, worst[3]);
+    worst[3] = compare("scale", k, &scale, &v->scale, 1, feedback, worst[3]);
+    copy(v->c, c, 1);
+    ppr_constraint(q, g);
+    worst[4] = compare("constraint", k, g, v->g, 1, most, worst[4]);
+    ppr_leaf_step(q, target, c, dq);
+    worst[5] = compare("leaf step", k, dq, v->leaf, 3, most, worst[5]);
+    ppr_inverse(q, target, c, 12);
+    worst[6] = compare("inverse", k, q, v->inverse, 3, 10 * most, worst[6]);
+    if (status != PPR_OK) {
+      printf("vector %d: a status that is not OK\n", k);
+      failures++;
+    }
+  }
+  const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
+  for (int b = 0; b < 3; b++) {
+    copy(vectors[0].q, q, 3);
+    copy(vectors[0].target, target, 3);
+    copy(vectors[0].dx, dx, 2);
+    for (int i = 0; i < 2; i++) {
+      const real good = dx[i];
+      dx[i] = bad[b];
+      expect("rate of a bad dx", ppr_rate(q, dx, dq), PPR_NOT_FINITE, dq, 3);
+      expect("step of a bad dx", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      dx[i] = good;
+    }
+    for (int i = 0; i < 3; i++) {
+      const real good = target[i];
+      target[i] = bad[b];
+      expect("step to a bad target", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      copy(vectors[0].c, c, 1);
+      expect("leaf step to a bad target", ppr_leaf_step(q, target, c, dq), PPR_NOT_FINITE, dq, 3);
+      expect("inverse of a bad target", ppr_inverse(q, target, c, 12), PPR_NOT_FINITE, dq, 0);
+      target[i] = good;
+    }
+    for (int i = 0; i < 3; i++) {
+      const real good = q[i];
+      q[i] = bad[b];
+      expect("pose of a bad q", ppr_pose(q, T), PPR_NOT_FINITE, T, 16);
+      expect("gain of a bad q", ppr_gain(q, G), PPR_NOT_FINITE, G, 6);
+      expect("step of a bad q", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      q[i] = good;
+    }
+    ppr_hold odd = hold;
+    odd.dt = bad[b];
+    expect("step with a bad dt", ppr_step(q, target, dx, &odd, dq, &scale), PPR_BAD_HOLD, dq, 3);
+    odd.dt = -hold.dt;
+    expect("step with a negative dt", ppr_step(q, target, dx, &odd, dq, &scale), PPR_BAD_HOLD, dq, 3);
+  }
+  printf("ppr, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e, constraint %.1e, leaf step %.1e, inverse %.1e; %s\n",
+         PRECISION, tested, worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6], failures ? "FAILED" : "passed");
+  return failures ? 1 : 0;
+}
