@@ -218,3 +218,51 @@ def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(
     assert np.abs(walk.drift()).max() < 1e-12
     assert np.ptp(walk.q, axis=0).min() > 1e-3
     assert np.abs(rows @ (walk.q - q0).T).max() < 1e-12
+
+
+ODD_TREE = """<robot name="odd">
+  <link name="root"/><link name="a"/><link name="slide seen from b"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="turn" type="revolute"><parent link="root"/><child link="a"/><origin xyz="0 0.1 0.3" rpy="0.2 0 1"/>
+    <axis xyz="0 1 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0" rpy="0 0.4 0"/>
+    <axis xyz="1 0 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="still" type="fixed"><parent link="b"/><child link="slide seen from b"/><origin xyz="0 0 0.1"/></joint>
+  <joint name="copy" type="revolute"><parent link="slide seen from b"/><child link="c"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/><mimic joint="turn" multiplier="-0.5" offset="0.2"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="other" type="continuous"><parent link="a"/><child link="d"/><origin xyz="0 0.4 0" rpy="1 0 0"/>
+    <axis xyz="1 0 0"/></joint>
+</robot>"""
+
+
+def test_sliders_and_mimics_turn_round_with_the_tree(tmp_path: Path) -> None:
+    """Seen from c: a mimic, a fixed joint and a slider on the way up, another branch on the way down."""
+    file = tmp_path / "odd.urdf"
+    file.write_text(ODD_TREE)
+    usual = hk.from_urdf(file, tip=["c", "d"])
+    turned = hk.from_urdf(file, base="c", tip=["root", "d"])
+    assert set(turned.joint_names) == set(usual.joint_names) == {"turn", "slide", "other"}
+    for _trial in range(5):
+        q = dict(zip(usual.joint_names, RNG.uniform(-1, 1, 3), strict=True))
+        there, here = (np.array([q[name] for name in robot.joint_names]) for robot in (usual, turned))
+        c, d = usual.pose(there, "c"), usual.pose(there, "d")
+        assert turned.pose(here, "root") @ c == pytest.approx(np.eye(4), abs=1e-14)
+        assert c @ turned.pose(here, "d") == pytest.approx(d, abs=1e-14)
+
+
+def test_a_base_at_the_end_of_the_tree_asks_for_a_tip() -> None:
+    from holokin.errors import RobotFileError
+
+    with pytest.raises(RobotFileError, match="give tip="):
+        hk.from_urdf(urdf("panda.urdf"), base="panda_hand_tcp")
+
+
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+def test_a_constraint_written_in_tiny_units_follows_as_well(native_from: int, monkeypatch: Patch) -> None:
+    """det [J; J_g] of 30 joints would be 1e-168; the sign is all that is needed."""
+    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    bends = 1e-6 * np.diff(np.eye(30), 2, axis=0)
+    strategy, q0 = hk.holonomic(hk.position(chain(30)), hk.linear(bends)), np.full(30, 0.08)
+    at = strategy.task.robot.pose(q0)[:3, 3]
+    walk = hk.follow(strategy, hk.circle(at, at - [0.05, 0.02, 0]), q0, samples=40)
+    assert np.abs(walk.drift()).max() < 1e-9

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,14 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.errors import LimitReachedError, OutOfReachError, PathError, PathSingularityError
+from holokin.errors import (
+    LimitReachedError,
+    OutOfReachError,
+    PathError,
+    PathSingularityError,
+    ShapeError,
+    SingularityError,
+)
 from holokin.symbolic import function as function_module
 from holokin.symbolic import native
 from test_native import FOLLOW
@@ -104,6 +112,66 @@ def test_following_allocates_its_outputs_and_no_more(method: str, native_from: i
         tracemalloc.stop()
         assert len(walk) == samples + 1
     assert (peaks[1] - peaks[0]) / (long - short) < 1.1 * 8 * 8
+
+
+@compiled
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_velocity_stops_at_either_limit_of_any_joint(joint: int, end: str, monkeypatch: Patch) -> None:
+    """A robot whose one limit lies where the middle of an unlimited way is."""
+    free = hk.load("panda")
+    walk = hk.follow(hk.moore_penrose(hk.pose(free)), hk.circle(POINT, POINT - [0.1, 0, 0]), PANDA_START, samples=40)
+    here = walk.q[:, joint]
+    value = float((here.min() + PANDA_START[joint]) / 2 if end == "lower" else (here.max() + PANDA_START[joint]) / 2)
+    if abs(value - PANDA_START[joint]) < 1e-3:
+        pytest.skip("this joint does not go there")
+    joints = list(free.coordinates)
+    joints[joint] = replace(joints[joint], **{end: value})
+    strategy = hk.moore_penrose(hk.pose(replace(free, coordinates=tuple(joints))))
+    loop = hk.circle(POINT, POINT - [0.1, 0, 0])
+    ours, theirs = both(lambda: hk.follow(strategy, loop, PANDA_START, samples=40), monkeypatch)
+    assert type(ours) is type(theirs) is LimitReachedError
+    assert np.array_equal(ours.trajectory.q, theirs.trajectory.q)
+
+
+@compiled
+def test_batches_of_nothing_and_into_what_is_given(monkeypatch: Patch) -> None:
+    """A constraint of no rows, and results written where the caller wants them, which must be fit for it."""
+    monkeypatch.setattr(function_module, "NATIVE_FROM", 100)
+    square = hk.holonomic(hk.position(hk.from_dh([{"a": 0.2}] * 2)), hk.custom(lambda q: [], rows=0))
+    Q = np.random.default_rng(0).uniform(0.5, 1.0, (5000, 2))
+    assert square.constraint_value.batch(Q).shape == (5000, 0)
+    p, R = square.task.robot.pose_batch(Q)
+    assert np.abs(square.leaf_step.batch(Q, p, R, np.zeros(0))[0]).max() < 1e-12
+    gain = square.gain
+    G, figures = np.empty((5000, 2, 2)), [np.empty(5000), np.empty(5000)]
+    gain.batch(Q, out=[G, *figures])
+    assert np.array_equal(G, gain.batch(Q)[0])
+    for bad in (np.asfortranarray(G), G[::-1], G.astype(np.float32), G[:-1], G.tolist()):
+        with pytest.raises(ShapeError, match="out"):
+            gain.batch(Q, out=[bad, *figures])
+    with pytest.raises(ShapeError, match="3 arrays"):
+        gain.batch(Q, out=[G])
+
+
+@compiled
+def test_a_kernel_that_cannot_be_made_is_tried_once(monkeypatch: Patch, caplog: pytest.LogCaptureFixture) -> None:
+    monkeypatch.setattr(function_module, "NATIVE_FROM", 100)
+    monkeypatch.setattr(native, "PATIENCE", 1e-6)
+    strategy = hk.holonomic(hk.position(hk.from_dh([{"a": 0.2}] * 3)), hk.linear([1, 1, 0.3]))
+    Q = np.random.default_rng(0).uniform(0.5, 1.0, (500, 3))
+    for _ in range(3):
+        assert strategy.batch(Q).shape == (500, 3, 2)
+    assert len(caplog.records) == 1
+
+
+def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> None:
+    monkeypatch.setattr("holokin.strategy.base.PIECE", 10)
+    strategy = hk.moore_penrose(hk.pose(hk.load("panda")))
+    Q = np.tile(PANDA_START, (45, 1))
+    Q[37] = 0.0
+    with pytest.raises(SingularityError, match=r"q = \[0, 0, 0, 0, 0, 0, 0\]"):
+        strategy.batch(Q)
 
 
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])

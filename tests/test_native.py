@@ -109,7 +109,7 @@ def test_a_large_batch_is_the_small_batches(
     machine = strategy.rate.batch(Q, np.arange(6.0))
     monkeypatch.setattr(function_module, "NATIVE_FROM", 1)
     ours = strategy.rate.batch(Q, np.arange(6.0), threads=threads)
-    assert strategy.rate._kernel is not None
+    assert strategy.rate._natives["batch"] is not None
     for a, b in zip(ours, machine, strict=True):
         assert a.shape == b.shape
         assert np.abs(a - b).max() < 1e-12 * max(1, np.abs(b).max())
@@ -203,6 +203,16 @@ def test_a_loop_with_feedback_to_the_leaf_comes_home_and_tracks(
     assert np.abs(ends[0] - ends[1]).max() < 1e-12
 
 
+def test_a_speed_far_beyond_the_limits_is_slowed_and_no_joint_is_at_its_limit(
+    cache: Path, strategy: hk.Strategy, monkeypatch: Patch
+) -> None:
+    pose = strategy.task.robot.pose(PANDA_START)
+    for servo in servos(strategy, monkeypatch):
+        dq = servo.step(PANDA_START, pose, np.array([1e8, 0, 0, 0, 0, 0]))
+        assert servo.status is StepStatus.SLOWED
+        assert np.abs(dq).max() > 0.5
+
+
 def test_limits_slow_the_step_and_never_bend_it(cache: Path, strategy: hk.Strategy, monkeypatch: Patch) -> None:
     robot = strategy.task.robot
     pose = robot.pose(PANDA_START)
@@ -243,6 +253,12 @@ def test_bad_numbers_give_a_status_and_no_motion(cache: Path, strategy: hk.Strat
             ((PANDA_START[:3], pose, dx), ShapeError),
             ((PANDA_START, pose[:3], dx), ShapeError),
             ((PANDA_START, "there", dx), ArgumentError),
+            ((PANDA_START[:, None], pose, dx), ShapeError),
+            ((PANDA_START, pose.ravel(), dx), ShapeError),
+            ((PANDA_START, pose.reshape(2, 8), dx), ShapeError),
+            ((np.array(["a"] * 7), pose, dx), ArgumentError),
+            ((PANDA_START, pose), ArgumentError),
+            ((PANDA_START, pose, dx, dx), ArgumentError),
         ):
             with pytest.raises(error):
                 servo.step(*arguments)
@@ -261,7 +277,11 @@ def test_a_position_task_and_a_strategy_without_constraint_have_steps_too(cache:
 
 def test_a_controller_is_refused_what_makes_no_sense(strategy: hk.Strategy) -> None:
     for more, said in (
-        ({"dt": 0.0}, "dt"), ({"dt": 1e-3}, "start"), ({"dt": 1e-3, "start": PANDA_START, "gain": 5e3}, "unstable"),
+        ({"dt": 0.0}, "dt"),
+        ({"dt": "a"}, "dt"),
+        ({"dt": 1e-3, "gain": [1]}, "gain"),
+        ({"dt": 1e-3}, "start"),
+        ({"dt": 1e-3, "start": PANDA_START, "gain": 5e3}, "unstable"),
         ({"dt": 1e-3, "start": PANDA_START, "leaf_gain": np.nan}, "leaf_gain"),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=said):

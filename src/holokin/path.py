@@ -229,10 +229,15 @@ class Path:
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
         counts = self.counts(samples)
-        index = np.repeat(np.arange(len(counts)), counts)
-        within = np.concatenate([np.arange(c) for c in counts])
-        total = counts[index]
-        return index, within / total, (within + 1) / total
+        return self.locate(counts, np.arange(counts.sum()))
+
+    @staticmethod
+    def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
+        """(segment, u_start, u_stop), each (k,), of some steps (k,), where the segments have counts of them."""
+        ends = np.cumsum(counts)
+        segment = np.searchsorted(ends, step, side="right")
+        within, total = step - (ends - counts)[segment], counts[segment]
+        return segment, within / total, (within + 1) / total
 
     def part(self, start: float, stop: float) -> Path:
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""

@@ -28,10 +28,6 @@ class Tolerances:
     tracking: float = 1e-3
     """Task error [m or rad] at which `follow` by velocity stops: integration has lost the path."""
 
-    newton: float = 1e-13
-    """Newton correction [joint units] at which leaf following calls a posture converged; the
-    remaining error is then its square, so one further step lands on round-off."""
-
     contraction: float = 0.125
     """Largest ratio of two successive Newton corrections that leaf following accepts. By the
     Newton-Kantorovich theorem 1/2 is enough to stay on the branch; we keep a factor of four."""
@@ -41,9 +37,6 @@ class Tolerances:
 
     limit: float = 1e-9
     """Overshoot [joint units] of a joint limit that counts as round-off."""
-
-    finite_difference: float = 1e-6
-    """Central-difference step [joint units] of the checks: error about step^2 + eps/step."""
 
 
 TOLERANCES = Tolerances()

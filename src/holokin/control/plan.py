@@ -123,12 +123,7 @@ class Plan:
         return {}
 
     def _locate(self, step: Indices) -> tuple[Indices, Vector, Vector]:
-        """(segment, u_start, u_stop) of steps."""
-        ends = np.cumsum(self.counts)
-        segment = np.searchsorted(ends, step, side="right")
-        count = self.counts[segment]
-        within = step - (ends - self.counts)[segment]
-        return segment, within / count, (within + 1) / count
+        return self.path.locate(self.counts, step)
 
     def rates_at_ends(self) -> Matrix:
         """x' (steps + 1, m) at the start and at the end of each step. Raises: SingularityError."""
@@ -141,7 +136,7 @@ class Plan:
 
     @cached_property
     def _grid(self) -> tuple[Indices, Vector, Vector]:
-        return self.path.steps(self.samples)
+        return self._locate(np.arange(self.steps))
 
     @cached_property
     def _ends(self) -> Samples:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError
+from ..errors import ArgumentError, NativeError, ShapeError
 from ..strategy import Strategy
 from ..symbolic import (
     LARGEST,
@@ -60,10 +60,10 @@ class Servo:
 
     step: Callable[[ArrayLike, ArrayLike, ArrayLike], Vector]
 
-    def __init__(self, strategy: Strategy, dt: float, gain: float, leaf_gain: float, leaf: Vector, limits: bool):
+    def __init__(self, strategy: Strategy, step: Function, dt: float, gain: float, leaf_gain: float, leaf: Vector):
         self.strategy, self.dt, self.leaf = strategy, dt, leaf
         task = strategy.task
-        self._function = step_function(strategy, limits)
+        self._function = step
         self._out = np.zeros(task.n + 2)  # dq, scale, status
         self._dq = self._out[: task.n]
         self._held = np.append(leaf, (dt, gain, leaf_gain))
@@ -122,13 +122,13 @@ class Servo:
         shapes = (q_in.shape, pose_in.shape, dx_in.shape)
         least, clear = TOLERANCES.singular, TOLERANCES.representation
 
-        def step(q: Any, x_des: Any, dx_des: Any) -> Vector:
+        def step(q: Any = None, x_des: Any = None, dx_des: Any = None, *more: Any) -> Vector:
             try:
-                if (q.shape, x_des.shape, dx_des.shape) != shapes:
-                    return slow(q, x_des, dx_des)
-            except AttributeError:
-                return slow(q, x_des, dx_des)
-            q_in[...], pose_in[...], dx_in[...] = q, x_des, dx_des
+                if more or (q.shape, x_des.shape, dx_des.shape) != shapes:
+                    return slow(q, x_des, dx_des, *more)
+                q_in[...], pose_in[...], dx_in[...] = q, x_des, dx_des
+            except (AttributeError, TypeError, ValueError):  # no arrays, or not of numbers
+                return slow(*(value for value in (q, x_des, dx_des) if value is not None))
             trigger()
             share = scale.item()
             size = rates @ rates + share + given.item()
@@ -164,22 +164,30 @@ def controller(
     Raises:
         ArgumentError: no start for a strategy with a constraint, or a bad dt or gain. ShapeError, NotFiniteError.
     """
+    dt = _number("dt", dt)
     if not (np.isfinite(dt) and dt > 0):
         raise ArgumentError("dt", dt, "give a positive step in seconds")
-    gains = [0.1 / dt if g is None else float(g) for g in (gain, leaf_gain)]
-    for what, value in zip(("gain", "leaf_gain"), gains, strict=True):
+    given = (("gain", gain), ("leaf_gain", leaf_gain))
+    gains = [0.1 / dt if value is None else _number(what, value) for what, value in given]
+    for (what, _), value in zip(given, gains, strict=True):
         if not (np.isfinite(value) and 0 <= value * dt < 2):
             raise ArgumentError(what, value, f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable")
-    leaf = np.zeros(0)
+    leaf, function = np.zeros(0), step_function(strategy, limits)
+    _, *shapes = function.input_shapes.values()
     if strategy.constraint is not None and strategy.task.n > strategy.task.m:
         if start is None:
             raise ArgumentError("start", None, f"{strategy.name!r} has leaves: give a posture on the one to hold")
         q0 = strategy.task.robot.checked(start, "the start posture")
-        strategy(q0)
+        _, _, conditioning, margin, *_ = function(q0, *(np.zeros(shape) for shape in shapes))
+        strategy.check(q0, conditioning, margin)
         leaf = leaf_value(strategy, q0)
-    if not np.isfinite(leaf).all():
-        raise NotFiniteError("the leaf", leaf.tolist())
-    return Servo(strategy, float(dt), gains[0], gains[1], leaf, limits)
+    return Servo(strategy, function, dt, gains[0], gains[1], leaf)
+
+
+def _number(what: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise ArgumentError(what, value, "give a number")
+    return float(value)
 
 
 def step_function(strategy: Strategy, limits: bool) -> Function:

@@ -17,6 +17,7 @@ def rerooted(joints: Sequence[Any], links: Sequence[Any], base: str) -> tuple[li
     """
     above = {joint.child: joint for joint in joints}
     by_name = {link.name: link for link in links}
+    taken = {*by_name, *(joint.name for joint in joints)}
     turned: dict[str, list[Any]] = {}
     more = []
     link = base
@@ -27,6 +28,8 @@ def rerooted(joints: Sequence[Any], links: Sequence[Any], base: str) -> tuple[li
             turned[joint.name] = [replace(joint, parent=joint.child, child=joint.parent, origin=origin)]
         else:
             between = f"{joint.name} seen from {joint.child}"
+            while between in taken:
+                between += "'"
             axis = -np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
             turned[joint.name] = [
                 replace(joint, parent=joint.child, child=between, origin=None, axis=axis),

@@ -289,7 +289,8 @@ def _wanted_tips(
     if tip is None:
         below = [leaf for leaf in _leaves(links, parents) if _chain(leaf, root, parents)]
         if not below:
-            raise RobotFileError(path, f"has no tip below base {root!r}", "choose another base=")
+            others = ", ".join(leaf for leaf in _leaves(links, parents) if leaf != root)
+            raise RobotFileError(path, f"ends at base {root!r}", f"give tip=, the link to reach from there: {others}")
         if len(below) != 1:
             raise RobotFileError(
                 path, f"branches into {len(below)} tips", f"give tip=, one or more of {', '.join(below)}"

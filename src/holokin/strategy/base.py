@@ -36,7 +36,7 @@ from ..symbolic import (
 from ..symbolic.geometry import wrapped
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Vector, numbers
 
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
@@ -69,6 +69,8 @@ class Expressions:
         if self.form == "kernel":
             wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
             return solution(vertcat(self.J, self.planes), vertcat(dx, wanted), written_out=written_out)
+        if along is not None:
+            raise ArgumentError("the form of the planes", self.form, "only planes given by rows have a rate along them")
         frame = factorise(self.planes)
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)
@@ -112,7 +114,7 @@ class Strategy:
 
         Raises: SingularityError naming the first singular one.
         """
-        Q = np.asarray(Q, dtype=float)
+        Q = numbers("the postures", Q)
         if Q.ndim != 2 or Q.shape[1] != self.task.n:
             raise ShapeError("a batch of postures", ("k", self.task.n), Q.shape)
         G = np.empty((len(Q), self.task.n, self.task.m))

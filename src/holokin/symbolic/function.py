@@ -56,8 +56,7 @@ class Function:
         self._port = Port(self.program, *self._shapes)
         self._map: Port | None = None
         self._kept: list[Port] = []
-        self._kernel: BatchKernel | None = None
-        self._follower: FollowKernel | None = None
+        self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
 
     def __repr__(self) -> str:
         return f"Function({self.program.before})"
@@ -96,7 +95,10 @@ class Function:
         ]
         if out is None:
             out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
-        results = [array.reshape(count, *s) for array, s in zip(out, self.output_shapes.values(), strict=True)]
+        wanted = [(count, *shape) for shape in self.output_shapes.values()]
+        results = [_given(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
+        if len(out) != len(wanted):
+            raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
         kernel = self._native() if count >= NATIVE_FROM else None
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
@@ -117,15 +119,14 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
-        from .kernel import LARGEST, BatchKernel
+        from .kernel import LARGEST_VECTOR, BatchKernel
         from .native import enabled
 
-        if self._kernel is None and enabled() and self.program.instructions <= LARGEST:
-            try:
-                self._kernel = BatchKernel(self.program, *self._shapes)
-            except NativeError as problem:
-                logging.getLogger("holokin").warning("%s", problem)
-        return self._kernel if enabled() else None
+        if not enabled() or self.program.instructions > LARGEST_VECTOR:
+            return None
+        if "batch" not in self._natives:
+            self._natives["batch"] = _tried(lambda: BatchKernel(self.program, *self._shapes))
+        return self._natives["batch"]
 
     def port(self) -> tuple[Callable[[], None], list[Array], list[Array]]:
         """(trigger, arguments, results): memory of this function's own, for one thread that calls it often.
@@ -143,12 +144,9 @@ class Function:
 
         if not enabled() or self.program.instructions > LARGEST:
             return None
-        if self._follower is None:
-            try:
-                self._follower = FollowKernel(self.program, *self._shapes, method)
-            except NativeError as problem:
-                logging.getLogger("holokin").warning("%s", problem)
-        return self._follower
+        if method not in self._natives:
+            self._natives[method] = _tried(lambda: FollowKernel(self.program, *self._shapes, method))
+        return self._natives[method]
 
     def c(self, name: str) -> str:
         """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.
@@ -189,6 +187,23 @@ class Function:
         if len(values) != len(keys) or len(args) + len(named) != len(keys):
             raise ShapeError(f"{self.name}: the arguments", keys, [*range(len(args)), *named])
         return values
+
+
+def _tried(make: Callable[[], Any]) -> Any:
+    """What is made, or None and a warning."""
+    try:
+        return make()
+    except NativeError as problem:
+        logging.getLogger("holokin").warning("%s", problem)
+        return None
+
+
+def _given(name: str, array: Any, shape: tuple[int, ...]) -> Array:
+    """An array for results, as it must be. Raises: ShapeError."""
+    fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.flags.c_contiguous
+    if not fits or array.size != int(np.prod(shape)) or array.shape[:1] != shape[:1]:
+        raise ShapeError(f"{name}.batch: out", f"C-contiguous float64 {shape}", getattr(array, "shape", type(array)))
+    return array.reshape(shape)
 
 
 def _rows(value: Array) -> Array:

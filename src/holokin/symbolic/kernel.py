@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NativeError
-from ..types import Array, Indices
+from ..types import Array, Indices, whole
 from .emit import LANES, SCALAR, prelude
 from .native import library, path_of
 from .program import Program, Shapes
@@ -24,6 +24,9 @@ from .source import body, source, step_source
 
 LARGEST = 50_000
 """Operations up to which native code is made: beyond, a compiler takes half a minute, and the virtual machine runs."""
+
+LARGEST_VECTOR = 8_000
+"""The same for vectors of numbers, which take a compiler far longer: ten seconds for 5,300, ninety for 12,800."""
 
 LONG = 3_000
 """Operations from which a compiler is told to take it easy: one second instead of seven for 5,700 of them."""
@@ -53,10 +56,10 @@ class BatchKernel:
     """hk_batch of one function: many samples, several threads, vector registers; the GIL is free meanwhile."""
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes) -> None:
-        sizes_in, sizes_out = ([max(1, int(np.prod(s))) for s in shapes] for shapes in (inputs, outputs))
+        sizes_in, sizes_out = ([int(np.prod(s)) for s in shapes] for shapes in (inputs, outputs))
         head = (
             f"#define HK_INPUTS {len(sizes_in)}\n#define HK_OUTPUTS {len(sizes_out)}\n"
-            f"#define HK_NX {sum(sizes_in)}\n#define HK_NY {sum(sizes_out)}\n"
+            f"#define HK_NX {max(1, sum(sizes_in))}\n#define HK_NY {max(1, sum(sizes_out))}\n"
             f"static const int hk_in[] = {{{', '.join(map(str, sizes_in))}}};\n"
             f"static const int hk_out[] = {{{', '.join(map(str, sizes_out))}}};\n"
         )
@@ -72,7 +75,8 @@ class BatchKernel:
     def __call__(self, arguments: Sequence[Array], results: Sequence[Array], threads: int | None = None) -> None:
         """Fill results (k, ...) from arguments, each C-contiguous (k, ...), or with stride 0 along the samples."""
         count = len(results[0])
-        workers = max(1, min(threads or os.cpu_count() or 1, count // 4096))
+        most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
+        workers = max(1, min(most, count // 4096))
         edges = np.linspace(0, count, workers + 1).astype(int)
 
         def part(k: int) -> None:
@@ -128,23 +132,26 @@ class StepKernel:
         self._run: Any = self._library.hk_step
         self._run.argtypes = [ctypes.c_void_p] * 5
         self._run.restype = ctypes.c_int
-        self.sizes = tuple(int(np.prod(shape)) for shape in inputs[:3])
+        self.shapes = tuple(inputs[:3])
 
     def bind(self, held: Array, out: Array, answer: Array, slow: Callable[..., Array]) -> Callable[..., Array]:
         """(q, pose, dx) -> answer, a view of out (dq, scale, status); `slow` is called with what is no float array."""
         glue = _glue()
         if glue is not None:
-            address = ctypes.cast(self._run, ctypes.c_void_p).value
-            return glue.bind(address, held.ctypes.data, out.ctypes.data, *self.sizes, len(out) - 1, answer, slow)
+            address, square = ctypes.cast(self._run, ctypes.c_void_p).value, int(len(self.shapes[1]) == 2)
+            sizes = [int(np.prod(shape)) for shape in self.shapes]
+            return glue.bind(address, held.ctypes.data, out.ctypes.data, *sizes, square, len(out) - 1, answer, slow)
         run, held_at, out_at = self._run, held.ctypes.data, out.ctypes.data
-        copies = [np.empty(size) for size in self.sizes]
+        copies = [np.empty(shape) for shape in self.shapes]
         places = [copy.ctypes.data for copy in copies]
 
-        def step(q: Array, pose: Array, dx: Array) -> Array:
-            for copy, value in zip(copies, (q, pose, dx), strict=True):
-                if np.shape(value) != copy.shape and np.size(value) != copy.size:
-                    return slow(q, pose, dx)
-                copy[:] = np.ravel(value)
+        def step(*arguments: Array) -> Array:
+            if len(arguments) != 3:
+                return slow(*arguments)
+            for copy, value in zip(copies, arguments, strict=True):
+                if getattr(value, "shape", None) != copy.shape or value.dtype.kind not in "fiu":
+                    return slow(*arguments)
+                copy[...] = value
             out[-1] = run(*places, out_at, held_at)
             return answer
 

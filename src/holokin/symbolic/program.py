@@ -119,8 +119,9 @@ def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
     turns = len(tau) - tau.tolist().count(0.0) + np.signbit(diagonal).sum()  # a reflection turns the sign
     figures[1] = -1.0 if turns % 2 else 1.0
     turned, _, _ = lapack.dormqr("L", "T", reflections, tau, B, 64 * B.shape[1])  # type: ignore[attr-defined]
-    found, info = lapack.dtrtrs(reflections, turned)  # type: ignore[attr-defined]
-    X[...] = found if info == 0 else np.nan
+    for k in range(B.shape[1]):  # one by one: from two on OpenBLAS starts threads, which takes milliseconds
+        found, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]
+        X[:, k] = found if info == 0 else np.nan
 
 
 def _memory(shape: tuple[int, ...]) -> Array:

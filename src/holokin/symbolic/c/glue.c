@@ -9,6 +9,7 @@ typedef struct {
   const double *leaf;
   double *out;
   Py_ssize_t size[3];
+  int square; /* the pose is a 4x4 matrix */
   Py_ssize_t status; /* where in out the status goes */
   PyObject *answer, *slow;
 } hk_bound;
@@ -29,7 +30,8 @@ static PyObject *hk_call(PyObject *self, PyObject *const *args, Py_ssize_t count
       PyErr_Clear();
       break;
     }
-    fit = view[got].itemsize == 8 && view[got].len == 8 * b->size[got] && view[got].format[0] == 'd' && !view[got].format[1];
+    const int rows = got == 1 && b->square ? 2 : 1;
+    fit = view[got].ndim == rows && (rows == 1 || view[got].shape[0] == 4) && view[got].itemsize == 8 && view[got].len == 8 * b->size[got] && view[got].format[0] == 'd' && !view[got].format[1];
   }
   const int ready = fit && got == 3;
   if (ready)
@@ -57,9 +59,11 @@ static PyMethodDef hk_call_def = {"step", (PyCFunction)(void (*)(void))hk_call, 
 static PyObject *hk_bind(PyObject *module, PyObject *args) {
   unsigned long long step, leaf, out;
   Py_ssize_t size[3], status;
+  int square;
   PyObject *answer, *slow, *capsule, *callable;
   (void)module;
-  if (!PyArg_ParseTuple(args, "KKKnnnnOO", &step, &leaf, &out, &size[0], &size[1], &size[2], &status, &answer, &slow))
+  if (!PyArg_ParseTuple(args, "KKKnnninOO", &step, &leaf, &out, &size[0], &size[1], &size[2], &square, &status, &answer,
+                        &slow))
     return NULL;
   hk_bound *b = (hk_bound *)PyMem_Malloc(sizeof(hk_bound));
   if (!b) return PyErr_NoMemory();
@@ -68,6 +72,7 @@ static PyObject *hk_bind(PyObject *module, PyObject *args) {
   b->out = (double *)(size_t)out;
   for (int i = 0; i < 3; i++) b->size[i] = size[i];
   b->status = status;
+  b->square = square;
   Py_INCREF(answer);
   Py_INCREF(slow);
   b->answer = answer;
