@@ -13,8 +13,8 @@ from typing import NamedTuple
 import casadi as ca
 
 DENSE_FROM = 10
-"""Order from which a square system is left to numbers: measured (docs/speed.md). As C both take the same time from order
-9 to 12, and the dense one is built in a third of it."""
+"""Order from which a square system is left to numbers. Measured (docs/speed.md): as C both take the same time from
+order 9 to 12, and the dense one is built in a third of it."""
 
 
 @dataclass(frozen=True, eq=False)
