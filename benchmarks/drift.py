@@ -212,7 +212,17 @@ def table(rows: list[Row]) -> str:
 def versions() -> str:
     """What was run, and on what."""
     out = []
-    for package in ("holokin", "casadi", "numpy", "pin-pink", "pin", "mink", "mujoco", "placo"):
+    for package in (
+        "holokin",
+        "casadi",
+        "numpy",
+        "pin-pink",
+        "pin",
+        "mink",
+        "mujoco",
+        "placo",
+        "roboticstoolbox-python",
+    ):
         try:
             out.append(f"{package} {version(package)}")
         except PackageNotFoundError:

@@ -45,6 +45,16 @@ double floor_loop(long long count, const double *q, const double *pose, const do
 """
 
 
+def processor() -> str:
+    """The machine's name: the model of its processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())
+
+
 def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple[float, float]:
     """Seconds of one call: median and 99th percentile over rounds of `inner` calls."""
     times = np.empty(rounds)
@@ -227,7 +237,7 @@ def page(
         "# The speed benchmark\n",
         "Written by `python -m benchmarks.speed`; do not edit. Everything in one run, medians; machines differ, ratios",
         "less so.\n",
-        f"Run with {versions()}; {engine()}; {platform.processor() or platform.machine()}, {os.cpu_count()} cores.\n",
+        f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores.\n",
         "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
         "path and to the leaf and with joint limits; the C floor is a bare C loop over the same generated step.\n",
         "| one control step | median | p99 | in C floors | against holokin, native |",

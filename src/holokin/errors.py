@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
@@ -100,16 +99,6 @@ class ArgumentError(HolokinError):
     def __init__(self, what: str, value: object, cure: str) -> None:
         self.what, self.value, self.cure = what, value, cure
         super().__init__(f"{what} is {value!r}; {cure}")
-
-
-def whole_number(what: str, value: object, least: int = 1) -> None:
-    """Raises: ArgumentError unless a value is a whole number that is large enough."""
-    try:
-        sound = operator.index(value) >= least  # type: ignore[arg-type]
-    except TypeError:
-        sound = False
-    if not sound:
-        raise ArgumentError(what, value, f"give a whole number, at least {least}")
 
 
 class TaskTooLargeError(HolokinError):

@@ -37,6 +37,13 @@ def whole(what: str, value: Any) -> int:
     return int(value)
 
 
+def number(what: str, value: Any) -> float:
+    """A number as a float. Raises: ArgumentError for anything else, True included."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise ArgumentError(what, value, "give a number")
+    return float(value)
+
+
 def numbers(what: str, value: Any) -> Array:
     """An array of floats. Raises: ArgumentError for what is no array of numbers, ragged lists included."""
     try:

@@ -35,6 +35,14 @@ static double compare(const char *what, int k, const real *got, const double *wa
   return error > worst ? error : worst;
 }
 
+/* A vector's status is OK, or, where single precision is rough, IMPRECISE. */
+static void accept(const char *what, int k, int status, int rough) {
+  if (status != PPR_OK && !(rough && status == PPR_IMPRECISE)) {
+    printf("%s: vector %d has status %d\n", what, k, status);
+    failures++;
+  }
+}
+
 static void expect(const char *what, int status, int wanted, const real *result, int count) {
   int zero = 1;
   for (int i = 0; i < count; i++) zero &= (result[i] == (real)0);
@@ -56,7 +64,6 @@ int main(void) {
   ppr_defaults(&hold);
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
-    int status = 0;
 #ifdef PPR_FLOAT
     const double most = v->precise ? TOLERANCE : 1e-2;
 #else
@@ -66,16 +73,14 @@ int main(void) {
     copy(v->q, q, 3);
     copy(v->target, target, 3);
     copy(v->dx, dx, 2);
-    status = ppr_gain(q, G);
-    if (!v->precise && sizeof(real) < sizeof(double)) {
-      if (status == PPR_SINGULAR) continue; /* too near a singularity for single precision */
-      if (status == PPR_IMPRECISE) status = PPR_OK;
-    }
+    const int status = ppr_gain(q, G), rough = !v->precise && sizeof(real) < sizeof(double);
+    if (rough && status == PPR_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
+    accept("gain", k, status, rough);
     worst[1] = compare("gain", k, G, v->gain, 6, most, worst[1]);
-    status |= ppr_pose(q, T);
+    accept("pose", k, ppr_pose(q, T), rough);
     worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
-    ppr_rate(q, dx, dq);
+    accept("rate", k, ppr_rate(q, dx, dq), rough);
     worst[2] = compare("rate", k, dq, v->rate, 3, most, worst[2]);
     const int stepped = ppr_step(q, target, dx, &hold, dq, &scale);
     if (stepped != v->status && (v->precise || stepped != PPR_IMPRECISE)) {
@@ -85,16 +90,12 @@ int main(void) {
     worst[3] = compare("step", k, dq, v->step, 3, feedback, worst[3]);
     worst[3] = compare("scale", k, &scale, &v->scale, 1, feedback, worst[3]);
     copy(v->c, c, 1);
-    ppr_constraint(q, g);
+    accept("constraint", k, ppr_constraint(q, g), rough);
     worst[4] = compare("constraint", k, g, v->g, 1, most, worst[4]);
-    ppr_leaf_step(q, target, c, dq);
+    accept("leaf step", k, ppr_leaf_step(q, target, c, dq), rough);
     worst[5] = compare("leaf step", k, dq, v->leaf, 3, most, worst[5]);
-    ppr_inverse(q, target, c, 12);
+    accept("inverse", k, ppr_inverse(q, target, c, 12), rough);
     worst[6] = compare("inverse", k, q, v->inverse, 3, 10 * most, worst[6]);
-    if (status != PPR_OK) {
-      printf("vector %d: a status that is not OK\n", k);
-      failures++;
-    }
   }
   const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
   for (int b = 0; b < 3; b++) {

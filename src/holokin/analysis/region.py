@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError, NotFiniteError, ShapeError, whole_number
-from ..types import ArrayLike, Matrix, Vector
+from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..types import ArrayLike, Matrix, Vector, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Region:
 
         Raises: ArgumentError unless count is a whole number, at least 1.
         """
-        whole_number("samples", count)
+        count = whole("samples", count)
         from scipy.stats import qmc
 
         power = int(np.ceil(np.log2(max(count, 2))))

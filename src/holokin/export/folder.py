@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ArgumentError
-from ..motion.leaf import leaf_value
 from ..strategy import Strategy
-from ..types import ArrayLike, whole
+from ..types import ArrayLike, number, whole
 from .code import Source, header, library, line, text
 from .vectors import selftest, vectors, vectors_header
 
@@ -68,13 +67,9 @@ def export_c(
     q0 = robot.checked(start, "the start posture")
     robot.check_limits(q0)
     strategy(q0)
-    if strategy.constraint is not None:
-        leaf_value(strategy, q0)
     count = whole("vectors_count", vectors_count)
-    if isinstance(dt, bool) or not isinstance(dt, int | float | np.number):
-        raise ArgumentError("dt", dt, "give a step in seconds")
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
-    source = Source(strategy, q0, float(dt), short, limits)
+    source = Source(strategy, q0, number("dt", dt), short, limits)
     found = vectors(source, count)
     operations = {key: function.program.instructions for key, function in source.functions.items()}
     words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}

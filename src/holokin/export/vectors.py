@@ -138,11 +138,11 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
         declare = f"  real c[{r}], g[{r}];\n"
         leaf_tests = (
             f"    copy(v->c, c, {r});\n"
-            f"    {name}_constraint(q, g);\n"
+            f'    accept("constraint", k, {name}_constraint(q, g), rough);\n'
             f'    worst[4] = compare("constraint", k, g, v->g, {r}, most, worst[4]);\n'
-            f"    {name}_leaf_step(q, target, c, dq);\n"
+            f'    accept("leaf step", k, {name}_leaf_step(q, target, c, dq), rough);\n'
             f'    worst[5] = compare("leaf step", k, dq, v->leaf, {n}, most, worst[5]);\n'
-            f"    {name}_inverse(q, target, c, 12);\n"
+            f'    accept("inverse", k, {name}_inverse(q, target, c, 12), rough);\n'
             f'    worst[6] = compare("inverse", k, q, v->inverse, {n}, 10 * most, worst[6]);\n'
         )
         refused = words["NAME"] + "_NOT_FINITE"

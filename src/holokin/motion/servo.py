@@ -34,7 +34,7 @@ from ..symbolic import (
     vertcat,
 )
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Vector, number
 from .leaf import leaf_value
 
 HELD = 1e-6
@@ -164,11 +164,11 @@ def controller(
     Raises:
         ArgumentError: no start for a strategy with a constraint, or a bad dt or gain. ShapeError, NotFiniteError.
     """
-    dt = _number("dt", dt)
+    dt = number("dt", dt)
     if not (np.isfinite(dt) and dt > 0):
         raise ArgumentError("dt", dt, "give a positive step in seconds")
     given = (("gain", gain), ("leaf_gain", leaf_gain))
-    gains = [0.1 / dt if value is None else _number(what, value) for what, value in given]
+    gains = [0.1 / dt if value is None else number(what, value) for what, value in given]
     for (what, _), value in zip(given, gains, strict=True):
         if not (np.isfinite(value) and 0 <= value * dt < 2):
             raise ArgumentError(what, value, f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable")
@@ -182,12 +182,6 @@ def controller(
         strategy.check(q0, conditioning, margin)
         leaf = leaf_value(strategy, q0)
     return Servo(strategy, function, dt, gains[0], gains[1], leaf)
-
-
-def _number(what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ArgumentError(what, value, "give a number")
-    return float(value)
 
 
 def step_function(strategy: Strategy, limits: bool) -> Function:

@@ -35,6 +35,14 @@ static double compare(const char *what, int k, const real *got, const double *wa
   return error > worst ? error : worst;
 }
 
+/* A vector's status is OK, or, where single precision is rough, IMPRECISE. */
+static void accept(const char *what, int k, int status, int rough) {
+  if (status != ${NAME}_OK && !(rough && status == ${NAME}_IMPRECISE)) {
+    printf("%s: vector %d has status %d\n", what, k, status);
+    failures++;
+  }
+}
+
 static void expect(const char *what, int status, int wanted, const real *result, int count) {
   int zero = 1;
   for (int i = 0; i < count; i++) zero &= (result[i] == (real)0);
@@ -55,7 +63,6 @@ int main(void) {
 $declare_leaf  ${name}_defaults(&hold);
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
-    int status = 0;
 #ifdef ${NAME}_FLOAT
     const double most = v->precise ? TOLERANCE : 1e-2;
 #else
@@ -65,16 +72,14 @@ $declare_leaf  ${name}_defaults(&hold);
     copy(v->q, q, $n);
     copy(v->target, target, $target);
     copy(v->dx, dx, $m);
-    status = ${name}_gain(q, G);
-    if (!v->precise && sizeof(real) < sizeof(double)) {
-      if (status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
-      if (status == ${NAME}_IMPRECISE) status = ${NAME}_OK;
-    }
+    const int status = ${name}_gain(q, G), rough = !v->precise && sizeof(real) < sizeof(double);
+    if (rough && status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
+    accept("gain", k, status, rough);
     worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
-    status |= ${name}_pose(q, T);
+    accept("pose", k, ${name}_pose(q, T), rough);
     worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
-    ${name}_rate(q, dx, dq);
+    accept("rate", k, ${name}_rate(q, dx, dq), rough);
     worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
     const int stepped = ${name}_step(q, target, dx, &hold, dq, &scale);
     if (stepped != v->status && (v->precise || stepped != ${NAME}_IMPRECISE)) {
@@ -83,11 +88,7 @@ $declare_leaf  ${name}_defaults(&hold);
     }
     worst[3] = compare("step", k, dq, v->step, $n, feedback, worst[3]);
     worst[3] = compare("scale", k, &scale, &v->scale, 1, feedback, worst[3]);
-$leaf_tests    if (status != ${NAME}_OK) {
-      printf("vector %d: a status that is not OK\n", k);
-      failures++;
-    }
-  }
+$leaf_tests  }
   const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
   for (int b = 0; b < 3; b++) {
     copy(vectors[0].q, q, $n);
