@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, Command
 from holokin.errors import ArgumentError, NativeError, ShapeError
 from holokin.motion.servo import StepStatus
 from holokin.symbolic import Function, engine, native, symbol
@@ -369,3 +369,9 @@ def test_a_cache_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: Patch
 
 def test_the_engine_is_one_line() -> None:
     assert "\n" not in engine()
+
+
+def test_the_command_says_what_runs(holokin: Command, monkeypatch: Patch) -> None:
+    assert holokin("--version").out == f"holokin {hk.__version__}, {engine()}\n"
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    assert "virtual machine (HOLOKIN_NATIVE=0)" in holokin("--version").out

@@ -25,14 +25,19 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"holokin {__version__}")
+        from .symbolic import engine
+
+        typer.echo(f"holokin {__version__}, {engine()}")
         raise typer.Exit
 
 
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Say the version, and what runs: native code or not."
+        ),
     ] = False,
 ) -> None:
     """Makes redundant robots repeatable, and proves it."""
