@@ -64,8 +64,9 @@ def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
     made = export_c(strategy, tmp_path, start=start, name="ppr")
     assert len(check(made)) == 2
     code = (tmp_path / "ppr.c").read_text()
-    assert "const hk_t v10 =" in code
-    (tmp_path / "ppr.c").write_text(code.replace("const hk_t v10 =", "const hk_t v10 = HK_C(1e-11) +", 1))
+    before, name, after = code.partition("static void hk_gain_body")
+    assert "y[0] = " in after
+    (tmp_path / "ppr.c").write_text(before + name + after.replace("y[0] = ", "y[0] = HK_C(1e-11) + ", 1))
     with pytest.raises(ExportError, match="self-test in double failed"):
         check(made)
 

@@ -95,6 +95,11 @@ class Task:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
         return self.orientation != "twist" or all(i < 3 for i in self.rows) or self.robot.planar
 
+    @property
+    def turns(self) -> bool:
+        """True when all three angular rows belong to the task, so that it knows the tool's rotation."""
+        return self.orientation is not None and sum(i > 2 for i in self.rows) == 3
+
     def __call__(self, q: ArrayLike) -> Vector:
         """x = f(q), (n,) -> (m,) [m, rad]. The angular rows of a twist task show log(R reference^T).
 

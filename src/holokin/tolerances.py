@@ -29,11 +29,17 @@ class Tolerances:
     """Task error [m or rad] at which `follow` by velocity stops: integration has lost the path."""
 
     contraction: float = 0.125
-    """Largest ratio of two successive Newton corrections that leaf following accepts. By the
-    Newton-Kantorovich theorem 1/2 is enough to stay on the branch; we keep a factor of four."""
+    """Largest ratio of two successive Newton corrections that leaf following goes on with: a larger one tells a step
+    that is too long before it costs a closer look. Whether a step keeps to its branch is for `change` to say."""
 
-    smallest_step: float = 2.0**-20
-    """Fraction of a sample interval below which leaf following gives up halving."""
+    change: float = 0.5
+    """Largest ||1 - Y A|| of the extended Jacobian A over a tube of postures, Y its inverse in the middle, up to which
+    a step in it is accepted. Below 1 a tool pose has one posture there; 1/2 leaves room to show that it is reached.
+    """
+
+    smallest_step: float = 2.0**-48
+    """Share of a sample interval below which leaf following gives up: a fold is then nearer than 1e-7 rad as a rule,
+    since near it the tool moves as the square of the joints."""
 
     limit: float = 1e-9
     """Overshoot [joint units] of a joint limit that counts as round-off."""

@@ -6,12 +6,14 @@
 #define HK_SINGULAR 0.002
 #define HK_REPRESENTATION 0.005
 #define HK_ALMOST 0.001
+#define HK_DONE 0.0001
 #define HK_PRECISE 0.04
 #define HK_CLEAR 0.03
 #else
 #define HK_SINGULAR 1e-10
 #define HK_REPRESENTATION 1e-06
 #define HK_ALMOST 1e-07
+#define HK_DONE 1e-09
 #endif
 #define HK_HELD 1e-06
 #define HK_CONTRACTION 0.125
@@ -40,6 +42,11 @@ typedef float hk_t;
 
 #ifndef HK_SIMD
 #define HK_SIMD _Pragma("omp simd")
+#endif
+#ifdef __GNUC__
+#define HK_CALL __attribute__((noinline)) /* small code, and quick to compile */
+#else
+#define HK_CALL
 #endif
 #define HK_C(x) ((hk_t)(x))
 #define HK_INF ((hk_t)HUGE_VAL)
@@ -116,102 +123,174 @@ static void hk_pose_body(const hk_t *restrict x, hk_t *restrict y) {
 static void hk_gain_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
   (void)y;
-  const hk_t v3 = x[2];
-  const hk_t v4 = HK_COS(v3);
-  const hk_t v7 = HK_C(2.224744871391589) * v4;
-  const hk_t v9 = HK_SIN(v3);
-  const hk_t v10 = v4 - v9;
-  const hk_t v12 = v10 + HK_C(-1.0);
-  const hk_t v15 = HK_C(2.414213562373095) * v9;
-  const hk_t v16 = v12 - v15;
-  const hk_t v17 = HK_C(0.2928932188134525) * v16;
-  const hk_t v18 = v12 - v17;
-  const hk_t v19 = HK_C(0.7071067811865475) * v18;
-  const hk_t v20 = v7 + v19;
-  const hk_t v21 = HK_C(0.8164965809277261) * v20;
-  const hk_t v22 = v4 - v21;
-  const hk_t v25 = HK_C(0.2595130239938435) * v20;
-  const hk_t v26 = v18 - v25;
-  const hk_t v27 = HK_C(-0.5773502691896257) / v26;
-  const hk_t v28 = v22 * v27;
-  const hk_t v29 = HK_C(0.40824829046386296) - v28;
-  const hk_t v31 = v29 / HK_C(-1.224744871391589);
-  const hk_t v32 = HK_C(-0.7071067811865475) * v31;
-  const hk_t v33 = HK_C(-0.7071067811865472) - v32;
-  const hk_t v34 = HK_C(0.7071067811865475) * v16;
-  const hk_t v35 = v9 + v34;
-  const hk_t v36 = v35 * v27;
-  const hk_t v37 = v33 + v36;
-  const hk_t v39 = v37 / HK_C(-1.4142135623730951);
-  y[0] = v39;
-  y[2] = v31;
-  y[4] = v27;
-  const hk_t v44 = HK_C(-0.8164965809277263) - v28;
-  const hk_t v45 = v44 / HK_C(-1.224744871391589);
-  const hk_t v46 = HK_C(-0.7071067811865475) * v45;
-  const hk_t v47 = v36 - v46;
-  const hk_t v48 = v47 / HK_C(-1.4142135623730951);
-  y[1] = v48;
-  y[3] = v45;
-  y[5] = v27;
-  const hk_t v53 = HK_FABS(v26);
-  const hk_t v54 = HK_FMIN(HK_C(1.224744871391589), v53);
-  const hk_t v56 = HK_FMAX(HK_C(1.4142135623730951), v53);
-  const hk_t v57 = v54 / v56;
-  y[6] = v57;
+  const hk_t v2 = x[2];
+  const hk_t v3 = HK_COS(v2);
+  const hk_t v4 = HK_SIN(v2);
+  const hk_t v5 = v3 - v4;
+  const hk_t v7 = v5 + HK_C(-1.0);
+  const hk_t v8 = v7 * v7;
+  const hk_t v9 = HK_C(2.0) + v8;
+  const hk_t v10 = HK_SQRT(v9);
+  const hk_t v11 = HK_C(1) / v10;
+  const hk_t v12 = v11 * v11;
+  const hk_t v13 = HK_C(1.0) + v12;
+  const hk_t v14 = HK_SQRT(v13);
+  const hk_t v15 = HK_C(1.0) + v14;
+  const hk_t v16 = v15 / v14;
+  const hk_t v17 = HK_C(1.0) - v16;
+  const hk_t v18 = v12 / v14;
+  const hk_t v19 = v14 + HK_C(1.0);
+  const hk_t v20 = v14 * v19;
+  const hk_t v21 = HK_C(1) / v20;
+  const hk_t v22 = v21 / v10;
+  const hk_t v23 = v22 * v12;
+  const hk_t v24 = v11 - v23;
+  const hk_t v25 = v22 * v15;
+  const hk_t v26 = v24 * v25;
+  const hk_t v27 = v24 * v24;
+  const hk_t v28 = HK_C(1.0) + v27;
+  const hk_t v29 = HK_SQRT(v28);
+  const hk_t v30 = v26 / v29;
+  const hk_t v31 = HK_C(1.0) + v29;
+  const hk_t v32 = v31 * v3;
+  const hk_t v33 = v7 / v10;
+  const hk_t v34 = v33 / v10;
+  const hk_t v35 = v15 * v4;
+  const hk_t v36 = v34 - v35;
+  const hk_t v37 = v22 * v36;
+  const hk_t v38 = v33 - v37;
+  const hk_t v39 = v24 * v38;
+  const hk_t v40 = v32 + v39;
+  const hk_t v41 = v40 / v29;
+  const hk_t v42 = v3 - v41;
+  const hk_t v43 = v29 + HK_C(1.0);
+  const hk_t v44 = v29 * v43;
+  const hk_t v45 = v24 / v44;
+  const hk_t v46 = v45 * v26;
+  const hk_t v47 = v46 - v25;
+  const hk_t v48 = v45 * v40;
+  const hk_t v49 = v38 - v48;
+  const hk_t v50 = v47 / v49;
+  const hk_t v51 = v42 * v50;
+  const hk_t v52 = v30 - v51;
+  const hk_t v53 = v52 / v29;
+  const hk_t v54 = v18 * v53;
+  const hk_t v55 = v17 - v54;
+  const hk_t v56 = v36 / v14;
+  const hk_t v57 = v4 + v56;
+  const hk_t v58 = v57 * v50;
+  const hk_t v59 = v55 + v58;
+  const hk_t v60 = v59 / v14;
+  const hk_t v61 = -v60;
+  y[0] = v61;
+  const hk_t v63 = -v53;
+  y[2] = v63;
+  y[4] = v50;
+  const hk_t v66 = v31 / v29;
+  const hk_t v67 = HK_C(1.0) - v66;
+  const hk_t v68 = v45 * v31;
+  const hk_t v69 = v68 / v49;
+  const hk_t v70 = v42 * v69;
+  const hk_t v71 = v67 + v70;
+  const hk_t v72 = v71 / v29;
+  const hk_t v73 = v18 * v72;
+  const hk_t v74 = v57 * v69;
+  const hk_t v75 = v73 + v74;
+  const hk_t v76 = v75 / v14;
+  y[1] = v76;
+  const hk_t v78 = -v72;
+  y[3] = v78;
+  const hk_t v80 = -v69;
+  y[5] = v80;
+  const hk_t v82 = HK_FMIN(v14, v29);
+  const hk_t v83 = HK_FABS(v49);
+  const hk_t v84 = HK_FMIN(v82, v83);
+  const hk_t v85 = HK_FMAX(v14, v29);
+  const hk_t v86 = HK_FMAX(v85, v83);
+  const hk_t v87 = v84 / v86;
+  y[6] = v87;
   y[7] = HK_C(1.0);
 }
 static void hk_rate_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
   (void)y;
   const hk_t v0 = x[3];
-  const hk_t v2 = HK_C(1.7071067811865472) * v0;
-  const hk_t v3 = v0 - v2;
-  const hk_t v5 = x[4];
-  const hk_t v8 = HK_C(2.224744871391589) * v5;
-  const hk_t v10 = HK_C(0.4999999999999999) * v0;
-  const hk_t v11 = v8 - v10;
-  const hk_t v12 = HK_C(0.8164965809277261) * v11;
-  const hk_t v13 = v5 - v12;
-  const hk_t v14 = x[2];
-  const hk_t v15 = HK_COS(v14);
-  const hk_t v16 = HK_C(2.224744871391589) * v15;
-  const hk_t v18 = HK_SIN(v14);
-  const hk_t v19 = v15 - v18;
-  const hk_t v21 = v19 + HK_C(-1.0);
-  const hk_t v24 = HK_C(2.414213562373095) * v18;
-  const hk_t v25 = v21 - v24;
-  const hk_t v26 = HK_C(0.2928932188134525) * v25;
-  const hk_t v27 = v21 - v26;
-  const hk_t v28 = HK_C(0.7071067811865475) * v27;
-  const hk_t v29 = v16 + v28;
-  const hk_t v30 = HK_C(0.8164965809277261) * v29;
-  const hk_t v31 = v15 - v30;
-  const hk_t v32 = HK_C(0.7071067811865475) * v0;
-  const hk_t v34 = HK_C(0.2595130239938435) * v11;
-  const hk_t v35 = v32 + v34;
-  const hk_t v36 = HK_C(0.2595130239938435) * v29;
-  const hk_t v37 = v27 - v36;
-  const hk_t v38 = v35 / v37;
-  const hk_t v39 = v31 * v38;
-  const hk_t v40 = v13 + v39;
-  const hk_t v42 = v40 / HK_C(-1.224744871391589);
-  const hk_t v43 = HK_C(-0.7071067811865475) * v42;
-  const hk_t v44 = v3 - v43;
-  const hk_t v45 = HK_C(0.7071067811865475) * v25;
-  const hk_t v46 = v18 + v45;
-  const hk_t v47 = v46 * v38;
-  const hk_t v48 = v44 - v47;
-  const hk_t v50 = v48 / HK_C(-1.4142135623730951);
-  y[0] = v50;
-  y[1] = v42;
-  const hk_t v53 = -v38;
-  y[2] = v53;
-  const hk_t v56 = HK_FABS(v37);
-  const hk_t v57 = HK_FMIN(HK_C(1.224744871391589), v56);
-  const hk_t v59 = HK_FMAX(HK_C(1.4142135623730951), v56);
-  const hk_t v60 = v57 / v59;
-  y[3] = v60;
+  const hk_t v3 = x[2];
+  const hk_t v4 = HK_COS(v3);
+  const hk_t v5 = HK_SIN(v3);
+  const hk_t v6 = v4 - v5;
+  const hk_t v8 = v6 + HK_C(-1.0);
+  const hk_t v9 = v8 * v8;
+  const hk_t v10 = HK_C(2.0) + v9;
+  const hk_t v11 = HK_SQRT(v10);
+  const hk_t v12 = HK_C(1) / v11;
+  const hk_t v13 = v12 * v12;
+  const hk_t v14 = HK_C(1.0) + v13;
+  const hk_t v15 = HK_SQRT(v14);
+  const hk_t v16 = HK_C(1.0) + v15;
+  const hk_t v17 = v16 * v0;
+  const hk_t v18 = v17 / v15;
+  const hk_t v19 = v0 - v18;
+  const hk_t v20 = v13 / v15;
+  const hk_t v21 = x[4];
+  const hk_t v22 = v15 + HK_C(1.0);
+  const hk_t v23 = v15 * v22;
+  const hk_t v24 = HK_C(1) / v23;
+  const hk_t v25 = v24 / v11;
+  const hk_t v26 = v25 * v13;
+  const hk_t v27 = v12 - v26;
+  const hk_t v28 = v27 * v27;
+  const hk_t v29 = HK_C(1.0) + v28;
+  const hk_t v30 = HK_SQRT(v29);
+  const hk_t v31 = HK_C(1.0) + v30;
+  const hk_t v32 = v31 * v21;
+  const hk_t v33 = v25 * v17;
+  const hk_t v34 = v27 * v33;
+  const hk_t v35 = v32 - v34;
+  const hk_t v36 = v35 / v30;
+  const hk_t v37 = v21 - v36;
+  const hk_t v38 = v31 * v4;
+  const hk_t v39 = v8 / v11;
+  const hk_t v40 = v39 / v11;
+  const hk_t v41 = v16 * v5;
+  const hk_t v42 = v40 - v41;
+  const hk_t v43 = v25 * v42;
+  const hk_t v44 = v39 - v43;
+  const hk_t v45 = v27 * v44;
+  const hk_t v46 = v38 + v45;
+  const hk_t v47 = v46 / v30;
+  const hk_t v48 = v4 - v47;
+  const hk_t v49 = v30 + HK_C(1.0);
+  const hk_t v50 = v30 * v49;
+  const hk_t v51 = v27 / v50;
+  const hk_t v52 = v51 * v35;
+  const hk_t v53 = v33 + v52;
+  const hk_t v54 = v51 * v46;
+  const hk_t v55 = v44 - v54;
+  const hk_t v56 = v53 / v55;
+  const hk_t v57 = v48 * v56;
+  const hk_t v58 = v37 + v57;
+  const hk_t v59 = v58 / v30;
+  const hk_t v60 = v20 * v59;
+  const hk_t v61 = v19 - v60;
+  const hk_t v62 = v42 / v15;
+  const hk_t v63 = v5 + v62;
+  const hk_t v64 = v63 * v56;
+  const hk_t v65 = v61 - v64;
+  const hk_t v66 = v65 / v15;
+  const hk_t v67 = -v66;
+  y[0] = v67;
+  const hk_t v69 = -v59;
+  y[1] = v69;
+  const hk_t v71 = -v56;
+  y[2] = v71;
+  const hk_t v73 = HK_FMIN(v15, v30);
+  const hk_t v74 = HK_FABS(v55);
+  const hk_t v75 = HK_FMIN(v73, v74);
+  const hk_t v76 = HK_FMAX(v15, v30);
+  const hk_t v77 = HK_FMAX(v76, v74);
+  const hk_t v78 = v75 / v77;
+  y[3] = v78;
   y[4] = HK_C(1.0);
 }
 static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
@@ -227,193 +306,223 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v8 = v3 - v7;
   const hk_t v9 = v2 * v8;
   const hk_t v10 = v1 + v9;
-  const hk_t v13 = HK_C(2.414213562373095) * v10;
-  const hk_t v14 = x[11];
-  const hk_t v15 = x[8];
-  const hk_t v16 = x[1];
-  const hk_t v17 = v4 + v16;
-  const hk_t v18 = v17 - v5;
-  const hk_t v19 = HK_SIN(v5);
-  const hk_t v20 = v18 + v19;
-  const hk_t v21 = v20 + v6;
-  const hk_t v22 = v15 - v21;
-  const hk_t v23 = v14 * v22;
-  const hk_t v24 = v13 + v23;
-  const hk_t v25 = HK_C(0.7071067811865475) * v24;
-  const hk_t v26 = v10 - v25;
-  const hk_t v28 = x[7];
-  const hk_t v29 = x[4];
-  const hk_t v30 = v16 + v19;
-  const hk_t v31 = v29 - v30;
-  const hk_t v32 = v2 * v31;
-  const hk_t v33 = v28 + v32;
-  const hk_t v36 = HK_C(2.224744871391589) * v33;
-  const hk_t v38 = HK_C(0.2928932188134525) * v24;
-  const hk_t v39 = v23 - v38;
-  const hk_t v40 = HK_C(0.7071067811865475) * v39;
-  const hk_t v41 = v36 + v40;
-  const hk_t v42 = HK_C(0.8164965809277261) * v41;
-  const hk_t v43 = v33 - v42;
-  const hk_t v44 = HK_C(2.224744871391589) * v6;
-  const hk_t v45 = v6 - v19;
-  const hk_t v47 = v45 + HK_C(-1.0);
-  const hk_t v48 = HK_C(2.414213562373095) * v19;
-  const hk_t v49 = v47 - v48;
-  const hk_t v50 = HK_C(0.2928932188134525) * v49;
-  const hk_t v51 = v47 - v50;
-  const hk_t v52 = HK_C(0.7071067811865475) * v51;
-  const hk_t v53 = v44 + v52;
-  const hk_t v54 = HK_C(0.8164965809277261) * v53;
-  const hk_t v55 = v6 - v54;
-  const hk_t v57 = HK_C(0.2595130239938435) * v41;
-  const hk_t v58 = v39 - v57;
-  const hk_t v59 = HK_C(0.2595130239938435) * v53;
-  const hk_t v60 = v51 - v59;
-  const hk_t v61 = v58 / v60;
-  const hk_t v62 = v55 * v61;
-  const hk_t v63 = v43 - v62;
-  const hk_t v65 = v63 / HK_C(-1.224744871391589);
-  const hk_t v66 = HK_C(-0.7071067811865475) * v65;
-  const hk_t v67 = v26 - v66;
-  const hk_t v68 = HK_C(0.7071067811865475) * v49;
-  const hk_t v69 = v19 + v68;
-  const hk_t v70 = v69 * v61;
-  const hk_t v71 = v67 + v70;
-  const hk_t v73 = v71 / HK_C(-1.4142135623730951);
-  const hk_t v74 = HK_FABS(v73);
-  const hk_t v76 = HK_FMAX(v74, HK_C(1e-12));
-  const hk_t v77 = HK_C(1) / v76;
-  const hk_t v78 = HK_FMIN(HK_C(1.0), v77);
-  const hk_t v79 = HK_FABS(v65);
-  const hk_t v80 = HK_FMAX(v79, HK_C(1e-12));
-  const hk_t v81 = HK_C(1) / v80;
-  const hk_t v82 = HK_FMIN(v78, v81);
-  const hk_t v84 = HK_FABS(v61);
-  const hk_t v85 = HK_FMAX(v84, HK_C(1e-12));
-  const hk_t v86 = HK_C(3.141592653589793) / v85;
-  const hk_t v87 = HK_FMIN(v82, v86);
-  const hk_t v88 = x[9];
-  const hk_t v89 = v73 * v88;
-  const hk_t v90 = HK_LT(HK_C(1e-12), v89);
-  const hk_t v92 = HK_C(5.0) - v4;
-  const hk_t v94 = HK_FMAX(v92, HK_C(0.0));
-  const hk_t v95 = HK_FMAX(v89, HK_C(1e-12));
-  const hk_t v96 = v94 / v95;
-  const hk_t v97 = HK_IF(v90, v96);
-  const hk_t v98 = HK_NOT(v90);
-  const hk_t v99 = HK_IF(v98, HK_C(1.0));
-  const hk_t v100 = v97 + v99;
-  const hk_t v101 = HK_FMIN(HK_C(1.0), v100);
-  const hk_t v102 = -v89;
-  const hk_t v103 = HK_LT(HK_C(1e-12), v102);
-  const hk_t v105 = HK_C(-5.0) - v4;
-  const hk_t v106 = -v105;
-  const hk_t v107 = HK_FMAX(v106, HK_C(0.0));
-  const hk_t v108 = HK_FMAX(v102, HK_C(1e-12));
-  const hk_t v109 = v107 / v108;
-  const hk_t v110 = HK_IF(v103, v109);
-  const hk_t v111 = HK_NOT(v103);
-  const hk_t v112 = HK_IF(v111, HK_C(1.0));
-  const hk_t v113 = v110 + v112;
-  const hk_t v114 = HK_FMIN(v101, v113);
-  const hk_t v115 = v65 * v88;
-  const hk_t v116 = HK_LT(HK_C(1e-12), v115);
-  const hk_t v117 = HK_C(5.0) - v16;
-  const hk_t v118 = HK_FMAX(v117, HK_C(0.0));
-  const hk_t v119 = HK_FMAX(v115, HK_C(1e-12));
-  const hk_t v120 = v118 / v119;
-  const hk_t v121 = HK_IF(v116, v120);
-  const hk_t v122 = HK_NOT(v116);
-  const hk_t v123 = HK_IF(v122, HK_C(1.0));
-  const hk_t v124 = v121 + v123;
-  const hk_t v125 = HK_FMIN(v114, v124);
-  const hk_t v126 = -v115;
-  const hk_t v127 = HK_LT(HK_C(1e-12), v126);
-  const hk_t v128 = HK_C(-5.0) - v16;
-  const hk_t v129 = -v128;
-  const hk_t v130 = HK_FMAX(v129, HK_C(0.0));
-  const hk_t v131 = HK_FMAX(v126, HK_C(1e-12));
-  const hk_t v132 = v130 / v131;
-  const hk_t v133 = HK_IF(v127, v132);
-  const hk_t v134 = HK_NOT(v127);
-  const hk_t v135 = HK_IF(v134, HK_C(1.0));
-  const hk_t v136 = v133 + v135;
-  const hk_t v137 = HK_FMIN(v125, v136);
-  const hk_t v138 = v61 * v88;
-  const hk_t v139 = HK_LT(HK_C(1e-12), v138);
-  const hk_t v141 = HK_C(12.566370614359172) - v5;
-  const hk_t v142 = HK_FMAX(v141, HK_C(0.0));
-  const hk_t v143 = HK_FMAX(v138, HK_C(1e-12));
-  const hk_t v144 = v142 / v143;
-  const hk_t v145 = HK_IF(v139, v144);
-  const hk_t v146 = HK_NOT(v139);
-  const hk_t v147 = HK_IF(v146, HK_C(1.0));
-  const hk_t v148 = v145 + v147;
-  const hk_t v149 = HK_FMIN(v137, v148);
-  const hk_t v150 = -v138;
-  const hk_t v151 = HK_LT(HK_C(1e-12), v150);
-  const hk_t v153 = HK_C(-12.566370614359172) - v5;
-  const hk_t v154 = -v153;
-  const hk_t v155 = HK_FMAX(v154, HK_C(0.0));
-  const hk_t v156 = HK_FMAX(v150, HK_C(1e-12));
-  const hk_t v157 = v155 / v156;
-  const hk_t v158 = HK_IF(v151, v157);
-  const hk_t v159 = HK_NOT(v151);
-  const hk_t v160 = HK_IF(v159, HK_C(1.0));
-  const hk_t v161 = v158 + v160;
-  const hk_t v162 = HK_FMIN(v149, v161);
-  const hk_t v163 = HK_FMIN(v87, v162);
-  const hk_t v164 = v163 * v73;
-  y[0] = v164;
-  const hk_t v166 = v163 * v65;
-  y[1] = v166;
-  const hk_t v168 = v163 * v61;
-  y[2] = v168;
-  y[3] = v163;
-  const hk_t v172 = HK_FABS(v60);
-  const hk_t v173 = HK_FMIN(HK_C(1.224744871391589), v172);
-  const hk_t v175 = HK_FMAX(HK_C(1.4142135623730951), v172);
-  const hk_t v176 = v173 / v175;
-  y[4] = v176;
+  const hk_t v12 = HK_SIN(v5);
+  const hk_t v13 = v6 - v12;
+  const hk_t v15 = v13 + HK_C(-1.0);
+  const hk_t v16 = v15 * v15;
+  const hk_t v17 = HK_C(2.0) + v16;
+  const hk_t v18 = HK_SQRT(v17);
+  const hk_t v19 = HK_C(1) / v18;
+  const hk_t v20 = v19 * v19;
+  const hk_t v21 = HK_C(1.0) + v20;
+  const hk_t v22 = HK_SQRT(v21);
+  const hk_t v23 = HK_C(1.0) + v22;
+  const hk_t v24 = v23 * v10;
+  const hk_t v25 = x[11];
+  const hk_t v26 = x[8];
+  const hk_t v27 = x[1];
+  const hk_t v28 = v4 + v27;
+  const hk_t v29 = v28 - v5;
+  const hk_t v30 = v29 + v12;
+  const hk_t v31 = v30 + v6;
+  const hk_t v32 = v26 - v31;
+  const hk_t v33 = v25 * v32;
+  const hk_t v34 = v33 / v18;
+  const hk_t v35 = v34 / v18;
+  const hk_t v36 = v24 + v35;
+  const hk_t v37 = v36 / v22;
+  const hk_t v38 = v10 - v37;
+  const hk_t v39 = v20 / v22;
+  const hk_t v40 = x[7];
+  const hk_t v41 = x[4];
+  const hk_t v42 = v27 + v12;
+  const hk_t v43 = v41 - v42;
+  const hk_t v44 = v2 * v43;
+  const hk_t v45 = v40 + v44;
+  const hk_t v46 = v22 + HK_C(1.0);
+  const hk_t v47 = v22 * v46;
+  const hk_t v48 = HK_C(1) / v47;
+  const hk_t v49 = v48 / v18;
+  const hk_t v50 = v49 * v20;
+  const hk_t v51 = v19 - v50;
+  const hk_t v52 = v51 * v51;
+  const hk_t v53 = HK_C(1.0) + v52;
+  const hk_t v54 = HK_SQRT(v53);
+  const hk_t v55 = HK_C(1.0) + v54;
+  const hk_t v56 = v55 * v45;
+  const hk_t v57 = v49 * v36;
+  const hk_t v58 = v34 - v57;
+  const hk_t v59 = v51 * v58;
+  const hk_t v60 = v56 + v59;
+  const hk_t v61 = v60 / v54;
+  const hk_t v62 = v45 - v61;
+  const hk_t v63 = v55 * v6;
+  const hk_t v64 = v15 / v18;
+  const hk_t v65 = v64 / v18;
+  const hk_t v66 = v23 * v12;
+  const hk_t v67 = v65 - v66;
+  const hk_t v68 = v49 * v67;
+  const hk_t v69 = v64 - v68;
+  const hk_t v70 = v51 * v69;
+  const hk_t v71 = v63 + v70;
+  const hk_t v72 = v71 / v54;
+  const hk_t v73 = v6 - v72;
+  const hk_t v74 = v54 + HK_C(1.0);
+  const hk_t v75 = v54 * v74;
+  const hk_t v76 = v51 / v75;
+  const hk_t v77 = v76 * v60;
+  const hk_t v78 = v58 - v77;
+  const hk_t v79 = v76 * v71;
+  const hk_t v80 = v69 - v79;
+  const hk_t v81 = v78 / v80;
+  const hk_t v82 = v73 * v81;
+  const hk_t v83 = v62 - v82;
+  const hk_t v84 = v83 / v54;
+  const hk_t v85 = v39 * v84;
+  const hk_t v86 = v38 - v85;
+  const hk_t v87 = v67 / v22;
+  const hk_t v88 = v12 + v87;
+  const hk_t v89 = v88 * v81;
+  const hk_t v90 = v86 + v89;
+  const hk_t v91 = v90 / v22;
+  const hk_t v92 = HK_FABS(v91);
+  const hk_t v94 = HK_FMAX(v92, HK_C(1e-12));
+  const hk_t v95 = HK_C(1) / v94;
+  const hk_t v96 = HK_FMIN(HK_C(1.0), v95);
+  const hk_t v97 = HK_FABS(v84);
+  const hk_t v98 = HK_FMAX(v97, HK_C(1e-12));
+  const hk_t v99 = HK_C(1) / v98;
+  const hk_t v100 = HK_FMIN(v96, v99);
+  const hk_t v102 = HK_FABS(v81);
+  const hk_t v103 = HK_FMAX(v102, HK_C(1e-12));
+  const hk_t v104 = HK_C(3.141592653589793) / v103;
+  const hk_t v105 = HK_FMIN(v100, v104);
+  const hk_t v106 = x[9];
+  const hk_t v107 = v91 * v106;
+  const hk_t v108 = -v107;
+  const hk_t v109 = HK_LT(HK_C(1e-12), v108);
+  const hk_t v111 = HK_C(5.0) - v4;
+  const hk_t v113 = HK_FMAX(v111, HK_C(0.0));
+  const hk_t v114 = HK_FMAX(v108, HK_C(1e-12));
+  const hk_t v115 = v113 / v114;
+  const hk_t v116 = HK_IF(v109, v115);
+  const hk_t v117 = HK_NOT(v109);
+  const hk_t v118 = HK_IF(v117, HK_C(1.0));
+  const hk_t v119 = v116 + v118;
+  const hk_t v120 = HK_FMIN(HK_C(1.0), v119);
+  const hk_t v121 = HK_LT(HK_C(1e-12), v107);
+  const hk_t v123 = HK_C(-5.0) - v4;
+  const hk_t v124 = -v123;
+  const hk_t v125 = HK_FMAX(v124, HK_C(0.0));
+  const hk_t v126 = HK_FMAX(v107, HK_C(1e-12));
+  const hk_t v127 = v125 / v126;
+  const hk_t v128 = HK_IF(v121, v127);
+  const hk_t v129 = HK_NOT(v121);
+  const hk_t v130 = HK_IF(v129, HK_C(1.0));
+  const hk_t v131 = v128 + v130;
+  const hk_t v132 = HK_FMIN(v120, v131);
+  const hk_t v133 = v84 * v106;
+  const hk_t v134 = -v133;
+  const hk_t v135 = HK_LT(HK_C(1e-12), v134);
+  const hk_t v136 = HK_C(5.0) - v27;
+  const hk_t v137 = HK_FMAX(v136, HK_C(0.0));
+  const hk_t v138 = HK_FMAX(v134, HK_C(1e-12));
+  const hk_t v139 = v137 / v138;
+  const hk_t v140 = HK_IF(v135, v139);
+  const hk_t v141 = HK_NOT(v135);
+  const hk_t v142 = HK_IF(v141, HK_C(1.0));
+  const hk_t v143 = v140 + v142;
+  const hk_t v144 = HK_FMIN(v132, v143);
+  const hk_t v145 = HK_LT(HK_C(1e-12), v133);
+  const hk_t v146 = HK_C(-5.0) - v27;
+  const hk_t v147 = -v146;
+  const hk_t v148 = HK_FMAX(v147, HK_C(0.0));
+  const hk_t v149 = HK_FMAX(v133, HK_C(1e-12));
+  const hk_t v150 = v148 / v149;
+  const hk_t v151 = HK_IF(v145, v150);
+  const hk_t v152 = HK_NOT(v145);
+  const hk_t v153 = HK_IF(v152, HK_C(1.0));
+  const hk_t v154 = v151 + v153;
+  const hk_t v155 = HK_FMIN(v144, v154);
+  const hk_t v156 = v81 * v106;
+  const hk_t v157 = HK_LT(HK_C(1e-12), v156);
+  const hk_t v159 = HK_C(12.566370614359172) - v5;
+  const hk_t v160 = HK_FMAX(v159, HK_C(0.0));
+  const hk_t v161 = HK_FMAX(v156, HK_C(1e-12));
+  const hk_t v162 = v160 / v161;
+  const hk_t v163 = HK_IF(v157, v162);
+  const hk_t v164 = HK_NOT(v157);
+  const hk_t v165 = HK_IF(v164, HK_C(1.0));
+  const hk_t v166 = v163 + v165;
+  const hk_t v167 = HK_FMIN(v155, v166);
+  const hk_t v168 = -v156;
+  const hk_t v169 = HK_LT(HK_C(1e-12), v168);
+  const hk_t v171 = HK_C(-12.566370614359172) - v5;
+  const hk_t v172 = -v171;
+  const hk_t v173 = HK_FMAX(v172, HK_C(0.0));
+  const hk_t v174 = HK_FMAX(v168, HK_C(1e-12));
+  const hk_t v175 = v173 / v174;
+  const hk_t v176 = HK_IF(v169, v175);
+  const hk_t v177 = HK_NOT(v169);
+  const hk_t v178 = HK_IF(v177, HK_C(1.0));
+  const hk_t v179 = v176 + v178;
+  const hk_t v180 = HK_FMIN(v167, v179);
+  const hk_t v181 = HK_FMIN(v105, v180);
+  const hk_t v182 = v181 * v91;
+  const hk_t v183 = -v182;
+  y[0] = v183;
+  const hk_t v185 = v181 * v84;
+  const hk_t v186 = -v185;
+  y[1] = v186;
+  const hk_t v188 = v181 * v81;
+  y[2] = v188;
+  y[3] = v181;
+  const hk_t v191 = HK_FMIN(v22, v54);
+  const hk_t v192 = HK_FABS(v80);
+  const hk_t v193 = HK_FMIN(v191, v192);
+  const hk_t v194 = HK_FMAX(v22, v54);
+  const hk_t v195 = HK_FMAX(v194, v192);
+  const hk_t v196 = v193 / v195;
+  y[4] = v196;
   y[5] = HK_C(1.0);
-  y[6] = v162;
-  const hk_t v180 = HK_FABS(v4);
-  const hk_t v182 = v180 / HK_C(1024.0);
-  const hk_t v183 = HK_FABS(v16);
-  const hk_t v184 = v183 / HK_C(1024.0);
-  const hk_t v185 = v182 + v184;
-  const hk_t v186 = HK_FABS(v5);
-  const hk_t v187 = v186 / HK_C(1024.0);
-  const hk_t v188 = v185 + v187;
-  const hk_t v189 = HK_FABS(v3);
-  const hk_t v190 = v189 / HK_C(1024.0);
-  const hk_t v191 = v188 + v190;
-  const hk_t v192 = HK_FABS(v29);
-  const hk_t v193 = v192 / HK_C(1024.0);
-  const hk_t v194 = v191 + v193;
-  const hk_t v195 = x[5];
-  const hk_t v196 = HK_FABS(v195);
-  const hk_t v197 = v196 / HK_C(1024.0);
-  const hk_t v198 = v194 + v197;
-  const hk_t v199 = HK_FABS(v1);
-  const hk_t v200 = v199 / HK_C(1024.0);
-  const hk_t v201 = v198 + v200;
-  const hk_t v202 = HK_FABS(v28);
-  const hk_t v203 = v202 / HK_C(1024.0);
-  const hk_t v204 = v201 + v203;
-  const hk_t v205 = HK_FABS(v15);
-  const hk_t v206 = v205 / HK_C(1024.0);
-  const hk_t v207 = v204 + v206;
-  const hk_t v208 = HK_FABS(v88);
-  const hk_t v209 = v208 / HK_C(1024.0);
-  const hk_t v210 = v207 + v209;
-  const hk_t v211 = HK_FABS(v2);
-  const hk_t v212 = v211 / HK_C(1024.0);
-  const hk_t v213 = v210 + v212;
-  const hk_t v214 = HK_FABS(v14);
-  const hk_t v215 = v214 / HK_C(1024.0);
-  const hk_t v216 = v213 + v215;
-  y[7] = v216;
+  y[6] = v180;
+  const hk_t v200 = HK_FABS(v4);
+  const hk_t v202 = v200 / HK_C(1024.0);
+  const hk_t v203 = HK_FABS(v27);
+  const hk_t v204 = v203 / HK_C(1024.0);
+  const hk_t v205 = v202 + v204;
+  const hk_t v206 = HK_FABS(v5);
+  const hk_t v207 = v206 / HK_C(1024.0);
+  const hk_t v208 = v205 + v207;
+  const hk_t v209 = HK_FABS(v3);
+  const hk_t v210 = v209 / HK_C(1024.0);
+  const hk_t v211 = v208 + v210;
+  const hk_t v212 = HK_FABS(v41);
+  const hk_t v213 = v212 / HK_C(1024.0);
+  const hk_t v214 = v211 + v213;
+  const hk_t v215 = x[5];
+  const hk_t v216 = HK_FABS(v215);
+  const hk_t v217 = v216 / HK_C(1024.0);
+  const hk_t v218 = v214 + v217;
+  const hk_t v219 = HK_FABS(v1);
+  const hk_t v220 = v219 / HK_C(1024.0);
+  const hk_t v221 = v218 + v220;
+  const hk_t v222 = HK_FABS(v40);
+  const hk_t v223 = v222 / HK_C(1024.0);
+  const hk_t v224 = v221 + v223;
+  const hk_t v225 = HK_FABS(v26);
+  const hk_t v226 = v225 / HK_C(1024.0);
+  const hk_t v227 = v224 + v226;
+  const hk_t v228 = HK_FABS(v106);
+  const hk_t v229 = v228 / HK_C(1024.0);
+  const hk_t v230 = v227 + v229;
+  const hk_t v231 = HK_FABS(v2);
+  const hk_t v232 = v231 / HK_C(1024.0);
+  const hk_t v233 = v230 + v232;
+  const hk_t v234 = HK_FABS(v25);
+  const hk_t v235 = v234 / HK_C(1024.0);
+  const hk_t v236 = v233 + v235;
+  y[7] = v236;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -440,65 +549,101 @@ static void hk_leaf_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v3 = HK_COS(v2);
   const hk_t v4 = v1 + v3;
   const hk_t v5 = v0 - v4;
-  const hk_t v8 = HK_C(2.414213562373095) * v5;
-  const hk_t v9 = x[15];
-  const hk_t v10 = x[1];
-  const hk_t v11 = v1 + v10;
-  const hk_t v12 = v11 - v2;
-  const hk_t v13 = HK_SIN(v2);
-  const hk_t v14 = v12 + v13;
-  const hk_t v15 = v14 + v3;
-  const hk_t v16 = v9 - v15;
-  const hk_t v17 = v8 + v16;
-  const hk_t v18 = HK_C(0.7071067811865475) * v17;
-  const hk_t v19 = v5 - v18;
-  const hk_t v21 = x[4];
-  const hk_t v22 = v10 + v13;
-  const hk_t v23 = v21 - v22;
-  const hk_t v26 = HK_C(2.224744871391589) * v23;
-  const hk_t v28 = HK_C(0.2928932188134525) * v17;
-  const hk_t v29 = v16 - v28;
-  const hk_t v30 = HK_C(0.7071067811865475) * v29;
-  const hk_t v31 = v26 + v30;
-  const hk_t v32 = HK_C(0.8164965809277261) * v31;
-  const hk_t v33 = v23 - v32;
-  const hk_t v34 = HK_C(2.224744871391589) * v3;
-  const hk_t v35 = v3 - v13;
-  const hk_t v37 = v35 + HK_C(-1.0);
-  const hk_t v38 = HK_C(2.414213562373095) * v13;
-  const hk_t v39 = v37 - v38;
-  const hk_t v40 = HK_C(0.2928932188134525) * v39;
-  const hk_t v41 = v37 - v40;
-  const hk_t v42 = HK_C(0.7071067811865475) * v41;
-  const hk_t v43 = v34 + v42;
-  const hk_t v44 = HK_C(0.8164965809277261) * v43;
-  const hk_t v45 = v3 - v44;
-  const hk_t v47 = HK_C(0.2595130239938435) * v31;
-  const hk_t v48 = v29 - v47;
-  const hk_t v49 = HK_C(0.2595130239938435) * v43;
-  const hk_t v50 = v41 - v49;
-  const hk_t v51 = v48 / v50;
-  const hk_t v52 = v45 * v51;
-  const hk_t v53 = v33 - v52;
-  const hk_t v55 = v53 / HK_C(-1.224744871391589);
-  const hk_t v56 = HK_C(-0.7071067811865475) * v55;
-  const hk_t v57 = v19 - v56;
-  const hk_t v58 = HK_C(0.7071067811865475) * v39;
-  const hk_t v59 = v13 + v58;
-  const hk_t v60 = v59 * v51;
-  const hk_t v61 = v57 + v60;
-  const hk_t v63 = v61 / HK_C(-1.4142135623730951);
-  y[0] = v63;
-  y[1] = v55;
-  y[2] = v51;
-  const hk_t v68 = HK_FABS(v50);
-  const hk_t v69 = HK_FMIN(HK_C(1.224744871391589), v68);
-  const hk_t v71 = HK_FMAX(HK_C(1.4142135623730951), v68);
+  const hk_t v8 = HK_SIN(v2);
+  const hk_t v9 = v3 - v8;
+  const hk_t v11 = v9 + HK_C(-1.0);
+  const hk_t v12 = v11 * v11;
+  const hk_t v13 = HK_C(2.0) + v12;
+  const hk_t v14 = HK_SQRT(v13);
+  const hk_t v15 = HK_C(1) / v14;
+  const hk_t v16 = v15 * v15;
+  const hk_t v17 = HK_C(1.0) + v16;
+  const hk_t v18 = HK_SQRT(v17);
+  const hk_t v19 = HK_C(1.0) + v18;
+  const hk_t v20 = v19 * v5;
+  const hk_t v21 = x[15];
+  const hk_t v22 = x[1];
+  const hk_t v23 = v1 + v22;
+  const hk_t v24 = v23 - v2;
+  const hk_t v25 = v24 + v8;
+  const hk_t v26 = v25 + v3;
+  const hk_t v27 = v21 - v26;
+  const hk_t v28 = v27 / v14;
+  const hk_t v29 = v28 / v14;
+  const hk_t v30 = v20 + v29;
+  const hk_t v31 = v30 / v18;
+  const hk_t v32 = v5 - v31;
+  const hk_t v33 = v16 / v18;
+  const hk_t v34 = x[4];
+  const hk_t v35 = v22 + v8;
+  const hk_t v36 = v34 - v35;
+  const hk_t v37 = v18 + HK_C(1.0);
+  const hk_t v38 = v18 * v37;
+  const hk_t v39 = HK_C(1) / v38;
+  const hk_t v40 = v39 / v14;
+  const hk_t v41 = v40 * v16;
+  const hk_t v42 = v15 - v41;
+  const hk_t v43 = v42 * v42;
+  const hk_t v44 = HK_C(1.0) + v43;
+  const hk_t v45 = HK_SQRT(v44);
+  const hk_t v46 = HK_C(1.0) + v45;
+  const hk_t v47 = v46 * v36;
+  const hk_t v48 = v40 * v30;
+  const hk_t v49 = v28 - v48;
+  const hk_t v50 = v42 * v49;
+  const hk_t v51 = v47 + v50;
+  const hk_t v52 = v51 / v45;
+  const hk_t v53 = v36 - v52;
+  const hk_t v54 = v46 * v3;
+  const hk_t v55 = v11 / v14;
+  const hk_t v56 = v55 / v14;
+  const hk_t v57 = v19 * v8;
+  const hk_t v58 = v56 - v57;
+  const hk_t v59 = v40 * v58;
+  const hk_t v60 = v55 - v59;
+  const hk_t v61 = v42 * v60;
+  const hk_t v62 = v54 + v61;
+  const hk_t v63 = v62 / v45;
+  const hk_t v64 = v3 - v63;
+  const hk_t v65 = v45 + HK_C(1.0);
+  const hk_t v66 = v45 * v65;
+  const hk_t v67 = v42 / v66;
+  const hk_t v68 = v67 * v51;
+  const hk_t v69 = v49 - v68;
+  const hk_t v70 = v67 * v62;
+  const hk_t v71 = v60 - v70;
   const hk_t v72 = v69 / v71;
-  y[3] = v72;
+  const hk_t v73 = v64 * v72;
+  const hk_t v74 = v53 - v73;
+  const hk_t v75 = v74 / v45;
+  const hk_t v76 = v33 * v75;
+  const hk_t v77 = v32 - v76;
+  const hk_t v78 = v58 / v18;
+  const hk_t v79 = v8 + v78;
+  const hk_t v80 = v79 * v72;
+  const hk_t v81 = v77 + v80;
+  const hk_t v82 = v81 / v18;
+  const hk_t v83 = -v82;
+  y[0] = v83;
+  const hk_t v85 = -v75;
+  y[1] = v85;
+  y[2] = v72;
+  const hk_t v88 = HK_FMIN(v18, v45);
+  const hk_t v89 = HK_FABS(v71);
+  const hk_t v90 = HK_FMIN(v88, v89);
+  const hk_t v91 = HK_FMAX(v18, v45);
+  const hk_t v92 = HK_FMAX(v91, v89);
+  const hk_t v93 = v90 / v92;
+  y[3] = v93;
   y[4] = HK_C(1.0);
-  const hk_t v76 = HK_COPYSIGN(HK_C(1.0), v50);
-  y[5] = v76;
+  const hk_t v96 = -v18;
+  const hk_t v97 = HK_COPYSIGN(HK_C(1.0), v96);
+  const hk_t v98 = -v45;
+  const hk_t v99 = HK_COPYSIGN(HK_C(1.0), v98);
+  const hk_t v100 = v97 * v99;
+  const hk_t v101 = HK_COPYSIGN(HK_C(1.0), v71);
+  const hk_t v102 = v100 * v101;
+  y[5] = v102;
 }
 
 static int hk_finite(const hk_t *x, int count) {
@@ -653,17 +798,403 @@ static int hk_beyond(const hk_t *q) {
   return 0;
 }
 
-/* Newton on [f(q) - x; g(q) - c], never jumping to another branch: the rules of motion/leaf.py. hk_leaf_body takes
+static const int hk_angular[] = {0}; /* rows of g that are angles */
+#define HK_CHANGE 0.5
+#define HK_THICKNESS 0.125
+#define HK_DOUBT 1.5
+#define HK_LAID 8
+#define HK_LONGEST 0.1
+#define HK_DIRECTIONS 8
+#define HK_TURN -1
+static void hk_extended_body(const hk_t *restrict x, hk_t *restrict y) {
+  (void)x;
+  (void)y;
+  y[0] = HK_C(1.0);
+  y[3] = HK_C(0.0);
+  y[6] = HK_C(1.0);
+  y[1] = HK_C(0.0);
+  y[4] = HK_C(1.0);
+  y[7] = HK_C(1.0);
+  const hk_t v8 = x[2];
+  const hk_t v9 = HK_SIN(v8);
+  const hk_t v10 = -v9;
+  y[2] = v10;
+  const hk_t v12 = HK_COS(v8);
+  y[5] = v12;
+  const hk_t v14 = v12 - v9;
+  const hk_t v16 = v14 + HK_C(-1.0);
+  y[8] = v16;
+  const hk_t v19 = v16 * v16;
+  const hk_t v20 = HK_C(2.0) + v19;
+  const hk_t v21 = HK_SQRT(v20);
+  const hk_t v22 = HK_C(1) / v21;
+  const hk_t v23 = v22 * v22;
+  const hk_t v24 = HK_C(1.0) + v23;
+  const hk_t v25 = HK_SQRT(v24);
+  const hk_t v26 = HK_C(1.0) + v25;
+  const hk_t v27 = v26 / v25;
+  const hk_t v28 = HK_C(1.0) - v27;
+  const hk_t v29 = v23 / v25;
+  const hk_t v30 = v25 + HK_C(1.0);
+  const hk_t v31 = v25 * v30;
+  const hk_t v32 = HK_C(1) / v31;
+  const hk_t v33 = v32 / v21;
+  const hk_t v34 = v33 * v23;
+  const hk_t v35 = v22 - v34;
+  const hk_t v36 = v33 * v26;
+  const hk_t v37 = v35 * v36;
+  const hk_t v38 = v35 * v35;
+  const hk_t v39 = HK_C(1.0) + v38;
+  const hk_t v40 = HK_SQRT(v39);
+  const hk_t v41 = v37 / v40;
+  const hk_t v42 = HK_C(1.0) + v40;
+  const hk_t v43 = v42 * v12;
+  const hk_t v44 = v16 / v21;
+  const hk_t v45 = v44 / v21;
+  const hk_t v46 = v26 * v9;
+  const hk_t v47 = v45 - v46;
+  const hk_t v48 = v33 * v47;
+  const hk_t v49 = v44 - v48;
+  const hk_t v50 = v35 * v49;
+  const hk_t v51 = v43 + v50;
+  const hk_t v52 = v51 / v40;
+  const hk_t v53 = v12 - v52;
+  const hk_t v54 = v40 + HK_C(1.0);
+  const hk_t v55 = v40 * v54;
+  const hk_t v56 = v35 / v55;
+  const hk_t v57 = v56 * v37;
+  const hk_t v58 = v57 - v36;
+  const hk_t v59 = v56 * v51;
+  const hk_t v60 = v49 - v59;
+  const hk_t v61 = v58 / v60;
+  const hk_t v62 = v53 * v61;
+  const hk_t v63 = v41 - v62;
+  const hk_t v64 = v63 / v40;
+  const hk_t v65 = v29 * v64;
+  const hk_t v66 = v28 - v65;
+  const hk_t v67 = v47 / v25;
+  const hk_t v68 = v9 + v67;
+  const hk_t v69 = v68 * v61;
+  const hk_t v70 = v66 + v69;
+  const hk_t v71 = v70 / v25;
+  const hk_t v72 = -v71;
+  y[9] = v72;
+  const hk_t v74 = -v64;
+  y[12] = v74;
+  y[15] = v61;
+  const hk_t v77 = v42 / v40;
+  const hk_t v78 = HK_C(1.0) - v77;
+  const hk_t v79 = v56 * v42;
+  const hk_t v80 = v79 / v60;
+  const hk_t v81 = v53 * v80;
+  const hk_t v82 = v78 + v81;
+  const hk_t v83 = v82 / v40;
+  const hk_t v84 = v29 * v83;
+  const hk_t v85 = v68 * v80;
+  const hk_t v86 = v84 + v85;
+  const hk_t v87 = v86 / v25;
+  y[10] = v87;
+  const hk_t v89 = -v83;
+  y[13] = v89;
+  const hk_t v91 = -v80;
+  y[16] = v91;
+  const hk_t v93 = v38 / v40;
+  const hk_t v94 = v56 * v38;
+  const hk_t v95 = v35 - v94;
+  const hk_t v96 = v95 / v60;
+  const hk_t v97 = v53 * v96;
+  const hk_t v98 = v93 + v97;
+  const hk_t v99 = v98 / v40;
+  const hk_t v100 = v29 * v99;
+  const hk_t v101 = v100 - v29;
+  const hk_t v102 = v68 * v96;
+  const hk_t v103 = v101 + v102;
+  const hk_t v104 = v103 / v25;
+  const hk_t v105 = -v104;
+  y[11] = v105;
+  y[14] = v99;
+  y[17] = v96;
+}
+#define HK_ENCLOSED
+HK_CALL static void hk_pair_1(const hk_t *a, const hk_t *b, hk_t *y) {
+  const hk_t a0 = a[0], a1 = a[1];
+  const hk_t b0 = b[0], b1 = b[1];
+  (void)a1;
+  (void)b1;
+  hk_t z0, z1;
+  const hk_t v0 = a0;
+  const hk_t v1 = b0;
+  const hk_t v2 = v0 + v1;
+  z0 = v2;
+  const hk_t v4 = a1;
+  const hk_t v5 = b1;
+  const hk_t v6 = v4 + v5;
+  z1 = v6;
+  y[0] = z0, y[1] = z1;
+}
+HK_CALL static void hk_pair_5(const hk_t *a, hk_t *y) {
+  const hk_t a0 = a[0], a1 = a[1];
+  (void)a1;
+  hk_t z0, z1;
+  const hk_t v0 = a0;
+  const hk_t v1 = -v0;
+  z0 = v1;
+  const hk_t v3 = a1;
+  z1 = v3;
+  y[0] = z0, y[1] = z1;
+}
+HK_CALL static void hk_pair_13(const hk_t *a, hk_t *y) {
+  const hk_t a0 = a[0], a1 = a[1];
+  (void)a1;
+  hk_t z0, z1;
+  const hk_t v0 = a0;
+  const hk_t v1 = HK_SIN(v0);
+  z0 = v1;
+  const hk_t v3 = HK_COS(v0);
+  const hk_t v4 = HK_FABS(v3);
+  const hk_t v5 = a1;
+  const hk_t v6 = v4 * v5;
+  const hk_t v7 = v5 * v5;
+  const hk_t v9 = v7 / HK_C(2.0);
+  const hk_t v10 = v6 + v9;
+  const hk_t v11 = HK_FMIN(v10, HK_C(2.0));
+  z1 = v11;
+  y[0] = z0, y[1] = z1;
+}
+HK_CALL static void hk_pair_14(const hk_t *a, hk_t *y) {
+  const hk_t a0 = a[0], a1 = a[1];
+  (void)a1;
+  hk_t z0, z1;
+  const hk_t v0 = a0;
+  const hk_t v1 = HK_COS(v0);
+  z0 = v1;
+  const hk_t v3 = HK_SIN(v0);
+  const hk_t v4 = HK_FABS(v3);
+  const hk_t v5 = a1;
+  const hk_t v6 = v4 * v5;
+  const hk_t v7 = v5 * v5;
+  const hk_t v9 = v7 / HK_C(2.0);
+  const hk_t v10 = v6 + v9;
+  const hk_t v11 = HK_FMIN(v10, HK_C(2.0));
+  z1 = v11;
+  y[0] = z0, y[1] = z1;
+}
+static void hk_change_body(const hk_t *x, hk_t *y) {
+  hk_t w[6];
+  for (int i = 0; i < 54; i++) y[i] = HK_C(0);
+  w[0] = HK_C(0.0), w[1] = HK_C(0);
+  w[0] = x[2], w[1] = x[5];
+  hk_pair_14(w + 0, w + 2);
+  hk_pair_5(w + 2, w + 4);
+  y[24] = w[4], y[51] = w[5];
+  hk_pair_13(w + 0, w + 0);
+  hk_pair_5(w + 0, w + 4);
+  y[25] = w[4], y[52] = w[5];
+  hk_pair_1(w + 0, w + 2, w + 0);
+  hk_pair_5(w + 0, w + 0);
+  y[26] = w[0], y[53] = w[1];
+}
+/* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
+   A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_TURN: the first of the
+   three angular rows of a task that turns, or -1. */
+typedef struct {
+  hk_t center[HK_N], half[HK_N], along[HK_N], radius, change, bend, inverse;
+} hk_tube;
+
+typedef struct {
+  hk_t share, offset[HK_N];
+} hk_place;
+
+typedef struct {
+  hk_tube tube;
+  hk_place at;
+  hk_t length;
+  int laid;
+} hk_branch;
+
+static hk_t hk_dot(const hk_t *a, const hk_t *b) {
+  hk_t sum = HK_C(0);
+  for (int i = 0; i < HK_N; i++) sum += a[i] * b[i];
+  return sum;
+}
+
+static void hk_find(const hk_tube *tube, const hk_t *q, hk_place *at) {
+  for (int i = 0; i < HK_N; i++) at->offset[i] = q[i] - tube->center[i];
+  at->share = HK_FMIN(HK_C(1), HK_FMAX(HK_C(-1), hk_dot(tube->along, at->offset)));
+  for (int i = 0; i < HK_N; i++) at->offset[i] -= at->share * tube->half[i];
+}
+
+/* 1 when a posture at b is on the branch of one at a; curve: the second derivative of x on the way, by the share. */
+static int hk_links(const hk_tube *tube, const hk_place *a, const hk_place *b, hk_t curve) {
+  const hk_t along = HK_FABS(b->share - a->share);
+  const hk_t u = hk_dot(a->offset, a->offset), v = hk_dot(b->offset, b->offset), off = HK_FMAX(u, v);
+  hk_t away = HK_C(0);
+  if (!(tube->change <= HK_C(HK_CHANGE) && off < tube->radius * tube->radius)) return 0;
+  for (int i = 0; i < HK_N; i++) away += (b->offset[i] - a->offset[i]) * (b->offset[i] - a->offset[i]);
+  away = HK_SQRT(away);
+  const hk_t more = (HK_C(2) * along + away / tube->radius) * tube->change * away;
+  const hk_t second = along * along * tube->bend + more + tube->inverse * curve;
+  return HK_SQRT(off) + second / HK_C(8) / (HK_C(1) - tube->change) <= tube->radius;
+}
+
+/* W = Y M of an M (n, n) that lies by columns; with sizes |Y| M. */
+static void hk_spread(const hk_t *Y, const hk_t *M, int sizes, hk_t *W) {
+  for (int i = 0; i < HK_N; i++)
+    for (int j = 0; j < HK_N; j++) {
+      hk_t sum = HK_C(0);
+      for (int k = 0; k < HK_N; k++) sum += (sizes ? HK_FABS(Y[i * HK_N + k]) : Y[i * HK_N + k]) * M[j * HK_N + k];
+      W[i * HK_N + j] = sum;
+    }
+}
+
+#ifdef HK_ENCLOSED
+/* change and bend of a tube, enclosed. */
+static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
+  enum { SQUARE = HK_N * HK_N };
+  hk_t box[2 * HK_N], pairs[2 * HK_N * SQUARE], mid[SQUARE], rad[SQUARE], M[SQUARE], R[SQUARE];
+  hk_t along = HK_C(0), across = HK_C(0), bend = HK_C(0);
+  (void)A;
+  for (int i = 0; i < HK_N; i++) {
+    box[i] = tube->center[i];
+    box[HK_N + i] = HK_FABS(tube->half[i]) + tube->radius;
+  }
+  hk_change_body(box, pairs);
+  for (int e = 0; e < SQUARE; e++) mid[e] = rad[e] = HK_C(0);
+  for (int k = 0; k < HK_N; k++) {
+    const hk_t *one = pairs + k * SQUARE, *wide = pairs + (HK_N + k) * SQUARE;
+    for (int e = 0; e < SQUARE; e++) mid[e] += tube->half[k] * one[e], rad[e] += HK_FABS(tube->half[k]) * wide[e];
+    hk_spread(Y, one, 0, M);
+    hk_spread(Y, wide, 1, R);
+    for (int e = 0; e < SQUARE; e++) across += (HK_FABS(M[e]) + R[e]) * (HK_FABS(M[e]) + R[e]);
+  }
+  hk_spread(Y, mid, 0, M);
+  hk_spread(Y, rad, 1, R);
+  for (int i = 0; i < HK_N; i++) {
+    hk_t sum = HK_C(0), more = HK_C(0);
+    for (int j = 0; j < HK_N; j++) {
+      const hk_t size = HK_FABS(M[i * HK_N + j]) + R[i * HK_N + j];
+      along += size * size;
+      sum += M[i * HK_N + j] * tube->half[j];
+      more += R[i * HK_N + j] * HK_FABS(tube->half[j]);
+    }
+    bend += (HK_FABS(sum) + more) * (HK_FABS(sum) + more);
+  }
+  tube->change = HK_SQRT(along) + tube->radius * HK_SQRT(across);
+  tube->bend = HK_SQRT(bend);
+}
+#else
+/* change and bend of a tube, sampled at its ends and quarters and off its middle in a few perpendicular directions. */
+static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
+  enum { SQUARE = HK_N * HK_N, COUNT = HK_N < HK_DIRECTIONS ? HK_N : HK_DIRECTIONS };
+  const hk_t shares[4] = {HK_C(-1), HK_C(-0.5), HK_C(0.5), HK_C(1)}, step = HK_C(3.14159265358979323846) / HK_C(HK_N);
+  hk_t q[HK_N], there[2 * SQUARE + 1], M[SQUARE], D[SQUARE], most = HK_C(0), across = HK_C(0), bend = HK_C(0);
+  for (int s = 0; s < 4 + COUNT; s++) {
+    hk_t size = HK_C(0), turn = HK_C(0);
+    for (int i = 0; i < HK_N; i++) {
+      const hk_t wave = HK_COS(step * (HK_C(s - 4) * (HK_C(i) + HK_C(0.5)))) * HK_SQRT(HK_C(s == 4 ? 1 : 2) / HK_C(HK_N));
+      q[i] = tube->center[i] + (s < 4 ? shares[s] * tube->half[i] : tube->radius * wave);
+    }
+    hk_extended_body(q, there);
+    for (int i = 0; i < HK_N; i++)
+      for (int j = 0; j < HK_N; j++) D[j * HK_N + i] = there[i * HK_N + j] - A[i * HK_N + j];
+    hk_spread(Y, D, 0, M);
+    for (int i = 0; i < HK_N; i++) {
+      hk_t sum = HK_C(0);
+      for (int j = 0; j < HK_N; j++) {
+        size += M[i * HK_N + j] * M[i * HK_N + j];
+        sum += M[i * HK_N + j] * tube->half[j];
+      }
+      turn += sum * sum;
+    }
+    if (s >= 4)
+      across += size;
+    else
+      most = HK_FMAX(size, most);
+    if (s == 0 || s == 3) bend = HK_FMAX(turn, bend);
+    if (!(size - size == HK_C(0))) across = size; /* what is not a number stays */
+  }
+  tube->change = HK_C(HK_DOUBT) * (HK_SQRT(most) + HK_SQRT(HK_C(HK_N) / HK_C(COUNT) * across));
+  tube->bend = HK_C(HK_DOUBT) * HK_SQRT(bend);
+}
+#endif
+
+/* The tube that begins at q and goes on by 2 half. */
+static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
+  hk_t both[2 * HK_N * HK_N + 1];
+  const hk_t *A = both, *Y = both + HK_N * HK_N, square = hk_dot(half, half);
+  hk_t size = HK_C(0);
+  for (int i = 0; i < HK_N; i++) {
+    tube->center[i] = q[i] + half[i];
+    tube->half[i] = half[i];
+    tube->along[i] = half[i] / square;
+  }
+  tube->radius = HK_C(HK_THICKNESS) * HK_SQRT(square);
+  hk_extended_body(tube->center, both);
+  hk_measure(tube, A, Y);
+  for (int e = 0; e < HK_N * HK_N; e++) size += Y[e] * Y[e];
+  tube->inverse = HK_SQRT(size);
+#if HK_TURN >= 0
+  hk_t turns = HK_C(0), rates = HK_C(0); /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
+  for (int i = 0; i < HK_N; i++)
+    for (int j = HK_TURN; j < HK_TURN + 3; j++) {
+      turns += Y[i * HK_N + j] * Y[i * HK_N + j];
+      rates += A[j * HK_N + i] * A[j * HK_N + i];
+    }
+  tube->change += HK_C(1.2) * tube->radius * HK_SQRT(HK_C(HK_N)) * HK_SQRT(turns) * HK_SQRT(rates);
+#endif
+}
+
+static hk_t hk_shrink(hk_t change) {
+  if (!(change - change == HK_C(0))) return HK_C(1) / HK_C(64);
+  return HK_FMIN(HK_C(0.5), HK_FMAX(HK_C(1) / HK_C(64), HK_C(0.8) * HK_C(HK_CHANGE) / change));
+}
+
+/* 1 when b is on the branch of a, where the last step led; else the share of this one, below 1, to try next. */
+static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t curve) {
+  hk_place from, there;
+  hk_tube tube;
+  hk_t move[HK_N], half[HK_N], change = HK_INF;
+  if (branch->laid) {
+    hk_find(&branch->tube, b, &there);
+    if (hk_links(&branch->tube, &branch->at, &there, curve)) {
+      branch->at = there;
+      return HK_C(1);
+    }
+  }
+  for (int i = 0; i < HK_N; i++) move[i] = b[i] - a[i];
+  const hk_t size = HK_SQRT(hk_dot(move, move));
+  if (size == HK_C(0)) return HK_C(1);
+  for (int tried = 0; tried < HK_LAID; tried++) {
+    const hk_t length = HK_FMAX(branch->length, size / HK_C(2));
+    for (int i = 0; i < HK_N; i++) half[i] = move[i] * (length / size);
+    hk_lay(&tube, a, half);
+    change = tube.change;
+    hk_find(&tube, a, &from);
+    hk_find(&tube, b, &there);
+    if (hk_links(&tube, &from, &there, curve)) {
+      branch->tube = tube;
+      branch->at = there;
+      branch->laid = 1;
+      branch->length = length * HK_FMIN(HK_C(1.5), HK_SQRT(HK_C(0.7) * HK_C(HK_CHANGE) / change));
+      return HK_C(1);
+    }
+    if (length <= size / HK_C(2)) break;
+    branch->length = length * hk_shrink(change);
+  }
+  branch->laid = 0;
+  return hk_shrink(change);
+}
+
+/* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of motion/leaf.py. hk_leaf_body takes
    (q, p, R, c) and gives (dq, conditioning, margin, sign of det). */
 typedef struct {
-  hk_t singular, representation, contraction, almost, smallest, side;
-  int most;
+  hk_t singular, representation, contraction, almost, done, smallest, creep, side;
+  int most, tries;
 } hk_rules;
 
-/* 1 and the new q where Newton contracts on the branch, else 0 and q as it was. x holds (q, p, R, c). */
-static int hk_newton(hk_t *x, const hk_rules *rules) {
-  hk_t y[HK_N + 3], q[HK_N], before = HK_INF;
-  for (int i = 0; i < HK_N; i++) q[i] = x[i];
+/* 1 and the new q where Newton contracts, else 0. x holds (q, p, R, c). */
+static int hk_newton(hk_t *x, const hk_rules *rules, hk_t *margin) {
+  hk_t y[HK_N + 3], before = HK_INF;
   for (int k = 0; k < rules->most; k++) {
     hk_t size = HK_C(0);
     hk_leaf_body(x, y);
@@ -672,35 +1203,129 @@ static int hk_newton(hk_t *x, const hk_rules *rules) {
       sound &= y[i] - y[i] == HK_C(0);
       size = HK_FMAX(HK_FABS(y[i]), size);
     }
-    if (!sound) break;
-    if (before <= rules->almost) {
-      if (size <= before)
-        for (int i = 0; i < HK_N; i++) x[i] += y[i];
-      return 1;
-    }
-    if (!(size <= rules->contraction * before)) break;
+    *margin = y[HK_N + 1];
+    if (!sound) return 0;
+    const int last = before <= rules->almost;
+    if (last && !(size <= before)) return 1;
+    if (!last && !(size <= HK_FMAX(rules->contraction * before, rules->done))) return 0;
     for (int i = 0; i < HK_N; i++) x[i] += y[i];
+    if (last || size <= rules->done) return 1;
     before = size;
   }
-  for (int i = 0; i < HK_N; i++) x[i] = q[i];
   return 0;
 }
 
+/* One piece of a way: from the posture q to the target in x, which has (q, p, R, c), begun at q + width * rate. 1 and
+   the new q and rate where it keeps to the branch; else the share of the piece, below 1, to try next, or -1 where the
+   joints hardly move. */
+static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t turn, hk_branch *branch,
+                     const hk_rules *rules) {
+  hk_t margin, most = HK_C(0);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i] + width * rate[i];
+  if (!hk_newton(x, rules, &margin)) return HK_C(0.5);
+  const hk_t steep = HK_TURN >= 0 ? turn : turn / HK_FMIN(HK_C(1), margin);
+  const hk_t fits = hk_branch_step(branch, q, x, width * width * (arc + HK_C(2) * (steep * steep)));
+  if (!(fits == HK_C(1))) return fits;
+  for (int i = 0; i < HK_N; i++) {
+    const hk_t move = x[i] - q[i];
+    most = HK_FMAX(HK_FABS(move), most);
+    rate[i] = move / width;
+    q[i] = x[i];
+  }
+  return most > rules->creep ? HK_C(1) : HK_C(-1);
+}
+
+/* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
+typedef struct {
+  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
+} hk_segment;
+
+static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
+
+static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
+  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
+  for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
+  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+  const hk_t angle = HK_SQRT(hk_square(w));
+  if (angle == HK_C(0)) {
+    for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
+    return;
+  }
+  const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
+  const hk_t c = HK_COS(angle), t = HK_C(1) - c, d = HK_SIN(angle);
+  const hk_t E[9] = {c + t * k[0] * k[0],        t * k[0] * k[1] - d * k[2], t * k[0] * k[2] + d * k[1],
+                     t * k[1] * k[0] + d * k[2], c + t * k[1] * k[1],        t * k[1] * k[2] - d * k[0],
+                     t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 3; j++)
+      R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
+}
+
+/* The straight way from the tool's pose at q to the target in x, turning evenly; 0 where it turns by over 3 rad. */
+static int hk_way(const hk_t *q, const hk_t *x, hk_segment *way) {
+  hk_t T[18], E[9];
+  hk_pose_body(q, T);
+  for (int i = 0; i < 3; i++) {
+    way->center[i] = T[4 * i + 3];
+    way->v[i] = x[HK_N + i] - way->center[i];
+    way->x[i] = way->y[i] = way->turn[i] = HK_C(0);
+    for (int j = 0; j < 3; j++) way->rotation[3 * i + j] = T[4 * i + j];
+  }
+  way->angle = way->duration = HK_C(0);
+  if (HK_POSE == 3) return 1;
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 3; j++) {
+      E[3 * i + j] = HK_C(0);
+      for (int k = 0; k < 3; k++) E[3 * i + j] += x[HK_N + 3 + 3 * i + k] * T[4 * j + k];
+    }
+  const hk_t w[3] = {(E[7] - E[5]) / HK_C(2), (E[2] - E[6]) / HK_C(2), (E[3] - E[1]) / HK_C(2)};
+  const hk_t s = HK_SQRT(hk_square(w)), angle = HK_ATAN2(s, (E[0] + E[4] + E[8] - HK_C(1)) / HK_C(2));
+  if (!(angle <= HK_C(3))) return 0;
+  for (int i = 0; i < 3; i++) way->turn[i] = s > HK_C(0) ? w[i] * (angle / s) : HK_C(0);
+  return 1;
+}
+
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3];
+  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], end[12], at[HK_N], rate[HK_N];
+  hk_t share = HK_C(0), width = HK_C(1);
   hk_rules rules;
+  hk_branch branch;
+  hk_segment way;
   if (!hk_gather(q, target, c, x)) return PPR_NOT_FINITE;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
-  rules.smallest = HK_C(1); /* steps are not halved here */
+  rules.done = HK_C(HK_DONE);
+  rules.creep = HK_C(0);
   rules.side = y[HK_N + 2];
-  rules.most = most;
+  rules.most = 12;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;
-  if (!hk_newton(x, &rules)) return PPR_NOT_CONVERGED;
-  for (int i = 0; i < HK_N; i++) q[i] = x[i];
+  if (!hk_way(q, x, &way)) return PPR_NOT_CONVERGED;
+  hk_constraint_body(q, g);
+  branch.laid = 0;
+  branch.length = HK_C(HK_LONGEST);
+  for (int i = 0; i < 12; i++) end[i] = x[HK_N + i];
+  for (int i = 0; i < HK_N; i++) at[i] = q[i], rate[i] = HK_C(0);
+  const hk_t turn = HK_SQRT(hk_square(way.turn));
+  for (int tried = 0; share < HK_C(1); tried++) {
+    const hk_t goal = HK_FMIN(HK_C(1), share + width);
+    if (tried >= most) return PPR_NOT_CONVERGED;
+    hk_target(&way, goal, x + HK_N, x + HK_N + 3);
+    for (int i = 0; i < 12 && goal == HK_C(1); i++) x[HK_N + i] = end[i];
+    for (int i = 0; i < HK_R; i++) {
+      const hk_t gap = c[i] - g[i], near = hk_angular[i] ? HK_ATAN2(HK_SIN(gap), HK_COS(gap)) : gap;
+      x[HK_N + 12 + i] = g[i] + goal * near;
+    }
+    const hk_t fits = hk_piece(x, at, rate, goal - share, HK_C(0), turn, &branch, &rules);
+    if (fits == HK_C(1) || fits < HK_C(0)) {
+      share = goal;
+      width *= HK_C(2);
+    } else
+      width = fits * (goal - share);
+  }
+  for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return PPR_LIMIT;
   hk_leaf_body(x, y);
   return hk_rough(y[HK_N], y[HK_N + 1]) ? PPR_IMPRECISE : PPR_OK;

@@ -71,9 +71,10 @@ int ppr_constraint(const ppr_real q[3], ppr_real g[1]);
 int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
     ppr_real dq[3]);
 
-/* Inverse kinematics: q becomes the posture on the leaf c with the wanted pose, or, from PPR_SINGULAR on, stays.
-   Newton from q, at most `most` steps (12 is plenty), refused where it might land on another branch: keep targets close,
-   as along a path. PPR_LIMIT: q is that posture, but beyond a joint's limits. */
+/* Inverse kinematics: q becomes the posture with the wanted pose on the leaf c that q moves to when the tool goes there
+   straight; or, from PPR_SINGULAR on, q stays. The way is gone in pieces, `most` at most (each has at most 12 Newton
+   steps): 4 are plenty for targets close by, as along a path, some 20 for 0.5 rad of joint motion. A piece is accepted
+   only where it cannot lead to another branch. PPR_LIMIT: q is that posture, but beyond a joint's limits. */
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most);
 
 #ifdef __cplusplus

@@ -88,6 +88,19 @@ class Plan:
         at = self.path.on(segment, u0 + share * (u1 - u0))
         return at.position[0], at.rotation[0] @ self.start_rotation
 
+    def bends(self, step: int) -> tuple[float, float]:
+        """(|d^2 p / du^2| [m], turn [rad]) of a step, u from 0 to 1 over it."""
+        return self._bends[int(np.searchsorted(self._last, step))]
+
+    @cached_property
+    def _last(self) -> Indices:
+        return np.cumsum(self.counts) - 1
+
+    @cached_property
+    def _bends(self) -> list[tuple[float, float]]:
+        pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
+        return [((s.angle / k) ** 2 * float(np.linalg.norm(s.x)), float(np.linalg.norm(s.turn)) / k) for s, k in pairs]
+
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""
         segment, _, u = self._locate(step)

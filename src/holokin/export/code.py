@@ -14,7 +14,8 @@ import numpy as np
 
 from ..errors import ArgumentError, ExportError, NativeError
 from ..motion import leaf_value, step_function
-from ..motion.leaf import ALMOST
+from ..motion.branch import branch_code
+from ..motion.leaf import ALMOST, DONE, NEWTONS
 from ..motion.servo import HELD
 from ..strategy import Strategy
 from ..symbolic import LARGEST, SX, Function, code_file
@@ -28,9 +29,8 @@ them two digits are left."""
 PRECISE_FLOAT, CLEAR_FLOAT = 0.04, 0.03
 """The same where it still has four digits; in between the status says that it has not. Measured on random postures."""
 
-ALMOST_FLOAT = 1e-3
-"""A correction whose square is round-off in single precision."""
-
+ALMOST_FLOAT, DONE_FLOAT = 1e-3, 1e-4
+"""Corrections of which one more is the last, and after which none is needed, in single precision."""
 
 RESERVED = {
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
@@ -101,6 +101,7 @@ class Source:
                 "constraint", {"q": e.q}, {"g": s.constraint_expression}, s.margin_expression
             )
             found["leaf"] = s.leaf_step
+            found["extended"] = s.extended
         return found
 
     @cached_property
@@ -108,6 +109,7 @@ class Source:
         """What the templates need."""
         s, task, robot = self.strategy, self.strategy.task, self.strategy.task.robot
         position, r = task.orientation is None, len(self.leaf)
+        angular = s.constraint.angular if s.constraint is not None else ()
         units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
         t = TOLERANCES
         return {
@@ -126,8 +128,10 @@ class Source:
             "leaf_member": f"  {self.name}_real leaf[{r}];   /* c = g(q) of the leaf to hold */\n" if r else "",
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
+            "done": _c(DONE), "newtons": NEWTONS,
             "singular_float": _c(SINGULAR_FLOAT), "representation_float": _c(REPRESENTATION_FLOAT),
             "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
+            "done_float": _c(DONE_FLOAT),
             "held": _c(HELD), "contraction": _c(t.contraction),
             "defaults": "".join(f"  hold->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
             + "".join(
@@ -137,6 +141,7 @@ class Source:
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
             "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
             "gather": _gather(position),
+            "angular": ", ".join(str(int(flag)) for flag in angular),
             "beyond": _beyond(self) or "  (void)q;\n",
             "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
             "dt": f"{self.dt:g}",
@@ -194,10 +199,14 @@ def header(source: Source, words: Mapping[str, Any]) -> str:
 def library(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.c."""
     try:
-        bodies = "".join(function.c(f"hk_{key}_body") for key, function in source.functions.items())
+        bodies = "".join(
+            function.c(f"hk_{key}_body") for key, function in source.functions.items() if key != "extended"
+        )
+        branch = branch_code(source.strategy) if source.held else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
-    leaf = text("leaf.c", {**words, "newton": code_file("newton.c")}) if source.held else ""
+    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path")}
+    leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.held else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
-    solver = code_file("solve.c") if "hk_solve(" in bodies else ""
+    solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""
     return text("interface.c", {**words, **parts, "bodies": solver + bodies})

@@ -115,12 +115,19 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     functions = [f"| `{call}` | {gives} | {operations[key]} |" for key, call, gives in rows]
     if source.held:
         functions.append(
-            f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, at most `most` Newton steps | "
-            f"{operations['leaf']} a step |"
+            f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
+            f"{operations['leaf']} a Newton step, {_look(source)} for a look at a piece |"
         )
     dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
     note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""
     return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}
+
+
+def _look(source: Source) -> int:
+    """Operations that it takes to see whether a piece keeps to its branch, besides some n^4 of products."""
+    strategy = source.strategy
+    once, change = strategy.extended.program.instructions, strategy.change
+    return once + (change.function.program.instructions if change is not None else once * (4 + strategy.task.n))
 
 
 def _write(folder: Path, texts: dict[str, str], name: str) -> None:

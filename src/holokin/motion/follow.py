@@ -26,7 +26,7 @@ from ..strategy import Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
-from .leaf import leaf_stepper, native_leaf
+from .leaf import leaf_stepper, level_gap, native_leaf
 from .native import NativeWalk
 from .reach import out_of_reach
 from .velocity import native_velocity, velocity_stepper
@@ -172,10 +172,7 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
         if strategy.constraint is None or task.n == task.m:
             return np.zeros(len(q))
         values = strategy.constraint_value.batch(q).reshape(len(q), -1)
-        gap = values - values[0]
-        angular = np.array(strategy.constraint.angular)
-        gap[:, angular] = np.arctan2(np.sin(gap[:, angular]), np.cos(gap[:, angular]))
-        return np.abs(gap).max(axis=1)
+        return np.abs(level_gap(strategy, values - values[0])).max(axis=1)
 
     return record(task, plan, q, dq, cycles, status, residual)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..strategy import Strategy
 from ..types import ArrayLike, Vector
-from .leaf import leaf_value, leaf_walker
+from .leaf import leaf_value, leaf_walker, straight_way
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,6 @@ class InverseKinematics:
             SingularityError, BranchError: the leaf does not reach so far on a straight line.
             ShapeError, NotFiniteError: a bad pose.
         """
-        from scipy.spatial.transform import Rotation
-
         wanted = np.asarray(pose, dtype=float)
         p0, R0 = self._pose[:3, 3], self._pose[:3, :3]
         if wanted.shape == (4, 4):
@@ -42,12 +40,8 @@ class InverseKinematics:
             raise ShapeError("a tool pose", "(4, 4), or (3,)", wanted.shape)
         if not np.isfinite(wanted).all():
             raise NotFiniteError("a tool pose", wanted.tolist())
-        turn = Rotation.from_matrix(R @ R0.T).as_rotvec()
-
-        def target(share: float):
-            return p0 + share * (p - p0), Rotation.from_rotvec(share * turn).as_matrix() @ R0, self._leaf
-
-        return self._walk(self.start, target)
+        way = straight_way(self.strategy.task, self.start, p, R, (self._leaf, self._leaf))
+        return leaf_walker(self.strategy, self.start)(self.start, way)
 
     @cached_property
     def _pose(self):
@@ -56,10 +50,6 @@ class InverseKinematics:
     @cached_property
     def _leaf(self) -> Vector:
         return leaf_value(self.strategy, self.start)
-
-    @cached_property
-    def _walk(self):
-        return leaf_walker(self.strategy, self.start)
 
 
 def inverse(strategy: Strategy, start: ArrayLike) -> InverseKinematics:

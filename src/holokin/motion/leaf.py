@@ -1,13 +1,13 @@
-"""Following by leaf: Newton on [f(q) - x; g(q) - c], never jumping to another branch.
+"""Following by leaf: Newton on [f(q) - x; g(q) - c], in steps that keep to one branch.
 
 The joints become a function of the tool pose: the same pose gives the same joints, whatever happened
-before. A step is accepted only while Newton contracts fast, which by the Newton-Kantorovich theorem means
-that the root found is the one continued from the last [Deu04, section 3.1]; else it is halved.
+before. A step is accepted only where `branch` shows that no fold lies on its way; else it is shortened.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,77 +15,147 @@ from ..control import Plan
 from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
 from ..strategy import Strategy
 from ..symbolic import LeafRules
+from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Vector
+from .branch import Branch, branch_code
 from .native import NativeWalk
 
 ALMOST = 1e-7
-"""A correction this small squares to round-off in the next step."""
+"""A correction after which one more is the last, whether or not round-off lets it be smaller."""
 
-_MOST = 12
+DONE = 1e-9
+"""A correction after which none is needed: its square is far below round-off."""
+
+NEWTONS = 12
 """Newton steps: contraction by 1/8 a step gets from 1 to 1e-10 in them; it is quadratic long before."""
 
+TRIES = 100_000
+"""Steps tried in one interval at most."""
 
-Target = Callable[[float], tuple[Vector, Matrix, Vector]]
-"""share in [0, 1] -> (position (3,), rotation (3, 3), leaf value c (r,)) wanted there."""
+CREEP = 1e-10
+"""Joint motion [joint units] of a piece of an interval below which a walk is at a fold: pieces shrink in proportion to
+the joints' distance from it."""
 
 
-def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Target], Vector]:
-    """(q, target) -> the posture at target(1), continued from q, which is at target(0); on the branch of q0.
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How a target moves over an interval: at(share), from 0 to 1, -> position (3,), rotation (3, 3), level c (r,).
+
+    arc [m]: size of the second derivative of the position by the share; turn [rad]: of the tool, over the interval.
+    """
+
+    at: Callable[[float], tuple[Vector, Matrix, Vector]]
+    arc: float = 0.0
+    turn: float = 0.0
+
+    def curve(self, width: float, margin: float) -> float:
+        """A bound of |d^2 x / dt^2|, t from 0 to 1 over a piece of a width [m or rad].
+
+        margin: distance of an orientation's angles from their singularity; those of an even turn w have second
+        derivatives of at most 2 |w|^2 / margin^2.
+        """
+        return width * width * (self.arc + 2 * (self.turn / min(1.0, margin)) ** 2)
+
+
+def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Way], Vector]:
+    """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Raises (when called):
         SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
     """
-    correct = strategy.leaf_step
+    correct, branch = strategy.leaf_step, Branch(strategy)
+    rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     pose = strategy.task.robot.pose(q0, strategy.task.tip)
     side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
-    def newton(q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
+    def newton(q: Vector, p: Vector, R: Matrix, c: Vector) -> tuple[Vector, float] | None:
+        memory = correct.memory
+        at, *target = memory.arguments
+        target[0][...], target[1][...], target[2][...] = p, R, c
+        dq, conditioning, margin, here = memory.results
+        at[...] = q
         before = np.inf
-        for _ in range(_MOST):
-            dq, conditioning, margin, here = correct(q, p, R, c)
-            size = float(np.abs(dq).max())
-            sound = conditioning > TOLERANCES.singular and margin > TOLERANCES.representation
-            if not sound or here != side:
+        for _ in range(NEWTONS):
+            memory.trigger()
+            size = max(map(abs, dq.tolist()))
+            sound = conditioning[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
+            if not (sound and here[0] == side):
                 return None
-            if before <= ALMOST:
-                return q + dq if size <= before else q
-            if not size <= TOLERANCES.contraction * before:
+            last = before <= ALMOST
+            if last and not size <= before:
+                return at.copy(), float(margin[0])
+            if not (last or size <= max(TOLERANCES.contraction * before, DONE)):
                 return None
-            q, before = q + dq, size
+            at += dq
+            if last or size <= DONE:
+                return at.copy(), float(margin[0])
+            before = size
         return None
 
-    def walk(q: Vector, target: Target) -> Vector:
+    def walk(q: Vector, way: Way) -> Vector:
+        nonlocal rate
         share, width = 0.0, 1.0
-        while share < 1.0:
+        for _ in range(TRIES):
             goal = min(1.0, share + width)
-            found = newton(q, *target(goal))
+            found, fits = newton(q + (goal - share) * rate, *way.at(goal)), 0.5
             if found is not None:
-                q, share, width = found, goal, 2 * width
+                margin = 1.0 if strategy.task.turns else found[1]
+                fits = branch.step(q, found[0], way.curve(goal - share, margin))
+            if found is not None and fits == 1.0:
+                move = found[0] - q
+                rate = move / (goal - share)
+                if goal == 1.0:
+                    return found[0]
+                if not max(map(abs, move.tolist())) > CREEP:
+                    break
+                q, share, width = found[0], goal, 2 * width
                 continue
-            width /= 2
+            width = fits * (goal - share)
             if width < TOLERANCES.smallest_step:
-                _give_up(strategy, q)
-        return q
+                break
+        strategy(q)  # raises if it is singular already here
+        raise BranchError(
+            f"the leaf of {strategy.name!r} ends at q = {np.array2string(q, precision=6)}: there [J; J_g] turns "
+            "singular and no nearby posture on it follows the path",
+            "choose another constraint, or another leaf (start posture)",
+        )
 
     return walk
+
+
+def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, levels: tuple[Vector, Vector]) -> Way:
+    """The straight way from the tool pose at q to another, turning evenly about one axis, from one level to another."""
+    from scipy.spatial.transform import Rotation
+
+    pose = task.robot.pose(q, task.tip)
+    p0, R0, (c0, c1) = pose[:3, 3], pose[:3, :3], levels
+    turn = Rotation.from_matrix(rotation @ R0.T).as_rotvec()
+
+    def at(share: float) -> tuple[Vector, Matrix, Vector]:
+        R = Rotation.from_rotvec(share * turn).as_matrix() @ R0
+        return p0 + share * (position - p0), R, c0 + share * (c1 - c0)
+
+    return Way(at, turn=float(np.linalg.norm(turn)))
 
 
 def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_walker`."""
     walk, c = leaf_walker(strategy, q0), leaf_value(strategy, q0)
-    return lambda q, i: walk(q, lambda share: (*plan.target(i, share), c))
+    return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
 def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
     """The same steps as native code, many in one call; None without a compiler."""
-    kernel = strategy.leaf_step.follower("leaf")
+    kernel = strategy.leaf_step.follower("leaf", lambda: branch_code(strategy))
     if kernel is None:
         return None
     (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
     side = float(strategy.leaf_step(q0, p, R, c)[3])
-    rules = LeafRules(t.singular, t.representation, t.contraction, ALMOST, t.smallest_step, side, _MOST)
-    return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c]), rules, limits)
+    rules = LeafRules(
+        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
+    )
+    return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0))]), rules, limits)
 
 
 def leaf_value(strategy: Strategy, q: Vector) -> Vector:
@@ -96,6 +166,12 @@ def leaf_value(strategy: Strategy, q: Vector) -> Vector:
     if not np.isfinite(value).all():
         raise NotFiniteError(f"the constraint of {strategy.name!r} at q = {q.tolist()}", value.tolist())
     return value
+
+
+def level_gap(strategy: Strategy, gap: Array) -> Array:
+    """A difference of levels (..., r) of a strategy from a constraint, its angles in (-pi, pi]."""
+    angular = np.array(() if strategy.constraint is None else strategy.constraint.angular, dtype=bool)
+    return np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
 
 
 def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
@@ -124,14 +200,5 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     if not np.isfinite(goal).all():
         raise NotFiniteError("the leaf", goal.tolist())
     pose = task.robot.pose(start, task.tip)
-    p, R = pose[:3, 3], pose[:3, :3]
-    return leaf_walker(strategy, start)(start, lambda share: (p, R, at + share * (goal - at)))
-
-
-def _give_up(strategy: Strategy, q: Vector) -> None:
-    strategy(q)  # raises if it is singular already here
-    raise BranchError(
-        f"the leaf of {strategy.name!r} ends at q = {np.array2string(q, precision=6)}: there [J; J_g] turns "
-        "singular and no nearby posture on it follows the path",
-        "choose another constraint, or another leaf (start posture)",
-    )
+    way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
+    return leaf_walker(strategy, start)(start, way)

@@ -9,7 +9,7 @@ without squaring its condition number (theory 1.3).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal
@@ -17,10 +17,11 @@ from typing import Literal
 import numpy as np
 
 from ..constraint import Constraint
-from ..errors import ArgumentError, NotFiniteError, ShapeError, SingularityError, SingularityKind
+from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import (
     SX,
+    Enclosure,
     Function,
     Solution,
     as_expression,
@@ -29,6 +30,8 @@ from ..symbolic import (
     fmax,
     fmin,
     jacobian,
+    norm_2,
+    short,
     solution,
     symbol,
     vertcat,
@@ -41,6 +44,10 @@ from ..types import Array, ArrayLike, Matrix, Vector, numbers
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
 
+
+SHORT = 40_000
+"""Operations, equal ones counted apart, up to which the derivative of the extended Jacobian is enclosed; it takes less
+to sample longer ones."""
 
 PIECE = 100_000
 """Postures of a batch that are checked at once."""
@@ -68,7 +75,11 @@ class Expressions:
         """
         if self.form == "kernel":
             wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
-            return solution(vertcat(self.J, self.planes), vertcat(dx, wanted), written_out=written_out)
+            A, B = [self.J], [dx]
+            for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
+                size = norm_2(self.planes[i, :])
+                A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
+            return solution(vertcat(*A), vertcat(*B), written_out=written_out)
         if along is not None:
             raise ArgumentError("the form of the planes", self.form, "only planes given by rows have a rate along them")
         frame = factorise(self.planes)
@@ -249,6 +260,39 @@ class Strategy:
             "side": found.orientation,
         }
         return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+
+    @cached_property
+    def extended(self) -> Function:
+        """q -> (A, A^-1) of the extended Jacobian A = [J; rows] (n, n) of a strategy given by rows, unchecked.
+
+        A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
+        """
+        n, m = self.task.n, self.task.m
+        e = replace(self.expressions, J=self._turning_jacobian)
+        one = SX.eye(n)
+        found = e.rate(one[:m, :], one[m:, :])
+        return Function("extended", {"q": e.q}, {"A": vertcat(e.J, e.planes), "inverse": found.X}, found.system)
+
+    @cached_property
+    def change(self) -> Enclosure | None:
+        """q -> dA/dq_k of the extended Jacobian, (n n n,), k slowest, then columns, enclosed over boxes of q.
+
+        None where an enclosure would be too long, or too wide to be of use: factorisations, which copysign tells,
+        widen it without end.
+        """
+        e = self.expressions
+        A = vertcat(self._turning_jacobian, e.planes)
+        if not short(A, e.q, SHORT // self.task.n):
+            return None
+        slopes = jacobian(A, e.q)
+        try:
+            return Enclosure("hk_change_body", {"q": e.q}, slopes) if short(slopes, e.q, SHORT) else None
+        except NativeError:
+            return None
+
+    @property
+    def _turning_jacobian(self) -> SX:
+        return self.expressions.kinematics.jacobian[list(self.task.rows), :] if self.task.turns else self.expressions.J
 
     def leaf_gap(self, c: SX) -> SX:
         """c - g(q) (r,) as an expression, angles in (-pi, pi], of a strategy from a constraint."""

@@ -23,6 +23,7 @@ from casadi import (
 
 from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
 from .emit import prelude as code_file
+from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
@@ -34,6 +35,7 @@ from .qp import NearestPoint
 __all__ = [
     "LARGEST",
     "SX",
+    "Enclosure",
     "Factorisation",
     "FollowKernel",
     "Function",
@@ -68,6 +70,7 @@ __all__ = [
     "norm_2",
     "pairwise_brackets",
     "parse",
+    "short",
     "sin",
     "solution",
     "solve",

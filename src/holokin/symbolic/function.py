@@ -128,6 +128,11 @@ class Function:
             self._natives["batch"] = _tried(lambda: BatchKernel(self.program, *self._shapes))
         return self._natives["batch"]
 
+    @property
+    def memory(self) -> Port:
+        """This thread's memory, which every call of the function uses: for loops that leave it to nobody else."""
+        return self._port
+
     def port(self) -> tuple[Callable[[], None], list[Array], list[Array]]:
         """(trigger, arguments, results): memory of this function's own, for one thread that calls it often.
 
@@ -137,15 +142,19 @@ class Function:
         self._kept.append(port)
         return port.trigger, port.arguments, port.results
 
-    def follower(self, method: str) -> FollowKernel | None:
-        """The loop of following a path by this function, see `FollowKernel`; None where there can be none."""
+    def follower(self, method: str, more: Callable[[], str] = str) -> FollowKernel | None:
+        """The loop of following a path by this function, see `FollowKernel`; None where there can be none.
+
+        Args:
+            more: makes the C that the loop needs besides this function's.
+        """
         from .kernel import LARGEST, FollowKernel
         from .native import enabled
 
         if not enabled() or self.program.instructions > LARGEST:
             return None
         if method not in self._natives:
-            self._natives[method] = _tried(lambda: FollowKernel(self.program, *self._shapes, method))
+            self._natives[method] = _tried(lambda: FollowKernel(self.program, *self._shapes, method, more()))
         return self._natives[method]
 
     def c(self, name: str) -> str:

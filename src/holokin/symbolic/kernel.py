@@ -36,13 +36,12 @@ class LeafRules(ctypes.Structure):
     """hk_rules of newton.c and follow.c: when a Newton step is accepted; see the tolerances."""
 
     _fields_ = (
-        ("singular", ctypes.c_double),
-        ("representation", ctypes.c_double),
-        ("contraction", ctypes.c_double),
-        ("almost", ctypes.c_double),
-        ("smallest", ctypes.c_double),
-        ("side", ctypes.c_double),
+        *(
+            (name, ctypes.c_double)
+            for name in ("singular", "representation", "contraction", "almost", "done", "smallest", "creep", "side")
+        ),
         ("most", ctypes.c_int),
+        ("tries", ctypes.c_int),
     )
 
 
@@ -98,13 +97,18 @@ class FollowKernel:
 
     "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, sign of det).
     "velocity": by Runge-Kutta steps of (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
+    more: C that the drivers need besides, of which "leaf" takes the extended Jacobian and its change.
     """
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, method: str) -> None:
-        head = f"#define HK_N {inputs[0][0]}\n"
-        drivers = {"leaf": ("hk_leaf_body", "newton.c", "follow.c"), "velocity": ("hk_rate_body", "velocity.c")}
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> None:
+        state = sum(int(np.prod(shape)) for shape in inputs)
+        head = f"#define HK_N {inputs[0][0]}\n#define HK_STATE {state}\n"
+        drivers = {
+            "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
+            "velocity": ("hk_rate_body", "velocity.c"),
+        }
         name, *files = drivers[method]
-        code = source(SCALAR, head, body(made, inputs, outputs, name), "path.c", *files)
+        code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "path.c", *files)
         self._library = library(code, long=made.instructions > LONG)
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
@@ -116,7 +120,7 @@ class FollowKernel:
     ) -> int:  # fmt: skip
         """Do the steps [first, last) of a cycle into the rows of Q; returns how many it did.
 
-        x begins with the posture to start from; for "leaf" it is (q, p, R, c).
+        x begins with the posture to start from; for "leaf" it is (q, p, R, c, rate).
         """
         return self._run(
             segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,

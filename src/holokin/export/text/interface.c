@@ -6,12 +6,14 @@
 #define HK_SINGULAR $singular_float
 #define HK_REPRESENTATION $representation_float
 #define HK_ALMOST $almost_float
+#define HK_DONE $done_float
 #define HK_PRECISE $precise
 #define HK_CLEAR $clear
 #else
 #define HK_SINGULAR $singular
 #define HK_REPRESENTATION $representation
 #define HK_ALMOST $almost
+#define HK_DONE $done
 #endif
 #define HK_HELD $held
 #define HK_CONTRACTION $contraction

@@ -6,7 +6,8 @@ int ${name}_constraint(const ${name}_real q[$n], ${name}_real g[$r]);
 int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r],
     ${name}_real dq[$n]);
 
-/* Inverse kinematics: q becomes the posture on the leaf c with the wanted pose, or, from ${NAME}_SINGULAR on, stays.
-   Newton from q, at most `most` steps (12 is plenty), refused where it might land on another branch: keep targets close,
-   as along a path. ${NAME}_LIMIT: q is that posture, but beyond a joint's limits. */
+/* Inverse kinematics: q becomes the posture with the wanted pose on the leaf c that q moves to when the tool goes there
+   straight; or, from ${NAME}_SINGULAR on, q stays. The way is gone in pieces, `most` at most (each has at most $newtons Newton
+   steps): 4 are plenty for targets close by, as along a path, some 20 for 0.5 rad of joint motion. A piece is accepted
+   only where it cannot lead to another branch. ${NAME}_LIMIT: q is that posture, but beyond a joint's limits. */
 int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r], int most);

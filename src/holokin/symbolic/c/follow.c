@@ -1,29 +1,44 @@
 /* Steps `first` to `last` of one cycle whose segments have counts[] steps; Q (.., HK_N) gets a row a step.
-   Returns the steps done; x keeps the posture (and p, R, c) there. Fewer than asked: the leaf ended, or a limit. */
+   Returns the steps done; x keeps (q, p, R, c) there and the rate of the last step. Fewer than asked: the leaf ended,
+   or a limit. */
 long long hk_follow(const hk_segment *segments, const long long *counts, const double *home, double *x, long long first,
                     long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
   int s = 0;
   long long before = 0, total = 0;
+  double q[HK_N], *rate = x + HK_STATE;
+  hk_branch branch;
+  branch.laid = 0;
+  branch.length = HK_LONGEST;
+  for (int i = 0; i < HK_N; i++) q[i] = x[i];
   for (int i = 0; counts[i] > 0; i++) total += counts[i];
   for (long long k = first; k < last; k++) {
     while (k - before >= counts[s]) before += counts[s++];
+    const hk_segment *here = segments + s;
     const double start = (double)(k - before) / (double)counts[s], stop = (double)(k - before + 1) / (double)counts[s];
+    const double a = here->angle / (double)counts[s], turn = sqrt(hk_square(here->turn)) / (double)counts[s];
+    const double arc = a * a * sqrt(hk_square(here->x));
     double share = 0.0, width = 1.0;
-    while (share < 1.0) {
+    for (int tried = 0; share < 1.0; tried++) {
       const double goal = share + width < 1.0 ? share + width : 1.0;
       if (goal == 1.0 && home != 0 && k == total - 1)
         for (int i = 0; i < 12; i++) x[HK_N + i] = home[i]; /* a closed path ends where it starts to the last bit */
       else
-        hk_target(segments + s, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
-      if (hk_newton(x, rules)) {
+        hk_target(here, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
+      const double fits = hk_piece(x, q, rate, goal - share, arc, turn, &branch, rules);
+      if (fits == 1.0 || (fits < 0.0 && goal == 1.0)) {
         share = goal;
         width *= 2.0;
-      } else if ((width *= 0.5) < rules->smallest)
+        continue;
+      }
+      width = fits * (goal - share);
+      if (!(width >= rules->smallest) || tried >= rules->tries) {
+        for (int i = 0; i < HK_N; i++) x[i] = q[i];
         return k - first;
+      }
     }
     for (int i = 0; i < HK_N; i++) {
-      if (!(x[i] >= lower[i] && x[i] <= upper[i])) return k - first;
-      Q[(k - first) * HK_N + i] = x[i];
+      if (!(q[i] >= lower[i] && q[i] <= upper[i])) return k - first;
+      Q[(k - first) * HK_N + i] = q[i];
     }
   }
   return last - first;

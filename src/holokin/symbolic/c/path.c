@@ -1,22 +1,24 @@
 /* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
 typedef struct {
-  double center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
+  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
 } hk_segment;
 
-static void hk_target(const hk_segment *s, double u, double *p, double *R) {
-  const double a = s->angle * u, ca = cos(a), sa = sin(a);
+static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
+
+static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
+  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
   for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
-  const double w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
-  const double angle = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-  if (angle == 0.0) {
+  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+  const hk_t angle = HK_SQRT(hk_square(w));
+  if (angle == HK_C(0)) {
     for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
     return;
   }
-  const double k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
-  const double c = cos(angle), t = 1.0 - c, d = sin(angle);
-  const double E[9] = {c + t * k[0] * k[0],        t * k[0] * k[1] - d * k[2], t * k[0] * k[2] + d * k[1],
-                       t * k[1] * k[0] + d * k[2], c + t * k[1] * k[1],        t * k[1] * k[2] - d * k[0],
-                       t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
+  const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
+  const hk_t c = HK_COS(angle), t = HK_C(1) - c, d = HK_SIN(angle);
+  const hk_t E[9] = {c + t * k[0] * k[0],        t * k[0] * k[1] - d * k[2], t * k[0] * k[2] + d * k[1],
+                     t * k[1] * k[0] + d * k[2], c + t * k[1] * k[1],        t * k[1] * k[2] - d * k[0],
+                     t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
   for (int i = 0; i < 3; i++)
     for (int j = 0; j < 3; j++)
       R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];

@@ -16,6 +16,11 @@ typedef float hk_t;
 #ifndef HK_SIMD
 #define HK_SIMD _Pragma("omp simd")
 #endif
+#ifdef __GNUC__
+#define HK_CALL __attribute__((noinline)) /* small code, and quick to compile */
+#else
+#define HK_CALL
+#endif
 #define HK_C(x) ((hk_t)(x))
 #define HK_INF ((hk_t)HUGE_VAL)
 #define HK_NAN (HK_INF - HK_INF)

@@ -1,0 +1,177 @@
+"""Which postures lie on one branch of a leaf: tubes in which no two postures have the same tool pose and level.
+
+E(q; x) = 0 is [f(q) - x; g(q) - c] = 0, A(q) its Jacobian, Y = A(center)^-1. In a tube about a straight piece of joint
+motion, center + t half with |t| <= 1 and everything within `radius` of it, let
+
+    ||1 - Y A(q)|| <= change < 1      (the mean value of the second derivative, enclosed over the tube).
+
+A step from a to b in the tube keeps to the branch when a ball about each point of the chord holds exactly one solution:
+by the contraction principle, when |Y E| on the chord, eta, is at most (1 - change) times what the tube leaves for the
+ball [Deu04, section 2.1]. eta <= 1/8 sup |d^2 (Y E) / dt^2|, as E = 0 at both ends. Then A is regular along the way, no
+fold lies between, and b is what continuous motion reaches from a.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..strategy import Strategy
+from ..symbolic import Enclosure
+from ..tolerances import TOLERANCES
+from ..types import Array, Matrix, Vector
+
+THICKNESS = 0.125
+"""Radius of a tube over half its length: thick enough for the bend of usual paths, thin enough to enclose little."""
+
+DOUBT = 1.5
+"""Factor on changes that are sampled and not enclosed: the second derivative may be larger between the samples."""
+
+DIRECTIONS = 8
+"""Directions across a tube in which a change is sampled, at most; of more joints than that a share is looked at."""
+
+LAID = 8
+"""Tubes tried for one step, shorter and shorter, before the step itself is called too long."""
+
+LONGEST = 0.1
+"""Half length [joint units] of a tube to begin with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """center, half (n,), radius [joint units]; change, and bend >= |Y D^2E [half, half]| over it; inverse = ||Y||."""
+
+    center: Vector
+    half: Vector
+    radius: float
+    change: float
+    bend: float
+    inverse: float
+
+    @cached_property
+    def _along(self) -> Vector:
+        return self.half / (self.half @ self.half)
+
+    def place(self, q: Vector) -> tuple[float, Vector]:
+        """(share t from -1 to 1 along the tube, offset (n,) from its axis there) of a posture."""
+        offset = q - self.center
+        t = min(1.0, max(-1.0, float(self._along @ offset)))
+        return t, offset - t * self.half
+
+    def links(self, a: tuple[float, Vector], b: tuple[float, Vector], curve: float) -> bool:
+        """True when a posture at the place b is on the branch of one at the place a.
+
+        curve: |d^2 x / dt^2| of the tool on the way, t from 0 to 1.
+        """
+        (s, u), (t, v) = a, b
+        off, apart, along = max(float(u @ u), float(v @ v)), v - u, abs(t - s)
+        if not (self.change <= TOLERANCES.change and off < self.radius * self.radius):
+            return False
+        away = float(apart @ apart) ** 0.5
+        second = along * along * self.bend + (2 * along + away / self.radius) * self.change * away
+        return off**0.5 + (second + self.inverse * curve) / 8 / (1 - self.change) <= self.radius
+
+
+def lay_tube(strategy: Strategy, center: Vector, half: Vector) -> Tube:
+    """The tube about center +- half (n,), its change enclosed, or, where the strategy has no enclosure, sampled."""
+    n, radius = len(center), THICKNESS * _length(half)
+    A, Y = strategy.extended(center)
+    if strategy.change is None:
+        change, bend = _sampled(strategy, center, half, radius, A, Y)
+    else:
+        change, bend = _enclosed(strategy.change, center, half, radius, Y)
+    if strategy.task.turns:  # the rotation vector of the error turns its own axes, by at most 0.6 of its length
+        rows = [i for i, row in enumerate(strategy.task.rows) if row > 2]
+        change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
+    return Tube(center, half, radius, change, bend, _length(Y))
+
+
+def _enclosed(enclosure: Enclosure, center: Vector, half: Vector, radius: float, Y: Matrix) -> tuple[float, float]:
+    """(change, bend) from enclosures of dA/dq_k over the box around the tube; infinite where they are."""
+    n, far, size = len(center), np.abs(half), np.abs(Y)
+    mid, rad = (values.reshape(n, n * n) for values in enclosure.function(center, far + radius))
+    if not np.isfinite(rad.sum() + mid.sum()):
+        return np.inf, np.inf
+    # rows of mid and rad are dA/dq_k by columns, so A^T stands in each
+    near = (far @ rad).reshape(n, n) @ size.T
+    middle = (half @ mid).reshape(n, n) @ Y.T
+    across = np.abs(mid.reshape(-1, n) @ Y.T) + rad.reshape(-1, n) @ size.T
+    return _length(np.abs(middle) + near) + radius * _length(across), _length(np.abs(half @ middle) + far @ near)
+
+
+def _length(values: Array) -> float:
+    """The Frobenius norm."""
+    return float(np.vdot(values, values)) ** 0.5
+
+
+def _sampled(
+    strategy: Strategy, center: Vector, half: Vector, radius: float, A: Matrix, Y: Matrix
+) -> tuple[float, float]:
+    """(change, bend) from A at the tube's ends and quarters and off its middle in a few perpendicular directions."""
+    n, shares = len(center), np.array([-1.0, -0.5, 0.5, 1.0])
+    count = min(n, DIRECTIONS)
+    waves = np.cos(np.pi / n * np.outer(np.arange(count), np.arange(n) + 0.5)) * (2 / n) ** 0.5
+    waves[0] /= 2**0.5
+    points = center + np.vstack([shares[:, None] * half, radius * waves])
+    changes = Y @ (strategy.extended.batch(points)[0].reshape(-1, n, n) - A)
+    sizes = np.sum(changes**2, axis=(1, 2))
+    change = DOUBT * (sizes[:4].max() ** 0.5 + (n / count * sizes[4:].sum()) ** 0.5)
+    return float(change), DOUBT * max(_length(changes[i] @ half) for i in (0, 3))
+
+
+def branch_code(strategy: Strategy) -> str:
+    """C that branch.c needs: figures, the extended Jacobian and, where there is one, the enclosure of its change."""
+    task, change = strategy.task, strategy.change
+    turn = next((i for i, row in enumerate(task.rows) if row > 2), -1) if task.turns else -1
+    figures = {
+        "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "LONGEST": LONGEST,
+        "DIRECTIONS": DIRECTIONS,
+        "TURN": turn,
+    }  # fmt: skip
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in figures.items())
+    enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
+    return head + strategy.extended.c("hk_extended_body") + enclosed
+
+
+class Branch:
+    """The branch on which a walk is: the tube where it has got to, and how long a tube may be there."""
+
+    def __init__(self, strategy: Strategy) -> None:
+        self._strategy = strategy
+        self._tube: Tube | None = None
+        self._at: tuple[float, Vector] = (0.0, np.zeros(0))
+        self._length = LONGEST
+
+    def step(self, a: Vector, b: Vector, curve: float) -> float:
+        """1 when b is on the branch of a, where the last step led; else the share of this one, below 1, to try next."""
+        if self._tube is not None:
+            there = self._tube.place(b)
+            if self._tube.links(self._at, there, curve):
+                self._at = there
+                return 1.0
+        move = b - a
+        size = float(np.linalg.norm(move))
+        if size == 0.0:
+            return 1.0
+        change = np.inf
+        for _ in range(LAID):
+            length = max(self._length, size / 2)
+            half = move * (length / size)
+            tube = lay_tube(self._strategy, a + half, half)
+            change, there = tube.change, tube.place(b)
+            if tube.links(tube.place(a), there, curve):
+                self._tube, self._at = tube, there
+                self._length = length * min(1.5, (0.7 * TOLERANCES.change / change) ** 0.5)
+                return 1.0
+            if length <= size / 2:
+                break
+            self._length = length * _shrink(change)
+        self._tube = None
+        return _shrink(change)
+
+
+def _shrink(change: float) -> float:
+    """By how much to shorten a tube of a change: it grows with the length at least in proportion."""
+    return min(0.5, max(1 / 64, 0.8 * TOLERANCES.change / change)) if np.isfinite(change) else 1 / 64
