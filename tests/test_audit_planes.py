@@ -112,7 +112,7 @@ def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> No
     [
         ("panda", hk.position, PANDA_START),
         ("panda", lambda r: hk.position(r, rows=[1, 2]), PANDA_START),
-        ("panda", lambda r: hk.pose(r, "zyz"), PANDA_START),
+        ("panda", lambda r: hk.pose(r, "zyz"), [0.1, -0.4, 0.2, -2.0, 0.3, 0.9, 0.5]),
         ("panda", lambda r: hk.pose(r, "rpy", rows=[0, 2, 4]), PANDA_START),
         ("panda", lambda r: hk.pose(r, "rotation-vector"), PANDA_START),
         ("panda", lambda r: hk.pose(r, rows=[3, 4, 5]), PANDA_START),
@@ -129,9 +129,9 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         loop = plane_loop(task, tool[:3, 3], tool[:3, :3], i, j)
         assert loop.closed
         areas = np.abs(enclosed(task, loop, tool[:3, :3]))
-        assert areas[i, j] == pytest.approx(1, abs=0.25)  # ZYZ is near its singularity here
+        assert areas[i, j] == pytest.approx(1, abs=0.2)
         areas[i, j] = areas[j, i] = 0.0
-        assert areas.max() < (0.7 if task.orientation == "zyz" else 0.3)
+        assert areas.max() < 0.4
     law = hk.closed_loop(hk.moore_penrose(task))
     found = hk.audit(law, task.robot, task, start=start, dt=0.02, cycles=3)
     assert found.untested == ()

@@ -80,6 +80,12 @@ class Audit:
         said = f"{self.controller}: {self.verdict.value}"
         if self.untested and self.verdict is not Homecoming.UNKNOWN:
             said += f"; NOT tested: loops in {', '.join(self.untested)}"
+        small = self["small loops"].figures
+        if self.verdict is Homecoming.DRIFTS and small.get("drift") == 0.0:
+            said += (
+                "; small loops at the start do not drift: the loops wind round a place where the law is not defined, "
+            )
+            said += "or meet curvature elsewhere"
         return said
 
     def __getitem__(self, question: str) -> Finding:

@@ -20,7 +20,7 @@ from ..types import Matrix, Vector
 from .curvature import pairs
 from .fibre import self_motion
 from .judge import Homecoming
-from .planes import area_unit, plane_loop, plane_name, sides
+from .planes import area_unit, enclosed, plane_loop, plane_name, sides
 
 Answer = tuple[str, dict[str, float]]
 
@@ -197,9 +197,10 @@ def _plane_drift(
     as_run = largest(drift)
     if as_run > NO_DRIFT:
         drift = 2 * bench.run(path, dt=bench.dt / 2).drift()[0] - drift
-    a, b = sides(bench.task, *plane, size)
+    a, b = sides(bench.task, *plane)
+    area = a * b * abs(float(enclosed(bench.task, path, bench.tool[:3, :3])[plane]))
     unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(bench.task, *plane)}"
-    return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / (a * b), unit, size)
+    return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / area, unit, size)
 
 
 def worst_plane(planes: Sequence[PlaneDrift]) -> PlaneDrift | None:
@@ -303,7 +304,8 @@ def ask_small_loops(bench: Bench, plane: tuple[int, int] | None) -> Answer:
         "ratio": largest(big) / size, "turned": largest(small + back) / size,
         "hurried": largest(small - slow) / size, "drift_per_area": size / (a * b),
     }  # fmt: skip
-    if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]):
+    figures["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]) else largest(big)
+    if not figures["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", figures
     facts = (
         f"in {name}: ratio {figures['ratio']:.2f} for twice the size, changed by {figures['turned']:.0%} backwards and "
