@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..control import as_controller
-from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
+from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..task import Task, pose
@@ -32,6 +32,7 @@ from .questions import (
     ask_speed,
     ask_start,
     ask_ways,
+    by_reason,
     of_cycles,
     step_alone,
     tell_planes,
@@ -139,7 +140,8 @@ def audit(
 
     Raises:
         ArgumentError, ShapeError, NotFiniteError: bad arguments, not a bad law. OpenPathError: a loop is not closed.
-        StartError: a loop does not begin at the tool.
+        StartError: a loop does not begin at the tool. SingularityError: the task has orientation rows alone, and their
+            representation is singular at the start.
     """
     chosen = task if task is not None else pose(robot)
     if chosen.robot is not robot:
@@ -201,8 +203,11 @@ def _planes(bench: Bench, paths: list[Path], given: bool) -> list[PlaneDrift]:
     every = pairs(bench.task.m)
     if not given:
         return [ask_plane(bench, plane) for plane in every]
-    areas = looked_at(bench.task, paths, bench.tool[:3, :3]) if every else {}
     names = {plane: plane_name(bench.task, *plane) for plane in every}
+    try:
+        areas = looked_at(bench.task, paths, bench.tool[:3, :3]) if every else {}
+    except SingularityError as problem:
+        return [PlaneDrift(plane, names[plane], untested=str(problem), failed=True) for plane in every]
     why = "no loop of yours encloses area there"
     return [
         PlaneDrift(plane, names[plane], size=areas[plane] ** 0.5) if plane in areas
@@ -213,7 +218,7 @@ def _planes(bench: Bench, paths: list[Path], given: bool) -> list[PlaneDrift]:
 def _of_planes(bench: Bench, first: Path, planes: list[PlaneDrift], before: list[Finding]) -> list[Finding]:
     """The finding on all planes; and on the worst of them for all cycles, unless the law is known to drift anyway."""
     sentence, figures = tell_planes(bench, planes)
-    fault = "; ".join(f"{p.name}: {p.untested}" for p in planes if p.failed)
+    fault = "; ".join(by_reason([p for p in planes if p.failed]))
     found = [Finding("planes", sentence, figures, fault)]
     worst = worst_plane(planes)
     known = Homecoming.DRIFTS in _seen(before, bench)

@@ -125,13 +125,16 @@ def _compared(law: Controller, first: list[_Call], tally: _Tally) -> Controller:
 def _questioned(law: Controller, first: list[_Call], tally: _Tally, start: Vector) -> Controller:
     """The law in a run that is interrupted at some places, to ask old calls again."""
     places = np.unique(np.linspace(0, len(first) - 1, PLACES).astype(int)).tolist()
+    questions: dict[int, list[int]] = {}
+    for step in places:
+        for k, old in enumerate(places):  # one a step: all at once would look like a call that does not return
+            questions.setdefault(min(step + k, len(first) - 1), []).append(old)
 
     def see(inner: Law, call: _Call, step: int) -> None:
-        if step not in places:
-            return
-        for _ in range(IN_A_ROW):
-            tally.note(AT_ONCE, call, call.again(inner))
-        for place in places:
+        if step in places:
+            for _ in range(IN_A_ROW):
+                tally.note(AT_ONCE, call, call.again(inner))
+        for place in questions.get(step, ()):
             old = first[place]
             tally.note(MIDWAY, old, old.again(inner))
             tally.note(NEW_RUN, old, old.again(law.begin(start.copy())))

@@ -228,12 +228,17 @@ def tell_planes(bench: Bench, planes: Sequence[PlaneDrift]) -> Answer:
         said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
     elif not planes:
         said.append("a task of one row has none: every closed way goes there and back")
+    said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
+    return "; ".join(said), figures
+
+
+def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
+    """The planes that were not tested, those with one reason together: "x-y, x-z (why)"."""
     reasons: dict[str, list[str]] = {}
     for p in planes:
-        if p.untested and not p.failed:
+        if p.untested:
             reasons.setdefault(p.untested, []).append(p.name)
-    said += [f"NOT tested: {', '.join(names)} ({why})" for why, names in reasons.items()]
-    return "; ".join(said), figures
+    return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
 
 
 def ask_ways(bench: Bench, path: Path) -> Answer:
