@@ -80,12 +80,14 @@ from .motion import (
     Servo,
     Spread,
     StepStatus,
+    Winding,
     controller,
     drift,
     follow,
     inverse,
     path_spread,
     settle,
+    winding,
 )
 from .path import Path, arc, circle, join, line, polyline
 from .recording import Recording, read_recording
@@ -145,6 +147,7 @@ __all__ = [
     "Task",
     "Trajectory",
     "Verdict",
+    "Winding",
     "arc",
     "arm_angle",
     "around",
@@ -216,4 +219,5 @@ __all__ = [
     "total",
     "urdf_tips",
     "weighted",
+    "winding",
 ]

@@ -12,7 +12,14 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from .errors import ArgumentError
-from .types import Matrix, Vector
+from .types import Indices, Matrix, Vector
+
+
+def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:
+    """Whole turns k of each hinge in joint differences (..., n) within the tolerance [rad] of 2 pi k; else 0."""
+    turns = np.round(difference / (2 * np.pi))
+    whole = (np.abs(difference - 2 * np.pi * turns) <= tolerance) & (np.array(units) == "rad")
+    return np.where(whole, turns, 0.0).astype(int)
 
 
 class Status(Enum):
@@ -100,6 +107,10 @@ class Trajectory:
     def drift_since_start(self) -> Matrix:
         """Joint drift after 1, 2, ... cycles (cycles, n): q at the end of each minus the start posture."""
         return self.q[list(self.marks[1:])] - self.q[0]
+
+    def turns(self) -> Indices:
+        """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): what `whole_turns` of the drift says."""
+        return whole_turns(self.drift_since_start(), self.joint_units)
 
     def tracking_error(self, unit: str = "m") -> float:
         """Largest task error over all samples: norm of the rows in "m", or of those in "rad".

@@ -14,7 +14,7 @@ from ..types import Array, Matrix, Vector
 class Homecoming(Enum):
     """What an audit found; the text says what it means."""
 
-    COMES_HOME = "comes home: the joints belong to the tool pose, whatever way, speed or time"
+    COMES_HOME = "comes home: equal tool poses gave equal joints, in everything that was tested"
     BUT_FOR_THE_STEP = "comes home but for the step of the loop: feedback to the leaf, or a shorter step, mends it"
     CONVERGES = "settles: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"

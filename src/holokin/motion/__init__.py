@@ -1,17 +1,20 @@
-"""Uses of strategies: following paths, drift, spread."""
+"""Uses of strategies: following paths, drift and why a path drifts, spread."""
 
 from .follow import follow
 from .inverse import InverseKinematics, inverse
 from .leaf import leaf_value, settle
 from .repeat import Drift, Spread, drift, path_spread
 from .servo import Servo, StepStatus, controller, step_function
+from .shrink import Cause, Winding, winding
 
 __all__ = [
+    "Cause",
     "Drift",
     "InverseKinematics",
     "Servo",
     "Spread",
     "StepStatus",
+    "Winding",
     "controller",
     "drift",
     "follow",
@@ -20,4 +23,5 @@ __all__ = [
     "path_spread",
     "settle",
     "step_function",
+    "winding",
 ]

@@ -1,4 +1,4 @@
-"""Does it come home? Drift over cycles, and the spread between two ways to one tool pose."""
+"""Drift over the cycles of a closed path, and the spread between two ways to one tool pose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategy import Strategy
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Indices, Matrix, Vector
 from .follow import follow
 
 
@@ -34,6 +34,26 @@ class Drift:
     def largest(self) -> Vector:
         """Largest joint's drift after 1, 2, ... cycles (cycles,) [joint units]."""
         return np.abs(self.since_start).max(axis=1)
+
+    @property
+    def turns(self) -> Indices:
+        """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): drifts of 2 pi k to 1e-6 rad; 0 for others.
+
+        A loop that ends whole turns further winds: it cannot be drawn together to a point along the leaf. A loop
+        may wind with any other drift too; `winding` tells.
+        """
+        return self.trajectory.turns()
+
+    @property
+    def sentence(self) -> str:
+        """How far the joints end from their start after the last cycle, with whole turns by joint."""
+        last, units = self.since_start[-1], self.trajectory.joint_units
+        k = int(np.abs(last).argmax())
+        count = f"{len(self.since_start)} cycle{'s' * (len(self.since_start) > 1)}"
+        names = self.trajectory.joint_names
+        whole = [f"{name} by {turns:+d}" for name, turns in zip(names, self.turns[-1], strict=True) if turns]
+        said = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
+        return f"{said}; whole turns: {', '.join(whole)}" if whole else said
 
     def __str__(self) -> str:
         return ", ".join(f"{value:.4g}" for value in self.largest)
