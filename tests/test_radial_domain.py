@@ -44,7 +44,7 @@ def round_the_self_motion(task: hk.Task, q0: np.ndarray, lengths: np.ndarray) ->
 def test_the_twin_is_the_given_strategy_at_every_posture_over_the_centre(
     name: str, start: np.ndarray, round_trip: float
 ) -> None:
-    """All round the self-motion: q3 + pi on the PPR arm, 2.56 rad on, where Z^T (q - start) turns, on the planar one."""
+    """All round the self-motion: also at q3 + pi on the PPR arm and 2.56 rad on on the planar one, where Z^T q turns."""
     robot = hk.load(name)
     given = hk.moore_penrose(hk.position(robot) if robot.n == 3 else hk.pose(robot))
     twin = hk.radial(given, start, steps=1)
@@ -85,7 +85,7 @@ def test_a_planar_arm_is_carried_along_straight_segments_from_any_posture_over_t
 
 @pytest.mark.parametrize("name", ["planar-3r", "panda"])
 def test_a_twin_answers_only_where_its_transport_is_right(name: str) -> None:
-    """Postures all over the joint range: each is refused, or its label is that of an adaptive integrator's transport."""
+    """Postures all over the joint range: each is refused, or its label is that of an adaptive integrator's way."""
     robot = hk.load(name)
     start, reach = (R3_START, 2.5) if robot.n == 3 else (PANDA_START, 1.5)
     turned = robot.pose(start)[:3, :3]

@@ -57,7 +57,7 @@ def label_of(task: Task, start: Vector) -> Label:
 
 
 def _projection(task: Task, start: Vector) -> Label:
-    """Z^T (q - start), Z (n, r) the self-motions at the start; it turns where det(Z^T N(q)) = 0, N (n, r) those at q."""
+    """Z^T (q - start), Z (n, r) the self-motions at the start; it turns where det(Z^T N) = 0, N (n, r) those at q."""
     Z = np.linalg.svd(task.jacobian(start))[2][task.m :].T
 
     def margin(q: SX) -> SX:
