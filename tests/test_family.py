@@ -113,6 +113,21 @@ def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(p
     assert fit.rate.program.instructions * 20 < twin.rate.program.instructions
 
 
+def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:
+    """Half way round the self-motion the label, an angle, jumps from pi to -pi; its leaves do not."""
+    given = hk.moore_penrose(hk.position(hk.load("ppr")))
+    start = np.array([0.5, -0.3, 0.8])
+    twin = hk.radial(given, start)
+    z = start[2] + np.pi
+    half_way = np.array([start[0] + np.cos(0.8) - np.cos(z), start[1] + np.sin(0.8) - np.sin(z), z])
+    Q = half_way + np.random.default_rng(4).uniform(-0.2, 0.2, (80, 3))
+    labels = twin.constraint_value.batch(Q)
+    assert labels.min() < -3
+    assert labels.max() > 3
+    fit = hk.fitted(twin, Q)
+    assert hk.deviation(twin, fit, Q).largest < 1e-3
+
+
 def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:
     twin = hk.holonomic(panda_given.task, hk.arm_angle())
     Q = PANDA_START + np.random.default_rng(0).uniform(-0.1, 0.1, (8, 7))

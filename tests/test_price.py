@@ -28,7 +28,7 @@ def panda_given() -> hk.Strategy:
 
 
 def test_the_bound_on_ppr_has_its_closed_form_T11(ppr_given: hk.Strategy) -> None:
-    """Closed leaf of theory 5.3: the least of |dz/(rho dtheta) - cos(z - theta)/2| is 1/2 - (1 - e^{-R/2}) / R = 0.0471.
+    """Leaf of theory 5.3: the least of |dz/(rho dtheta) - cos(z - theta)/2| is 1/2 - (1 - e^{-R/2}) / R = 0.0471.
 
     First order: kappa R / (2 sqrt 2) = 0.035567; the twin's rms over all angles 0.035674 (rad/m).
     """
@@ -109,7 +109,7 @@ def test_a_law_with_a_cut_has_less_rms_than_the_twin_but_not_less_at_most(ppr_gi
 
 
 def test_the_bound_is_what_a_direct_search_along_the_circle_finds() -> None:
-    """iiwa14: the curve by an adaptive integrator, its tangent by finite differences: |Gamma' - G x'| / |G x'| scaled."""
+    """iiwa14: the curve by an adaptive integrator, its tangent by finite differences, min |Gamma' - G e| / |G|."""
     from scipy.integrate import solve_ivp
 
     robot = hk.load("iiwa14")

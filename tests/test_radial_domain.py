@@ -44,7 +44,7 @@ def round_the_self_motion(task: hk.Task, q0: np.ndarray, lengths: np.ndarray) ->
 def test_the_twin_is_the_given_strategy_at_every_posture_over_the_centre(
     name: str, start: np.ndarray, round_trip: float
 ) -> None:
-    """All round the self-motion: also at q3 + pi on the PPR arm and 2.56 rad on on the planar one, where Z^T q turns."""
+    """All round the self-motion: also at q3 + pi (PPR) and 2.56 rad on (planar arm), where a projection Z^T q turns."""
     robot = hk.load(name)
     given = hk.moore_penrose(hk.position(robot) if robot.n == 3 else hk.pose(robot))
     twin = hk.radial(given, start, steps=1)

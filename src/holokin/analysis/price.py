@@ -54,16 +54,17 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 class Price:
     """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
 
-    bound: every holonomic law g = const whose g is smooth, of one value and regular at the postures of the circle is
-        at least so far from the given one at one of them. A lower bound of `largest`, never of `rms`: no least rms is
-        known. It is proven (theory 5.4); its figure is a minimum over `points` samples of the circle.
+    bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
+        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is proven
+        (theory 5.4); its figure is the least of `points` samples of the circle.
     first_order: rms deviation of the radial twin over the ball to first order in the radius, an estimate from the
         curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
         may: a law with a cut has.
     radial, ours: the radial twin and the law asked about. rms and extra_speed over `samples` postures of the ball,
         largest over these and the circle's: sampled, so the true largest may be greater.
     circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
-        there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of theirs.
+        there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
+        theirs.
     """
 
     bound: float
@@ -75,13 +76,12 @@ class Price:
     circle: Matrix
 
     def __str__(self) -> str:
-        text = (
-            f"every holonomic law that is regular on the circle about the start is at least {self.bound:.2%} away at some "
-            f"posture of it (proven; the least of {self.points} sampled points of a circle); the radial twin is {self.radial}"
-        )
         ours = "" if self.ours is None else f"; yours is {self.ours}"
         return (
-            f"{text}{ours} (rms and speed over {self.samples} sampled postures of the ball, most over the circle too)"
+            f"at some posture of the circle about the start every holonomic law regular there is at least "
+            f"{self.bound:.2%} away (proven; the least of {self.points} sampled points); the radial twin is "
+            f"{self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
+            "most over these and the circle)"
         )
 
 
