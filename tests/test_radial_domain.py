@@ -160,3 +160,13 @@ def test_near_the_centre_half_the_curvature_bounds_the_deviation_and_far_from_it
         shares.append(most)
     assert shares[0] == pytest.approx(1.0, abs=0.02)
     assert 1.11 < shares[1] < 1.13
+
+
+def test_a_start_close_to_a_singular_posture_has_a_twin_too(panda: hk.Robot) -> None:
+    """The elbow is all but stretched: sigma_min(J) = 0.003, and the self-motion turns about within 0.1 rad."""
+    start = np.array([1.92753978, 1.01219379, -1.51024983, -0.43172591, -2.55792167, 0.99673323, -2.0264906])
+    given = hk.moore_penrose(hk.pose(panda))
+    twin = hk.radial(given, start)
+    assert np.abs(twin(start) - given(start)).max() < 1e-6 * np.abs(given(start)).max()
+    near = start + 1e-3
+    assert np.abs(panda.jacobian(near) @ twin(near) - np.eye(6)).max() < 1e-9

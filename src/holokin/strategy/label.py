@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError
 from ..robot import Robot
 from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
 from ..task import Task
@@ -21,8 +20,8 @@ from .fibre import self_motion
 STEP = 0.05
 """Arc length between the postures that the curve is traced by [joint units]."""
 
-LENGTH = 20.0
-"""The curve is traced so far each way [joint units]; a Panda's closes after 12.8."""
+LENGTH = 40.0
+"""The curve is traced so far each way [joint units]; a Panda's closes after 13 or less, the planar arm's after 24."""
 
 SPACINGS = (0.4, 0.2, 0.1)
 """Arc length between the nodes of the label [joint units]: the first that is fine enough is taken."""
@@ -50,10 +49,10 @@ class Label:
 def label_of(task: Task, start: Vector) -> Label:
     """A label of the postures that hold the tool where it is at `start` (n,), 0 there.
 
-    Raises:
-        ArgumentError: one redundant joint, and the self-motion turns too sharply to be followed.
+    Arc length where the self-motions are curves; a curve that turns too sharply for it, as close to singular postures,
+    is labelled by the projection too.
     """
-    return _projection(task, start) if task.n - task.m != 1 else _arc_length(task, start)
+    return (_arc_length(task, start) if task.n - task.m == 1 else None) or _projection(task, start)
 
 
 def _projection(task: Task, start: Vector) -> Label:
@@ -70,11 +69,12 @@ def _projection(task: Task, start: Vector) -> Label:
     return Label(lambda q: SX(Z.T) @ (q - SX(start)), margin, angular=False)
 
 
-def _arc_length(task: Task, start: Vector) -> Label:
+def _arc_length(task: Task, start: Vector) -> Label | None:
     """The weighted mean of the angles of nodes along the self-motion: atan2(sum w_k sin a_k, sum w_k cos a_k).
 
     a = 2 pi s / S once round a closed one of length S, pi s / S on an open one; w_k = exp(-d_k^2 / 2 width^2), d_k the
-    distance to node k with hinges on their circles, so that a full turn of a joint is no way at all.
+    distance to node k with hinges on their circles, so that a full turn of a joint is no way at all. None if no nodes
+    are fine enough.
     """
     curve = self_motion(task, start, step=STEP, length=LENGTH, limits=False)
     E, turn = _on_circles(task.robot, curve.q), 2 * np.pi if curve.closed else np.pi
@@ -93,9 +93,7 @@ def _arc_length(task: Task, start: Vector) -> Label:
         if len(slopes) and slopes.min() > SLOPES[0] and slopes.max() < SLOPES[1]:
             a = a - found[np.argmin(np.abs(curve.s))]
             return _weighted(task.robot, nodes, width, a)
-    facts = (len(curve.q), curve.endings)
-    cure = "its self-motion turns too sharply to be labelled: choose a start further from a singular posture"
-    raise ArgumentError("the start posture, with (postures, endings) of its self-motion", facts, cure)
+    return None
 
 
 def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Label:

@@ -23,8 +23,13 @@ from .base import Strategy
 from .label import label_of
 
 ARRIVED = 0.01
-"""How far the integrated transport may miss the centre, as a share of the joints' way. Where it misses by less, the
-whole integration error was below 5 % of the way on 960 postures of four arms but one; under 1e-4 on 95 % of them."""
+"""How far the integrated transport may miss the centre, as a share of the joints' way. Of 960 random postures of four
+arms, up to 2 rad from the start, with 4 steps, 855 miss by less and pass `DIP`: there the whole integration error was
+below 1 % of the way on 850, and 7 % at most. Those that miss by more all had an error above 1 %."""
+
+DIP = 0.01
+"""Conditioning that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
+that passes a singular posture, where a step can jump to anywhere and still arrive."""
 
 AT_CENTER = 1e-6
 """Way [joint units] added to a posture's own, so that round-off at the centre itself is no miss."""
@@ -36,23 +41,24 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     Its constraint g labels q_b, where `strategy` leads from q when the tool goes straight back to the centre, in
     position and along log(R R0^T) in orientation. With one redundant joint g is arc length along the self-motion from
     `start` to q_b, as an angle: a full turn is once round a closed self-motion, half a turn the length of an open one.
-    With r > 1 it is Z^T (q_b - start), Z (n, r) the self-motions at `start`.  q_b is integrated by `steps`
-    Runge-Kutta steps; any number gives an exactly holonomic strategy, more steps one nearer to the ideal twin (the
-    error goes with steps^-4).
+    With r > 1, and near a singular posture where the self-motion turns too sharply, it is Z^T (q_b - start), Z (n, r)
+    the self-motions at `start`.  q_b is integrated by `steps` Runge-Kutta steps; any number gives an exactly holonomic
+    strategy, more steps one nearer to the ideal twin (the error goes with steps^-4).
 
     It ends, with a SingularityError (REPRESENTATION), where
-    - the integrated transport misses the centre by more than 1 % of the joints' way: the segment passes too near a
-      singularity of `strategy`, or is too long for so few steps;
+    - the integrated transport misses the centre by more than 1 % of the joints' way, or comes a hundred times nearer
+      to a singularity of `strategy` than its ends are: the segment passes too near one, or is too long for `steps`;
     - q_b is not on the self-motion through `start`: it is on another branch, or beyond a singular end of this one;
-    - with r > 1, det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there the label turns.
-    Elsewhere [J; J_g] is regular.  Size: about 4 `steps` times the given strategy.
+    - g is Z^T (q_b - start) and det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there this label turns.
+    Elsewhere [J; J_g] is regular, up to the error of the steps: an estimate, since what is between steps is not seen.
+    Size: about 4 `steps` times the given strategy.
 
     Args:
         start: posture (n,) at the centre x0.
         steps: Runge-Kutta steps of one segment.
 
     Raises:
-        ArgumentError: steps < 1, or a self-motion at `start` that cannot be labelled.
+        ArgumentError: steps < 1.
         SingularityError: `strategy` is singular at `start`.
     """
     task = strategy.task
@@ -62,10 +68,11 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     strategy(q0)
     r = task.n - task.m
     chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
-    x0, label = chart(q0), label_of(task, q0)
+    charted = replace(strategy, task=chart)
+    x0, label, conditioning = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
 
     def build(k: Kinematics, q: SX) -> _Ray:
-        e = replace(strategy, task=chart).expressions
+        e = charted.expressions
         dx = symbol("dx", task.m)
         moved = e.rate(dx, written_out=True)
         rate = as_map([e.q, dx], vertcat(moved.X, moved.conditioning))
@@ -82,7 +89,8 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         missed = SX(x0) - chart.value_expression(task.robot.kinematics(back, task.tip))
         way = ARRIVED * (norm_2(q - back) + AT_CENTER)
         arrived = fmax(0, 1 - norm_2(rate(back, missed)[: task.n]) / way)
-        margin = reduce(fmin, [*sound, arrived, fmax(0, label.margin(back))])
+        passed = 1 - DIP * fmin(sound[0], conditioning) / reduce(fmin, sound)
+        margin = reduce(fmin, [fmax(0, passed), arrived, fmax(0, label.margin(back))])
         regular = sound[0] > TOLERANCES.singular
         return _Ray(label.value(back), if_else(regular, margin, 1), regular)
 
