@@ -96,7 +96,7 @@ def test_the_area_law_holds_to_the_square_of_the_radius_T7(r3: hk.Strategy, plan
 def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
     panda: hk.Robot, panda_given: hk.Strategy, turning: bool
 ) -> None:
-    """Halving the loop halves the relative error; also for loops that turn the tool."""
+    """Halving the loop quarters the relative error; a loop that turns the tool: halves it."""
     start = panda.pose(PANDA_START)[:3, 3]
     errors = []
     for size in (0.04, 0.02):
@@ -116,7 +116,7 @@ def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
         errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
         assert told.largest == np.abs(told.drift).max()
     assert errors[1] < 0.1
-    assert errors[0] / errors[1] == pytest.approx(2, rel=0.5)
+    assert errors[0] / errors[1] == (pytest.approx(2, rel=0.5) if turning else pytest.approx(4, rel=0.2))
 
 
 def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
@@ -125,7 +125,9 @@ def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
     loop = hk.circle(point, point - [0.1, 0, 0])
     told = hk.forecast(given, loop, PPR_START)
     assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
-    assert told.drift[2] == pytest.approx(np.pi * 0.01 / 4, rel=1e-6)  # theory 4: the area over l^2
+    assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
+        np.pi * 0.01 / 4, rel=1e-6
+    )  # theory 4: area / l^2
     assert hk.forecast(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
     assert hk.forecast(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
     with pytest.raises(OpenPathError):

@@ -1,4 +1,4 @@
-"""All holonomic strategies, and which to take: transports (T14), the price of repeatability (T11), fitted twins."""
+"""All holonomic strategies: transports (T14), fitted twins."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import holokin as hk
-from conftest import PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START
+from conftest import PANDA_START
 from holokin.analysis.price import ball_postures
 from holokin.errors import ArgumentError, ShapeError
 from papers_arm import de_luca_frame, paper_frame
-
-CENTER_START = np.array([PPR_CENTER[0] - np.cos(0.8), PPR_CENTER[1] - np.sin(0.8), 0.8])
 
 
 @pytest.fixture(scope="module")
@@ -95,47 +93,7 @@ def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot)
         hk.from_transport(task, lambda x, z: [x[0], x[1]], lambda x, z: z, lambda q: q[2], around=near)
 
 
-# --- price and fit ---
-
-
-def test_the_price_on_ppr_is_the_theorys_T11() -> None:
-    """Disc of the paper, all angles: forecast kappa R / (2 sqrt 2) = 0.035567, radial 0.035674, bound 0.031 (rad/m)."""
-    given = hk.moore_penrose(hk.position(hk.load("ppr")))
-    found = hk.price(given, hk.ball(CENTER_START, PPR_RADIUS, along=np.pi * np.sqrt(2)), samples=600)
-    unit = np.sqrt(1.5) / np.sqrt(2)  # |G| / |N|: from shares of |G| to changes of A
-    assert found.forecast * unit == pytest.approx(0.035567, rel=1e-4)
-    assert found.radial.rms * unit == pytest.approx(0.035674, rel=0.05)  # a sample of the disc
-    assert found.bound * unit == pytest.approx(0.031, rel=0.02)
-    assert found.bound < found.radial.largest
-
-
-def test_the_price_on_a_panda_is_a_bound_that_no_law_beats(panda_given: hk.Strategy) -> None:
-    task = panda_given.task
-    region = hk.ball(PANDA_START, 0.1)
-    laws = [hk.holonomic(task, g) for g in (hk.lock(2), hk.arm_angle(), hk.linear([1, 0, -1, 0, 0.2, 0, 0]))]
-    for law in laws:
-        found = hk.price(panda_given, region, law, samples=60)
-        assert found.ours is not None
-        assert 0.01 < found.bound < min(found.ours.largest, found.radial.largest)
-        assert found.forecast == pytest.approx(found.radial.rms, rel=0.2)
-        assert "no repeatable law" in str(found)
-        assert found.radial.rms < found.ours.rms
-
-
-def test_what_costs_nothing_is_free_and_what_has_no_price_is_refused(ppr: hk.Robot, panda: hk.Robot) -> None:
-    task = hk.position(ppr)
-    free = hk.price(hk.null_basis(task, paper_frame), hk.ball(CENTER_START, 0.2), samples=30)
-    assert free.bound < 1e-6
-    assert free.forecast < 1e-9
-    for strategy, region in (
-        (hk.moore_penrose(hk.position(panda)), hk.ball(PANDA_START, 0.1)),
-        (hk.moore_penrose(hk.position(ppr, rows=[0])), hk.ball(PPR_START, 0.1)),
-    ):
-        with pytest.raises(ArgumentError, match="redundant joints"):
-            hk.price(strategy, region)
-    for radius in (0.0, np.inf):
-        with pytest.raises(ArgumentError, match="radius"):
-            hk.ball(PPR_START, radius)
+# --- fit ---
 
 
 def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(panda_given: hk.Strategy) -> None:
@@ -153,6 +111,21 @@ def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(p
     loop = hk.circle(point, point - [0.05, 0, 0])
     assert hk.drift(fit, loop, PANDA_START, cycles=3, samples=40).largest.max() < 1e-12
     assert fit.rate.program.instructions * 20 < twin.rate.program.instructions
+
+
+def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:
+    """Half way round the self-motion the label, an angle, jumps from pi to -pi; its leaves do not."""
+    given = hk.moore_penrose(hk.position(hk.load("ppr")))
+    start = np.array([0.5, -0.3, 0.8])
+    twin = hk.radial(given, start)
+    z = start[2] + np.pi
+    half_way = np.array([start[0] + np.cos(0.8) - np.cos(z), start[1] + np.sin(0.8) - np.sin(z), z])
+    Q = half_way + np.random.default_rng(4).uniform(-0.2, 0.2, (80, 3))
+    labels = twin.constraint_value.batch(Q)
+    assert labels.min() < -3
+    assert labels.max() > 3
+    fit = hk.fitted(twin, Q)
+    assert hk.deviation(twin, fit, Q).largest < 1e-3
 
 
 def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:

@@ -138,7 +138,9 @@ class SingularityKind(Enum):
 
     KINEMATIC = "the task Jacobian J loses rank: the tool cannot move in every direction of the task"
     ALGORITHMIC = "J has full rank, but the strategy's planes hold a self-motion (H, or [J; J_g], is singular)"
-    REPRESENTATION = "the orientation representation is singular: its rates are not defined"
+    REPRESENTATION = (
+        "a representation that the task or the constraint uses is singular or ends: its rates are not defined"
+    )
 
 
 class SingularityError(HolokinError):
@@ -147,7 +149,8 @@ class SingularityError(HolokinError):
     _cure: ClassVar[dict[SingularityKind, str]] = {
         SingularityKind.KINEMATIC: "keep the path away from this posture, or drop task rows",
         SingularityKind.ALGORITHMIC: "choose another constraint or N_G there, or another leaf (start posture)",
-        SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity",
+        SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity, or another "
+        "constraint; for a radial law a start nearer by, or more steps",
     }
 
     def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, figure: float) -> None:

@@ -1,8 +1,9 @@
 """Questions about strategies, controllers and logs: curvature, leaves, drift, price, audits."""
 
+from ..strategy import SelfMotion, self_motion
 from .audit import Audit, Finding, audit
 from .curvature import curvature
-from .fibre import DriftFree, SelfMotion, drift_free, self_motion
+from .fibre import DriftFree, drift_free
 from .filtration import Filtration, Holonomy, filtration
 from .forecast import Forecast, forecast
 from .general_form import GeneralForm, general_form

@@ -1,21 +1,20 @@
-"""The price of repeatability: how close can a law that comes home be to a given one? (theory 5.4)"""
+"""The price of repeatability: how close can a holonomic law be to a given one? (theory 5.4)"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..control import checked_rate, make_plan, runge_kutta
 from ..errors import ArgumentError
-from ..path import circle
-from ..strategy import Strategy, radial
-from ..symbolic import SX, Function, directional, factorise, norm_2
+from ..strategy import Strategy, radial, self_motion
 from ..types import ArrayLike, Matrix, Vector
-from .curvature import curvature_function, pairs
-from .fibre import self_motion
+from .curvature import curvature, curvature_function, pairs
 from .region import Ball
 from .transport import transport
+
+POINTS = 120
+"""Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""
 
 
 @dataclass(frozen=True)
@@ -53,43 +52,54 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 
 @dataclass(frozen=True)
 class Price:
-    """What repeatability costs near a posture, relative to the given law.
+    """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
 
-    bound: no repeatable law stays nearer than this everywhere in the region (largest deviation). It holds up to
-    sampling: the largest fibre slope met stands for the true one.
-    forecast: rms deviation of the best repeatable law, and of the radial twin, to first order in the radius.
-    radial, ours: what the radial twin, and the law asked about, really are.
+    bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
+        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is proven
+        (theory 5.4); its figure is the least of `points` samples of the circle.
+    first_order: rms deviation of the radial twin over the ball to first order in the radius, an estimate from the
+        curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
+        may: a law with a cut has.
+    radial, ours: the radial twin and the law asked about. rms and extra_speed over `samples` postures of the ball,
+        largest over these and the circle's: sampled, so the true largest may be greater.
+    circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
+        there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
+        theirs.
     """
 
     bound: float
-    forecast: float
+    first_order: float
     radial: Deviation
     ours: Deviation | None
     samples: int
+    points: int
+    circle: Matrix
 
     def __str__(self) -> str:
-        text = (
-            f"no repeatable law stays within {self.bound:.2%} of it everywhere here; the best is about "
-            f"{self.forecast:.2%} away (rms, first order); the radial twin is {self.radial}"
+        ours = "" if self.ours is None else f"; yours is {self.ours}"
+        return (
+            f"at some posture of the circle about the start every holonomic law regular there is at least "
+            f"{self.bound:.2%} away (proven; the least of {self.points} sampled points); the radial twin is "
+            f"{self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
+            "most over these and the circle)"
         )
-        return text if self.ours is None else f"{text}; yours is {self.ours}"
 
 
 def price(
     strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
 ) -> Price:
-    """How close any repeatable law can come to a strategy with one redundant joint, how close the radial twin and ours.
+    """How close a repeatable law can come to a strategy with one redundant joint, how close the radial twin and ours.
 
-    Lower bound: a law that comes home has no drift on a loop of length l on which the given one drifts by D in the
-    fibre coordinate z, so sup |A - A'| >= L |D| / (e^{L l} - 1), L = sup |dA/dz|, A = J_z G. Forecast: the part of
-    the curvature that no closed form removes, 1/2 |F| R / sqrt(d + 2) in a ball of R^d (theory 5.4).
+    Bound: on a closed curve in joint space g has a greatest value, and there the law moves the joints along the curve.
+    On a curve of the radial leaf that is the twin's own motion, so |G' - G| >= min |(G_rad - G) e|, e the direction
+    of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
 
     Args:
         region: a `ball` of tool positions, orientation kept. ours: another holonomic strategy of the same task.
         samples: tool positions.
 
     Raises:
-        ArgumentError: not one redundant joint, or a task without position rows. SingularityError: inside the region.
+        ArgumentError: not one redundant joint, or without position rows. SingularityError: inside the region.
     """
     task = strategy.task
     start = task.robot.checked(region.start, "the start of the region")
@@ -100,17 +110,27 @@ def price(
             "the (redundant joints, position rows)", facts, "the bound is for one, and at least two rows"
         )
     Q = ball_postures(strategy, Ball(start, region.radius, region.along), samples, seed)
-    twin = deviation(strategy, radial(strategy, start), Q, columns=d)
+    twin = radial(strategy, start)
     G = strategy.batch(Q)[:, :, :d]
     F = curvature_function(strategy).batch(Q)[0].reshape(len(Q), task.n, -1)
     inner = [k for k, (i, j) in enumerate(pairs(task.m)) if j < d]
     strength = np.sqrt(2 * np.mean(np.sum(F[:, :, inner] ** 2, axis=(1, 2))) / np.mean(np.sum(G**2, axis=(1, 2))))
+    leaves = _starts(strategy, Ball(start, region.radius, region.along))
+    circles = [_circle(strategy, posture, region.radius, d) for posture in leaves[:: max(1, -(-len(leaves) // 5))]]
+    rim = np.vstack([postures for postures, _ in circles])
+
+    def judged(law: Strategy) -> Deviation:
+        inside, edge = (deviation(strategy, law, postures, columns=d) for postures in (Q, rim))
+        return replace(inside, largest=max(inside.largest, edge.largest))
+
     return Price(
-        bound=_lower_bound(strategy, region, start, Q, d),
-        forecast=float(strength * region.radius / 2 / np.sqrt(d + 2)),
-        radial=twin,
-        ours=None if ours is None else deviation(strategy, ours, Q, columns=d),
+        bound=max(_least_on_circle(strategy, twin, *one, d) for one in circles),
+        first_order=float(strength * region.radius / 2 / np.sqrt(d + 2)),
+        radial=judged(twin),
+        ours=None if ours is None else judged(ours),
         samples=len(Q),
+        points=POINTS,
+        circle=rim,
     )
 
 
@@ -121,10 +141,7 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
     """
     task, rng = strategy.task, np.random.default_rng(seed)
     d = sum(row < 3 for row in task.rows)
-    starts = np.array([region.start])
-    if region.along > 0:
-        curve = self_motion(task, region.start, length=region.along, step=min(0.02, region.along / 2), limits=False)
-        starts = curve.q
+    starts = _starts(strategy, region)
     out = np.empty((samples, task.n))
     for k in range(samples):
         v = rng.normal(size=d)
@@ -134,61 +151,34 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
     return out
 
 
-def _lower_bound(strategy: Strategy, region: Ball, start: Vector, Q: Matrix, d: int) -> float:
-    """The bound over circles about the centre in every coordinate plane, both ways, from the rim postures."""
-    Z = _fibre_coordinate(strategy, start, Q)
-    slopes, speed = (values.reshape(len(Q), -1) for values in _fibre_function(strategy, Z).batch(Q)[:2])
-    steepest = float(np.linalg.norm(slopes[:, :d], axis=1).max())
-    scale = float(np.abs(speed).min()) / float(np.sqrt(np.max(np.sum(strategy.batch(Q)[:, :, :d] ** 2, axis=(1, 2)))))
-    best = 0.0
-    for radius in (region.radius / 2, region.radius):
-        length = 2 * np.pi * radius
-        growth = steepest / np.expm1(steepest * length) if steepest > 1e-12 else 1 / length
-        for i, j in pairs(d):
-            for drift in _circle_drifts(strategy, region, start, (i, j), radius, Z):
-                best = max(best, abs(drift) * growth * scale)
-    return best
+def _starts(strategy: Strategy, region: Ball) -> Matrix:
+    """The postures (k, n) over the centre of a ball: its start, and with `along` the self-motion so far each way."""
+    if not region.along > 0:
+        return np.array([region.start])
+    return self_motion(
+        strategy.task, region.start, length=region.along, step=min(0.02, region.along / 2), limits=False
+    ).q
 
 
-def _fibre_coordinate(strategy: Strategy, start: Vector, Q: Matrix) -> Vector:
-    """Z (n,): z = Z q runs along the self-motions at every posture; one joint, or the self-motion at the start."""
-    candidates = np.vstack([np.linalg.svd(strategy.task.jacobian(start))[2][-1], np.eye(strategy.task.n)])
-    normals = np.linalg.svd(strategy.task.jacobian_batch(Q)[0])[2][:, -1]
-    return candidates[np.argmax(np.abs(candidates @ normals.T).min(axis=1))]
+def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[Matrix, Matrix]:
+    """(postures (POINTS, n), directions (POINTS, m)) of a circle of the tool about the start, on the radial leaf of it.
 
-
-def _circle_drifts(
-    strategy: Strategy, region: Ball, start: Vector, plane: tuple[int, int], radius: float, Z: Vector
-) -> list[float]:
-    """Drift in z = Z q of circles about the centre, from four points of the rim and the postures `along`."""
+    In the plane (u, v) of the greatest curvature, the first singular vectors of n . F_ij.
+    """
     task = strategy.task
-    starts = [start]
-    if region.along > 0:
-        curve = self_motion(task, start, length=region.along, step=min(0.02, region.along / 2), limits=False)
-        starts = list(curve.q[:: max(1, len(curve.q) // 8)])
-    normal = np.zeros(3)
-    normal[3 - sum(plane)] = 1.0
-    found = []
-    for angle in np.arange(4) * np.pi / 2:
-        v = np.zeros(task.m)
-        v[plane[0]], v[plane[1]] = radius * np.cos(angle), radius * np.sin(angle)
-        for posture in starts:
-            rim = transport(strategy, posture, v, steps=8)
-            pose = task.robot.pose(rim, task.tip)
-            center = pose[:3, 3] - np.pad(v[:3], (0, max(0, 3 - task.m)))
-            plan = make_plan(task, circle(pose[:3, 3], center, normal), 60, pose[:3, :3])
-            rate, q = checked_rate(strategy), rim
-            for k in range(plan.steps):
-                q = runge_kutta(rate, q, plan.h[k], plan.rates[0][k], plan.rates[1][k], plan.rates[2][k])
-            found.append(float(Z @ (q - rim)))
-    return found
+    F = np.einsum("a,aij->ij", np.linalg.svd(task.jacobian(start))[2][-1], curvature(strategy, start))[:d, :d]
+    u, v = np.pad(np.linalg.svd(F)[0][:, :2].T, ((0, 0), (0, task.m - d)))
+    angles = 2 * np.pi * np.arange(POINTS) / POINTS
+    out = np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)
+    along = np.outer(np.cos(angles), v) - np.outer(np.sin(angles), u)
+    return np.array([transport(strategy, start, radius * x, steps=8) for x in out]), along
 
 
-def _fibre_function(strategy: Strategy, Z: Vector) -> Function:
-    """q -> (dA/dz (m,), |n| per unit z): A = Z^T G along the fibre, z = Z^T q."""
-    e, task = strategy.expressions, strategy.task
-    G = e.rate(SX.eye(task.m), written_out=True).X
-    n = factorise(e.J.T).complement()
-    per_z = n / (SX(Z).T @ n)
-    A = SX(Z).T @ G
-    return Function("fibre", {"q": e.q}, {"slope": directional(A, e.q, per_z).T, "speed": norm_2(per_z)})
+def _least_on_circle(strategy: Strategy, twin: Strategy, Q: Matrix, along: Matrix, d: int) -> float:
+    """min over a closed curve of a leaf of |(G_rad - G) e| / |G|; 0 where it changes sign on the way."""
+    G, N = strategy.batch(Q), np.linalg.svd(strategy.task.jacobian_batch(Q)[0])[2][:, -1]
+    apart = np.einsum("kai,ki->ka", twin.batch(Q) - G, along) / np.linalg.norm(G[:, :, :d], axis=(1, 2))[:, None]
+    for k in range(1, len(N)):
+        N[k] *= np.sign(N[k] @ N[k - 1])
+    signed = np.sum(apart * N, axis=1)
+    return float(max(0.0, signed.min(), -signed.max()))

@@ -68,7 +68,7 @@ def gradient_projection(
 def repetitive_motion(
     task: Task, rate: float = 1.0, gain: float = GAIN, *, limits: bool = False, name: str = "repetitive motion"
 ) -> Controller:
-    """The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: repetitive motion planning. [ZZ11]
+    """The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: repetitive motion planning. [ZWX03, ZZ11]
 
     Without limits it is dq = J^+ (x' + K e) - rate (1 - J^+ J)(q - q(0)), gradient projection on the posture that
     the run began with. The error of closing a loop falls with rate^-2 (theory 2g).

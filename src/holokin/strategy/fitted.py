@@ -117,7 +117,11 @@ def _least_squares(
     terms = _monomials(variables(task, task.robot.kinematics(q, task.tip), q), exponents)
     basis = Function("monomials", {"q": q}, {"terms": terms, "slopes": as_expression(jacobian(terms, q))})
     T, S = basis.batch(Q)
-    g = strategy.constraint_value.batch(Q).reshape(len(Q), r) - (Q - q0) @ Z
+    g = strategy.constraint_value.batch(Q).reshape(len(Q), r)
+    if strategy.constraint is not None and any(strategy.constraint.angular):  # angles count from the middle, unwrapped
+        angular, gap = np.array(strategy.constraint.angular), g - np.atleast_1d(strategy.constraint_value(q0))
+        g = np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
+    g = g - (Q - q0) @ Z
     slopes = np.stack([strategy.rows(one) for one in Q]) - Z.T
     span = float(np.abs(Q - q0).max()) or 1.0  # gradients count as the changes they make across the region
     J = task.jacobian_batch(Q)[0][:, others]

@@ -8,6 +8,7 @@ from casadi import (
     cross,
     densify,
     dot,
+    exp,
     fabs,
     fmax,
     fmin,
@@ -21,7 +22,7 @@ from casadi import (
     vertcat,
 )
 
-from .calculus import directional, hessian, jacobian, lie_bracket, pairwise_brackets
+from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
 from .emit import prelude as code_file
 from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
@@ -57,10 +58,12 @@ __all__ = [
     "dot",
     "enabled",
     "engine",
+    "exp",
     "fabs",
     "factorise",
     "fmax",
     "fmin",
+    "gradient",
     "hessian",
     "horzcat",
     "if_else",

@@ -1,4 +1,4 @@
-"""Derivatives of expressions: Jacobian, Hessian, Lie bracket."""
+"""Derivatives of expressions: Jacobian, gradient, Hessian, Lie bracket."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ import casadi as ca
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:
     """d expression / d q; (k,), (n,) -> (k, n). A matrix is taken column by column."""
     return ca.densify(ca.jacobian(ca.vec(expression), q))
+
+
+def gradient(expression: ca.SX, q: ca.SX) -> ca.SX:
+    """d expression / d q of a scalar, (n,) -> (1, n), by one sweep back that shares what the expression computes."""
+    return ca.densify(ca.gradient(expression, q)).T
 
 
 def hessian(expression: ca.SX, q: ca.SX) -> ca.SX:

@@ -1,0 +1,105 @@
+"""The self-motion through a posture of an arm with one redundant joint: all postures with the same tool pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..errors import ArgumentError, SingularityError, SingularityKind
+from ..task import Task
+from ..types import ArrayLike, Matrix, Vector
+
+Ending = Literal["closed", "limit", "singular", "length"]
+"""Why a self-motion was traced no further."""
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotion:
+    """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
+
+    `endings`: why it stops at its first and at its last posture; both "closed" when it comes back to itself.
+    """
+
+    task: Task
+    q: Matrix
+    s: Vector
+    endings: tuple[Ending, Ending]
+
+    @property
+    def closed(self) -> bool:
+        """True when the self-motion leads back to where it began."""
+        return self.endings[0] == "closed"
+
+
+def self_motion(
+    task: Task, q0: ArrayLike, *, step: float = 0.02, length: float = 4 * np.pi, limits: bool = True
+) -> SelfMotion:
+    """Trace the postures that hold the tool where it is at q0, both ways: dq/ds = n(q), corrected to f(q) = f(q0).
+
+    Args:
+        step: arc length between postures [joint units]. length: at most so far each way.
+
+    Raises:
+        ArgumentError: not one redundant joint, or bad figures. SingularityError: J is singular at q0.
+    """
+    start = task.robot.checked(q0, "the start posture")
+    if task.n - task.m != 1:
+        raise ArgumentError("the number of redundant joints", task.n - task.m, "self-motions of one are curves")
+    if not (0 < step < length < np.inf):
+        raise ArgumentError("the step and length of a self-motion", (step, length), "give 0 < step < length")
+    pose = task.robot.pose(start, task.tip)
+    ahead, end = _traced(task, start, pose, step, length, limits)
+    behind, first = ([], end) if end == "closed" else _traced(task, start, pose, -step, length, limits)
+    q = np.array([*behind[::-1], start, *ahead])
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+    return SelfMotion(task, q, lengths - lengths[len(behind)], (first, end))
+
+
+def _traced(
+    task: Task, start: Vector, pose: Matrix, step: float, length: float, limits: bool
+) -> tuple[list[Vector], Ending]:
+    robot = task.robot
+    found: list[Vector] = []
+    q, before = start, None
+    for k in range(int(np.ceil(length / abs(step)))):
+        try:
+            n = unit_null(task, q, before)
+            middle = unit_null(task, q + step / 2 * n, n)
+            new = q + step * middle
+            for _ in range(3):
+                new = new + correction(task, new, pose)
+        except SingularityError:
+            return found, "singular"
+        if not np.linalg.norm(new - q) < 2 * abs(step):
+            return found, "singular"
+        if limits and ((new < robot.lower) | (new > robot.upper)).any():
+            return found, "limit"
+        turned = new - start
+        hinges = np.array([c.unit == "rad" for c in robot.coordinates])
+        turned[hinges] = np.arctan2(np.sin(turned[hinges]), np.cos(turned[hinges]))
+        if k > 2 and np.linalg.norm(turned) < 0.75 * abs(step):
+            found.append(new)
+            return found, "closed"
+        found.append(new)
+        q, before = new, n
+    return found, "length"
+
+
+def correction(task: Task, q: Vector, pose: Matrix) -> Vector:
+    """The least joint motion (n,) that, to first order, takes the tool to a pose."""
+    least = np.linalg.lstsq(task.jacobian(q), task.error(q, pose[:3, 3], pose[:3, :3]), rcond=None)[0]
+    return np.asarray(least, dtype=float)
+
+
+def unit_null(task: Task, q: Vector, before: Vector | None) -> Vector:
+    """The unit null vector of J at q, turned as `before`. Raises: SingularityError."""
+    J = task.jacobian(q)
+    _, sigma, V = np.linalg.svd(J)
+    if sigma[-1] < 1e-6 * sigma[0]:
+        what = f"the self-motion of the {task.name}"
+        raise SingularityError(SingularityKind.KINEMATIC, q, what, float(sigma[-1]))
+    n = V[-1]
+    sign = np.linalg.det(np.vstack([J, n])) if before is None else n @ before
+    return n if sign >= 0 else -n
