@@ -29,6 +29,7 @@ from .geometry import wrapped
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, VelocityRules
 from .linear import Factorisation, Solution, factorise, solution, solve
 from .native import compiler, enabled, engine
+from .nature import other_operations
 from .qp import NearestPoint
 
 __all__ = [
@@ -66,6 +67,7 @@ __all__ = [
     "lie_bracket",
     "log",
     "norm_2",
+    "other_operations",
     "pairwise_brackets",
     "parse",
     "sin",
