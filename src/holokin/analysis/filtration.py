@@ -12,7 +12,6 @@ import numpy as np
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategy import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
-from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector
 from .roundoff import COPIES, is_shown, noise, nudged, spread
 from .search import BLURRED
@@ -21,8 +20,12 @@ BESIDE = 1e-3
 """Distance [joint units] of the postures beside q: far enough that a bracket that vanishes at q alone, as the
 curvature does where small loops do not drift, shows there; near enough to be the same place."""
 
+LEAST = 1e-13
+"""Share of its factors' lengths from which a bracket may count: rounded constants of a robot, cos(pi / 2) = 6e-17, make
+errors that no nudge scatters."""
+
 Word = Any
-"""A field by how it is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
+"""How a field is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
 
 _FIELDS: WeakKeyDictionary[Strategy, dict[Word, SX]] = WeakKeyDictionary()
 _FUNCTIONS: WeakKeyDictionary[Strategy, dict[tuple[Word, ...], Function]] = WeakKeyDictionary()
@@ -66,7 +69,7 @@ class Filtration:
 def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration:
     """The growth of the strategy's planes under brackets with themselves near q (n,).
 
-    A bracket adds a dimension if its part outside the others is more than 1e-9 of its factors' lengths and stands out
+    A bracket adds a dimension if its part outside the others is more than 1e-13 of its factors' lengths and stands out
     of its round-off, which is measured at nudged copies of the posture (see `roundoff`). Besides q two postures
     1e-3 away are looked at, and the largest dimensions of the three taken, so that a q at which a bracket happens to
     vanish is not mistaken. Only brackets that add a dimension are bracketed again, so the growth may be slower than
@@ -87,7 +90,8 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
     values = _values(strategy, words, centres)
     lengths = np.linalg.norm(values.mean(axis=1), axis=1)  # (c, m)
     growths = [_Growth(values[c]) for c in range(len(centres))]
-    newest, scales = words, dict(enumerate(lengths.T))
+    newest = words
+    scales: dict[Word, Vector] = {i: lengths[:, i] for i in range(task.m)}
     dimensions = [task.m]
     for _ in range(most):
         if dimensions[-1] == task.n:
@@ -99,7 +103,8 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
         kept: list[Word] = []
         for k, (a, b) in enumerate(candidates):
             scales[a, b] = scales[a] * scales[b]
-            if any([grown.takes(values[c, ..., k], scales[a, b][c]) for c, grown in enumerate(growths)]):
+            taken = [grown.takes(values[c, ..., k], scales[a, b][c]) for c, grown in enumerate(growths)]
+            if any(taken):
                 kept.append((a, b))
         if not kept:
             break
@@ -136,7 +141,7 @@ class _Growth:
             rest = rest - np.einsum("knd,kjd,kj->kn", self._basis, self._basis, rest)
         mean, scatter = (part[0, ..., 0] for part in spread(rest[None, :, :, None]))
         size = float(np.linalg.norm(mean))
-        if size > TOLERANCES.holonomic * scale and is_shown(size, scatter):
+        if size > LEAST * scale and is_shown(size, float(scatter)):
             self._basis = np.concatenate(
                 [self._basis, (rest / np.linalg.norm(rest, axis=1)[:, None])[:, :, None]], axis=2
             )

@@ -108,7 +108,6 @@ class LeafFunction:
         }
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 
-
     def check(self, q: ArrayLike) -> None:
         """Look at the curvature at q and at 32 postures of its way back, where g and its gradient come from.
 

@@ -1,13 +1,14 @@
-"""Where does the curvature of a strategy stand out of its round-off? Looking at postures, and climbing from the best."""
+"""Where does curvature stand out of its round-off? Looking at postures, and climbing from the best."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from ..types import Array, Indices, Matrix, Vector
+from ..types import Array, Flags, Indices, Matrix, Vector
 from .region import Region
 from .roundoff import is_shown, measured, noise
 
@@ -20,8 +21,9 @@ BLURRED = 1e-6
 PIECE = 65_536
 """Postures that are evaluated at once, so that memory does not grow with their number."""
 
-CANDIDATES = 4096
-"""Postures looked at twice before climbing: a tail of 1e-14 is told from round-off by its mean over nudged copies."""
+AGAIN = 16
+"""Of so many postures one is looked at again before climbing, at 16 nudged copies, which doubles the work: a tail of
+1e-14 is told from round-off by its mean over them."""
 
 FAINT = 3.0
 """Mean over scatter from which a climb is worth trying: round-off alone made 2.2 at most."""
@@ -46,7 +48,7 @@ class Looked:
     Q: Matrix
     sizes: Matrix
     figure: Vector
-    sound: Array
+    sound: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class Standout:
     plane: int
     size: float
     allowed: float
-    blurred: Array
+    blurred: Flags
 
 
 def look(field: Field, Q: Matrix) -> Looked:
@@ -75,8 +77,12 @@ def look(field: Field, Q: Matrix) -> Looked:
 
 def together(a: Looked, b: Looked) -> Looked:
     """Both, one after the other."""
-    pairs = ((a.Q, b.Q), (a.sizes, b.sizes), (a.figure, b.figure), (a.sound, b.sound))
-    return Looked(*(np.concatenate(pair) for pair in pairs))
+    return Looked(
+        np.concatenate([a.Q, b.Q]),
+        np.concatenate([a.sizes, b.sizes]),
+        np.concatenate([a.figure, b.figure]),
+        np.concatenate([a.sound, b.sound]),
+    )
 
 
 def examine(field: Field, seen: Looked, tolerance: float) -> Standout | None:
@@ -115,7 +121,7 @@ def climbed(field: Field, region: Region, seen: Looked) -> Matrix:
     """
     order = np.flatnonzero(seen.sound)
     quiet = seen.sizes[order].max(axis=1) * seen.figure[order] ** 2  # round-off grows as 1 / conditioning^2
-    rows = order[np.argsort(-quiet)][:CANDIDATES]
+    rows = order[np.argsort(-quiet)][: -(-len(seen.Q) // AGAIN)]
     if not len(rows):
         return seen.Q[:0]
     mean, scatter = measured(lambda Q: field(Q)[0], seen.Q[rows])
@@ -155,4 +161,4 @@ def _height(field: Field, Q: Matrix) -> Vector:
 def _batches(rows: Indices) -> list[Indices]:
     """A few first, since a real curvature shows at once, then the rest."""
     edges = [0, 8, 128, *range(2176, len(rows) + 2048, 2048)]
-    return [rows[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True) if a < len(rows)]
+    return [rows[a:b] for a, b in pairwise(edges) if a < len(rows)]

@@ -17,8 +17,8 @@ class Grounds(Enum):
         "curvature vanishes: the sampling checks the program"
     )
     TRIGONOMETRIC = (
-        "its planes are written with algebraic and trigonometric operations alone, so on every connected set of regular "
-        "postures its curvature vanishes throughout or only on a thin set, which random postures miss"
+        "its planes are written with algebraic and trigonometric operations alone, so on every connected set of "
+        "regular postures its curvature vanishes throughout or only on a thin set, which random postures miss"
     )
     SAMPLED = (
         "nothing is known of the postures between, since its planes are also written with {others}, with which "
