@@ -113,8 +113,7 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
 ) -> None:
     laws = [
         (hk.holonomic(hk.pose(panda), hk.height("panda_joint4")), 60),
-        (hk.holonomic(hk.pose(panda), hk.arm_angle()), 60),
-        (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.centring_cost())), 30),
+        (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.centring_cost())), 10),
         (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.manipulability_cost())), 60),
         (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 60),
     ]
@@ -128,7 +127,7 @@ def test_filtration_never_calls_a_nonholonomic_law_holonomic(
 ) -> None:
     """The weak one is the paper's coupling with a geometric Jacobian: curvature is the gain squared, 1e-4 (E3)."""
     weak = hk.coupled_twist(hk.position(irb140), 1e-2)
-    laws = [(hk.moore_penrose(hk.pose(panda)), 30), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
+    laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
     for strategy, count in laws:
         for q in anywhere(strategy.task.robot, count):
             assert hk.filtration(strategy, q).holonomy is hk.Holonomy.COMPLETELY

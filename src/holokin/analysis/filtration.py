@@ -130,6 +130,7 @@ class _Growth:
 
     @property
     def dimension(self) -> int:
+        """Number of independent fields."""
         return self._basis.shape[2]
 
     def takes(self, field: Matrix, scale: float) -> bool:

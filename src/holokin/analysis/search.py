@@ -97,7 +97,8 @@ def examine(field: Field, seen: Looked, tolerance: float) -> Standout | None:
     doubtful = doubtful[np.argsort(-highest[doubtful])]
     for rows in _batches(doubtful):
         mean, scatter = measured(lambda Q: field(Q)[0], seen.Q[rows])
-        size = np.linalg.norm(mean, axis=1)
+        with np.errstate(all="ignore"):
+            size = np.linalg.norm(mean, axis=1)
         clear = is_shown(size, scatter)
         standing = np.where(clear & (size > tolerance), seen.sizes[rows], 0.0)
         blurred[rows] = (~clear & (noise(scatter) > BLURRED)).any(axis=1)
