@@ -227,13 +227,31 @@ class ControllerError(PathError):
 
 
 class NotHolonomicError(HolokinError):
-    """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it."""
+    """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it.
 
-    def __init__(self, name: str, witness: Iterable[float], gap: float) -> None:
-        self.witness, self.gap = tuple(float(v) for v in witness), gap
+    It shows it by a `gap` [joint units] between two ways of the tool to one pose, or by `curvature` [1/rad], the
+    relative one of `involutivity`; the other is None.
+    """
+
+    def __init__(
+        self, name: str, witness: Iterable[float], gap: float | None = None, *, curvature: float | None = None
+    ) -> None:
+        self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
+        at = _posture(self.witness)
+        fact = f"at q = {at} its planes turn out of themselves by {curvature or 0:.3g} per rad of joint motion"
+        if gap is not None:
+            fact = f"from q = {at} two ways of the tool to one pose end {gap:.3g} (joint units) apart"
+        super().__init__(f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is its holonomic twin")
+
+
+class RoundOffError(HolokinError):
+    """A question that numbers cannot answer at a posture, because round-off hides the answer."""
+
+    def __init__(self, name: str, q: Iterable[float], noise: float) -> None:
+        self.q, self.noise = tuple(float(v) for v in q), noise
         super().__init__(
-            f"{name!r} is not holonomic: from q = {_posture(self.witness)} two ways of the tool to one pose end "
-            f"{gap:.3g} (joint units) apart; hk.radial(strategy, start) is its holonomic twin"
+            f"{name!r} cannot be judged at q = {_posture(self.q)}: round-off makes {noise:.1e} of a bracket "
+            "there, and a real one could hide in it; choose a posture farther from singularities"
         )
 
 

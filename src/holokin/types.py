@@ -26,6 +26,9 @@ Matrix = NDArray[np.float64]
 Indices = NDArray[np.intp]
 """An integer array of any shape."""
 
+Flags = NDArray[np.bool_]
+"""An array of yes and no, of any shape."""
+
 ArrayLike = NDArray[Any] | Sequence[Any] | float
 """What a caller may pass where an array is wanted."""
 

@@ -7,12 +7,13 @@ from .fibre import DriftFree, drift_free
 from .filtration import Filtration, Holonomy, filtration
 from .forecast import Forecast, forecast
 from .general_form import GeneralForm, general_form
-from .involutivity import Verdict, involutivity, involutivity_of
+from .involutivity import involutivity, involutivity_of
 from .judge import Homecoming
 from .leaf_function import LeafFunction, leaf_function
 from .log_audit import LogAudit, audit_recording
 from .price import Deviation, Price, ball_postures, deviation, price
 from .region import Ball, Region, around, ball, box
+from .verdict import Grounds, Verdict
 
 __all__ = [
     "Audit",
@@ -23,6 +24,7 @@ __all__ = [
     "Finding",
     "Forecast",
     "GeneralForm",
+    "Grounds",
     "Holonomy",
     "Homecoming",
     "LeafFunction",

@@ -57,7 +57,8 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     """Theorem III.2, 1 => 2: the general form of a holonomic strategy at q (n,). [ZR11]
 
     J_G is the gradient of the strategy's constraint, or, if it has none, of the `leaf_function` recovered from G about
-    the reference (q itself by default). The other direction, 2 => 1, is `null_basis` with `involutivity`.
+    the reference (q itself by default), whose curvature must vanish near the reference and on the way to it from q.
+    The other direction, 2 => 1, is `null_basis` with `involutivity`.
 
     Raises:
         NotHolonomicError: there is no g, with a witness. SingularityError: J or H is singular at q.
@@ -68,7 +69,9 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     if strategy.constraint is not None:
         J_G = strategy.rows(posture)
     else:
-        J_G = leaf_function(strategy, posture if reference is None else reference).gradient(posture)
+        g = leaf_function(strategy, posture if reference is None else reference)
+        g.check(posture)
+        J_G = g.gradient(posture)
     m = task.m
     N_G = np.linalg.svd(J_G)[2][len(J_G) :].T if len(J_G) else np.eye(task.n)
     return GeneralForm(posture, J, G, J_G, N_G[:, :m], task.null_space(posture))

@@ -3,124 +3,88 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
 from ..strategy import Strategy
-from ..symbolic import Function, as_expression, factorise, horzcat, pairwise_brackets, symbol
-from ..task import Task
+from ..symbolic import (
+    SX,
+    Function,
+    as_expression,
+    factorise,
+    horzcat,
+    norm_2,
+    other_operations,
+    pairwise_brackets,
+    symbol,
+)
 from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector, whole
+from ..types import Array, Matrix, Vector, whole
 from .curvature import curvature_function, pairs
 from .region import Region
+from .search import Looked, climbed, examine, look, together
+from .verdict import Grounds, Verdict
 
-ROUND_OFF = 100 * float(np.finfo(float).eps)
-"""Round-off of a curvature at conditioning 1, with a margin: two solves and two derivatives."""
-
-JUDGED = 1e-4
-"""Conditioning below which curvature is not judged: its round-off, ROUND_OFF / conditioning^2, would pass 1e-6."""
+THOROUGH = 65_536
+"""Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
-    """What `involutivity` found.
+class _Subject:
+    """What is judged: `values`: Q (k, n) -> (F (k, n, p), its scale (k, p), conditioning (k,)), and words for it."""
 
-    `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`
-    [`unit`] is |F_ij| there and `relative` [1/rad] |F_ij| / (|G_i| |G_j|), free of the task's units: how fast
-    the planes turn out of themselves per joint motion along them. It decides: holonomic <=> relative <=
-    `tolerance`, which near singularities grows with the round-off of F, as 1/conditioning^2.
-    F is an analytic function of q, so if it is not zero everywhere a random posture shows it; the sampling
-    is there for the size, not for the yes or no. `singular` postures were left out.
-    """
+    name: str
+    n: int
+    values: Callable[[Matrix], tuple[Array, Matrix, Vector]]
+    planes: list[tuple[int, int]]
+    units: list[str]
+    rows: list[tuple[str, str]]
+    refusal: Callable[[Vector], Exception | None]
+    grounds: Grounds
+    others: tuple[str, ...]
 
-    holonomic: bool
-    defect: float
-    unit: str
-    relative: float
-    tolerance: float
-    witness: Vector
-    plane: tuple[int, int]
-    direction: Vector
-    samples: int
-    singular: int
-    subject: str = field(default="strategy")
-    rows: tuple[tuple[str, str], ...] = ()
-    """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
-
-    @property
-    def sentence(self) -> str:
-        """The verdict for everybody."""
-        if not self.rows:
-            word, where = ("involutive", "stay in it") if self.holonomic else ("NOT involutive", "leave it")
-            return f"{self.subject} is {word}: the Lie brackets of its fields {where}"
-        if self.holonomic:
-            return f"{self.subject}, is holonomic: after any closed path of the tool the joints are back at their start"
-        sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
-        joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
-        return (
-            f"{self.subject}, is NOT holonomic: a small loop of the tool in {self._plane}, of {sides}, leaves the "
-            f"joints about {0.01 * self.defect:.2g} {joint} away from their start, and each further round adds to it"
-        )
-
-    @property
-    def details(self) -> str:
-        """The figures behind the sentence."""
-        at = ", ".join(f"{value:.4g}" for value in self.witness)
-        skipped = f", {self.singular} singular ones left out" if self.singular else ""
-        return (
-            f"defect {self.defect:.3g} {self.unit} in {self._plane} at q = [{at}]; {self.relative:.2g} per rad "
-            f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged{skipped}"
-        )
-
-    @property
-    def _plane(self) -> str:
-        names = [name for name, _ in self.rows] or [f"field {k + 1}" for k in self.plane]
-        return f"the {'-'.join(dict.fromkeys(names))} {'plane' if self.rows else 'bracket'}"
-
-    def __str__(self) -> str:
-        return f"{self.sentence}\n  {self.details}"
+    def relative(self, Q: Matrix) -> tuple[Array, Vector]:
+        """F over its scale, free of units, (k, n, p), and conditioning (k,)."""
+        F, scale, figure = self.values(Q)
+        with np.errstate(all="ignore"):
+            return F / scale[:, None, :], figure
 
 
 def involutivity(
-    strategy: Strategy, region: Region, *, samples: int = 64, tolerance: float = TOLERANCES.holonomic, seed: int = 0
+    strategy: Strategy,
+    region: Region,
+    *,
+    samples: int = 64,
+    thorough: bool | int = False,
+    tolerance: float = TOLERANCES.holonomic,
+    seed: int = 0,
 ) -> Verdict:
-    """Whether [G_i, G_j] lies in range G for all i, j over a region: the condition (4) of the paper.
+    """Whether [G_i, G_j] lies in range G for all i, j at postures of a region: the condition (4) of the paper.
 
     Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
-    free of null-space bases (theory 5.1).
+    free of null-space bases (theory 5.1). `Verdict` says what is known of the postures between (theory 5.2).
 
     Args:
         region: box in joint space, for instance `around(q0, 0.3)`.
-        samples: postures to look at; singular ones are counted and left out.
+        samples: postures to look at; those that are singular, or where round-off hides all, are left out and counted.
+        thorough: look at 65,536 postures, or as many as it says, then climb to where the curvature is largest from
+            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them.
         tolerance: largest relative defect [1/rad] that counts as zero.
 
     Raises:
-        EmptyRegionError: every sampled posture is singular. ShapeError: the region has not n joints.
-        ArgumentError: `samples` is not a whole number of at least 1.
+        EmptyRegionError: every sampled posture is singular, or round-off hides its curvature.
+        ShapeError: the region has not n joints. ArgumentError: a number of postures that is not whole and at least 1.
     """
-    task = strategy.task
-    if region.n != task.n:
-        raise ShapeError("the region", (task.n,), (region.n,))
-    Q = region.sample(whole("samples", samples), seed)
-    F, G, conditioning, margin = curvature_function(strategy).batch(Q)
-    F, G = F.reshape(len(Q), task.n, -1), G.reshape(len(Q), task.n, task.m)
-    figure = np.minimum(conditioning, margin)
-    sound = figure > JUDGED
-    if not sound.any():
-        try:
-            strategy(Q[0])
-        except SingularityError as first:
-            raise EmptyRegionError(len(Q), first) from first
-        raise EmptyRegionError(len(Q), HolokinError(f"conditioning {figure.max():.1e}, too low to judge curvature"))
-    lengths = np.linalg.norm(G[sound], axis=1)
-    planes = pairs(task.m) or [(0, 0)]
-    scale = np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
-    units = [_unit(strategy, i, j) for i, j in planes]
-    allowed = np.maximum(tolerance, ROUND_OFF / figure[sound] ** 2)
-    return _verdict(Q, F, sound, scale, planes, units, allowed, f"{strategy.name}, {task.name}", task)
+    return _judged(_subject(strategy), region, whole("samples", samples), thorough, tolerance, seed)
+
+
+def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
+    """`involutivity` at given postures (k, n). Raises: EmptyRegionError."""
+    subject = _subject(strategy)
+    return _verdict(subject, look(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
 
 
 def involutivity_of(
@@ -129,6 +93,7 @@ def involutivity_of(
     region: Region | None = None,
     *,
     samples: int = 64,
+    thorough: bool | int = False,
     tolerance: float = TOLERANCES.holonomic,
     seed: int = 0,
 ) -> Verdict:
@@ -141,6 +106,7 @@ def involutivity_of(
         distribution: q -> CasADi expression (n, k), or nested lists.
         n: number of joints.
         region: box to look in; by default |q_i| <= 1.
+        samples, thorough, tolerance, seed: as for `involutivity`.
 
     Raises:
         EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
@@ -149,49 +115,99 @@ def involutivity_of(
     B = as_expression(distribution(q))
     if B.shape[0] != n:
         raise ShapeError("the distribution", (n, "k"), B.shape)
-    Q_frame = factorise(B)
-    basis = Q_frame.thin_q()
+    units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
+    frame = factorise(units)
+    basis = frame.thin_q()
     brackets = pairwise_brackets(B, q)
     normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]
-    outputs = {"F": horzcat(*normal), "B": B, "conditioning": Q_frame.conditioning()}
-    area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
-    Q = area.sample(whole("samples", samples), seed)
-    F, frames, conditioning = Function("distribution", {"q": q}, outputs).batch(Q)
-    sound = conditioning > JUDGED
-    if not sound.any():
-        raise EmptyRegionError(len(Q), HolokinError("the distribution loses rank"))
-    lengths = np.linalg.norm(frames.reshape(len(Q), n, -1)[sound], axis=1)
     planes = list(brackets) or [(0, 0)]
-    scale = np.stack([lengths[:, a] * lengths[:, b] for a, b in planes], axis=1)
-    F = F.reshape(len(Q), n, -1)
-    F[sound] /= scale[:, None, :]
-    units = ["/joint unit"] * len(planes)
-    allowed = np.maximum(tolerance, ROUND_OFF / conditioning[sound] ** 2)
-    return _verdict(Q, F, sound, np.ones_like(scale), planes, units, allowed, f"distribution of rank {B.shape[1]}")
+    function = Function("distribution", {"q": q}, {"F": horzcat(*normal), "B": B, "conditioning": frame.conditioning()})
+
+    def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
+        F, fields, conditioning = function.batch(Q)
+        with np.errstate(all="ignore"):
+            F = F.reshape(len(Q), n, -1) / _scale(fields.reshape(len(Q), n, -1), planes)[:, None, :]
+        return F, np.ones((len(Q), len(planes))), conditioning
+
+    name = f"distribution of rank {B.shape[1]}"
+    refusal = lambda _q: HolokinError("the distribution loses rank")  # noqa: E731
+    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], refusal, *_grounds(B, q))
+    area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
+    return _judged(subject, area, whole("samples", samples), thorough, tolerance, seed)
 
 
-def _verdict(
-    Q: Matrix, F: np.ndarray, sound: np.ndarray, scale: np.ndarray, planes: list[tuple[int, int]], units: list[str],
-    allowed: Vector, subject: str, task: Task | None = None,
-) -> Verdict:  # fmt: skip
-    sizes = np.linalg.norm(F[sound], axis=1)
-    relative = sizes / scale
-    excess = relative / allowed[:, None]
-    k, p = np.unravel_index(int(np.argmax(excess)), relative.shape)
-    worst = np.flatnonzero(sound)[k]
+def _subject(strategy: Strategy) -> _Subject:
+    task, function = strategy.task, curvature_function(strategy)
+    planes = pairs(task.m) or [(0, 0)]
+
+    def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
+        F, G, conditioning, margin = function.batch(Q)
+        scale = _scale(G.reshape(len(Q), task.n, task.m), planes)
+        return F.reshape(len(Q), task.n, -1), scale, np.minimum(conditioning, margin)
+
+    def refusal(q: Vector) -> Exception | None:
+        try:
+            strategy(q)
+        except SingularityError as first:
+            return first
+        return None
+
+    e = strategy.expressions
+    grounds = (Grounds.CONSTRAINT, ()) if strategy.constraint is not None else _grounds(e.planes, e.q)
+    units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
+    name = f"{strategy.name}, {task.name}"
+    return _Subject(name, task.n, values, planes, units, rows, refusal, *grounds)
+
+
+def _grounds(planes: SX, q: SX) -> tuple[Grounds, tuple[str, ...]]:
+    others = other_operations(planes, q)
+    return (Grounds.SAMPLED if others else Grounds.TRIGONOMETRIC), others
+
+
+def _scale(fields: Array, planes: list[tuple[int, int]]) -> Matrix:
+    """|G_i| |G_j| (k, p) of fields (k, n, m)."""
+    lengths = np.linalg.norm(fields, axis=1)
+    return np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
+
+
+def _judged(
+    subject: _Subject, region: Region, samples: int, thorough: bool | int, tolerance: float, seed: int
+) -> Verdict:
+    if region.n != subject.n:
+        raise ShapeError("the region", (subject.n,), (region.n,))
+    if thorough is not False:
+        samples = max(samples, THOROUGH if thorough is True else whole("thorough", thorough))
+    seen = look(subject.relative, region.sample(samples, seed))
+    if thorough is not False:
+        found = climbed(subject.relative, region, seen)
+        seen = together(seen, look(subject.relative, found)) if len(found) else seen
+    return _verdict(subject, seen, region, tolerance)
+
+
+def _verdict(subject: _Subject, seen: Looked, region: Region, tolerance: float) -> Verdict:
+    found = examine(subject.relative, seen, tolerance)
+    if found is None:
+        best = f"conditioning at most {np.nanmax(seen.figure, initial=0.0):.1e}, and round-off hides the curvature"
+        raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
+    witness, plane = seen.Q[found.row], subject.planes[found.plane]
+    F, scale, _ = subject.values(witness[None])
     return Verdict(
-        holonomic=bool(excess[k, p] <= 1.0),
-        defect=float(sizes[k, p]),
-        unit=units[p],
-        relative=float(relative[k, p]),
-        tolerance=float(allowed[k]),
-        witness=Q[worst],
-        plane=planes[p],
-        direction=F[worst, :, p],
-        samples=int(sound.sum()),
-        singular=int((~sound).sum()),
-        subject=subject,
-        rows=() if task is None else tuple((task.row_names[k], task.units[k]) for k in planes[p]),
+        holonomic=not found.shown,
+        defect=float(found.size * scale[0, found.plane]),
+        unit=subject.units[found.plane],
+        relative=found.size,
+        tolerance=found.allowed,
+        witness=witness,
+        plane=plane,
+        direction=F[0, :, found.plane],
+        samples=int((seen.sound & ~found.blurred).sum()),
+        singular=int((~seen.sound).sum()),
+        blurred=int(found.blurred.sum()),
+        region=region,
+        grounds=subject.grounds,
+        others=subject.others,
+        subject=subject.name,
+        rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),
     )
 
 

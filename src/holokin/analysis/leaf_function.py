@@ -12,7 +12,10 @@ from ..robot import Robot
 from ..strategy import Strategy
 from ..symbolic import Function, jacobian, symbol
 from ..types import ArrayLike, Matrix, Vector
-from .transport import STEPS, transport
+from .involutivity import involutivity, involutivity_at
+from .region import around
+from .transport import STEPS, transport, way
+from .verdict import Verdict
 
 AGREE = 1e-6
 """Difference [joint units] of two transports above which there is no leaf function: a hundred times their error."""
@@ -105,18 +108,28 @@ class LeafFunction:
         }
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 
+    def check(self, q: ArrayLike) -> None:
+        """Look at the curvature at q and at 32 postures of its way back, where g and its gradient come from.
+
+        Raises: NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
+        """
+        q = self.strategy.task.robot.checked(q)
+        _refuse_curved(self.strategy, involutivity_at(self.strategy, way(self.strategy, q, self._back(q))))
+
 
 def leaf_function(
     strategy: Strategy, reference: ArrayLike, *, radius: float = 0.1, samples: int = 8, seed: int = 0
 ) -> LeafFunction:
     """g of an involutive strategy, given by N_G or G alone, near a reference posture (n,).
 
-    Before it is returned, postures within `radius` [joint units] of the reference are carried back straight and by
-    a detour; for an involutive strategy both end alike.
+    Before it is returned, `samples` postures within `radius` [joint units] of the reference are carried back straight
+    and by a detour, and must end within 1e-6 of each other; and the strategy must be holonomic by `involutivity` at 64
+    postures of that box, which sees a curvature too weak, or loops too symmetric, for the detours to show it.
+    Farther out nothing was looked at: `check(q)` does so for one posture.
 
     Raises:
-        NotHolonomicError: two transports disagree; it holds the witness. SingularityError: on the way.
-        ShapeError, NotFiniteError.
+        NotHolonomicError: two transports disagree, or there is curvature; it holds the witness.
+        SingularityError: on the way. EmptyRegionError: round-off hides all curvature. ShapeError, NotFiniteError.
     """
     robot: Robot = strategy.task.robot
     start = robot.checked(reference, "the reference posture")
@@ -131,4 +144,10 @@ def leaf_function(
             worst, witness = gap, q
     if worst > AGREE:
         raise NotHolonomicError(strategy.name, witness, worst)
+    _refuse_curved(strategy, involutivity(strategy, around(start, radius), seed=seed))
     return g
+
+
+def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
+    if not verdict.holonomic:
+        raise NotHolonomicError(strategy.name, verdict.witness, curvature=verdict.relative)

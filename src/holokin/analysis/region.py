@@ -27,6 +27,12 @@ class Region:
         """Middle of the box (n,)."""
         return (self.lower + self.upper) / 2
 
+    def __str__(self) -> str:
+        half = (self.upper - self.lower) / 2
+        sides = [f"{v:.4g}" for v in half]
+        about = ", ".join(f"{v:.4g}" for v in self.center)
+        return f"[{about}] +- {sides[0] if len(set(sides)) == 1 else '[' + ', '.join(sides) + ']'}"
+
     def sample(self, count: int, seed: int = 0) -> Matrix:
         """`count` postures (count, n): the centre, then a scrambled Sobol sequence, the same for the same seed.
 

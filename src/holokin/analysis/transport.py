@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..control import checked_rate, runge_kutta
 from ..strategy import Strategy
-from ..types import Vector
+from ..types import Matrix, Vector
 
 STEPS = 32
 """Runge-Kutta steps of one transport: on segments of 0.5 m and 0.5 rad the error is about 1e-8 rad."""
@@ -16,7 +18,12 @@ def transport(strategy: Strategy, q: Vector, dx: Vector, steps: int = STEPS) -> 
     Raises:
         SingularityError: on the way.
     """
-    rate = checked_rate(strategy)
+    return way(strategy, q, dx, steps)[-1]
+
+
+def way(strategy: Strategy, q: Vector, dx: Vector, steps: int = STEPS) -> Matrix:
+    """The postures (steps + 1, n) of `transport`, from q to where it leads. Raises: SingularityError."""
+    rate, postures = checked_rate(strategy), [q]
     for _ in range(steps):
-        q = runge_kutta(rate, q, 1.0 / steps, dx, dx, dx)
-    return q
+        postures.append(runge_kutta(rate, postures[-1], 1.0 / steps, dx, dx, dx))
+    return np.array(postures)

@@ -31,6 +31,7 @@ from .geometry import wrapped
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, VelocityRules
 from .linear import Factorisation, Solution, factorise, solution, solve
 from .native import compiler, enabled, engine
+from .nature import other_operations
 from .qp import NearestPoint
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "lie_bracket",
     "log",
     "norm_2",
+    "other_operations",
     "pairwise_brackets",
     "parse",
     "short",

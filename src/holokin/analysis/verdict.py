@@ -1,0 +1,114 @@
+"""`Verdict`: what `involutivity` found, where, and what is known beyond the postures judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ..types import Vector
+from .region import Region
+
+
+class Grounds(Enum):
+    """What is known of the postures between those judged, when no curvature was found."""
+
+    CONSTRAINT = (
+        "its planes are normal to the gradient of its constraint, so wherever that is smooth and [J; J_g] regular the "
+        "curvature vanishes: the sampling checks the program"
+    )
+    TRIGONOMETRIC = (
+        "its planes are written with algebraic and trigonometric operations alone, so on every connected set of "
+        "regular postures its curvature vanishes throughout or only on a thin set, which random postures miss"
+    )
+    SAMPLED = (
+        "nothing is known of the postures between, since its planes are also written with {others}, with which "
+        "curvature can be confined to a small place; thorough=True looks at more"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What `involutivity` found at the postures that it judged.
+
+    `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`
+    [`unit`] is |F_ij| there and `relative` [1/rad] |F_ij| / (|G_i| |G_j|), free of the task's units: how fast
+    the planes turn out of themselves per joint motion along them. It decides: not holonomic <=> at a posture judged
+    relative > `tolerance` and it stands out of its round-off, which is measured there (see `roundoff`). A holonomic
+    verdict's `tolerance` is what counts as zero at its witness, that round-off included.
+
+    `samples` postures were judged; `singular` ones were left out, and `blurred` ones, at which round-off passes 1e-6.
+    A verdict of holonomic holds for the postures judged; `grounds` says what is known of those between. For
+    operations `others` in the planes (exp, tanh, if_else, ...) that is nothing: an analytic bump narrower than the
+    gaps between the samples is not seen.
+
+    Even with no curvature anywhere in the region, leaves are local: a closed path of the tool that can be shrunk to a
+    point within the region brings the joints back, one that winds round a place where the strategy is not
+    defined may not. On the PPR arm dq_3 = d(atan2(y, x)) / 2 is holonomic, and one round of the origin turns q_3 by pi.
+    """
+
+    holonomic: bool
+    defect: float
+    unit: str
+    relative: float
+    tolerance: float
+    witness: Vector
+    plane: tuple[int, int]
+    direction: Vector
+    samples: int
+    singular: int
+    blurred: int
+    region: Region
+    grounds: Grounds
+    others: tuple[str, ...] = ()
+    subject: str = field(default="strategy")
+    rows: tuple[tuple[str, str], ...] = ()
+    """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict for everybody."""
+        if not self.rows:
+            word, where = ("involutive", "stay in it") if self.holonomic else ("NOT involutive", "leave it")
+            place = f" at the {self.samples} postures judged" if self.holonomic else ""
+            return f"{self.subject} is {word}{place}: the Lie brackets of its fields {where}"
+        if self.holonomic:
+            return (
+                f"{self.subject}, is holonomic at the {self.samples} postures judged: where that holds, a closed path "
+                "of the tool that can be shrunk to a point brings the joints back to their start"
+            )
+        sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
+        joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
+        return (
+            f"{self.subject}, is NOT holonomic: a small loop of the tool in {self._plane}, of {sides}, leaves the "
+            f"joints about {0.01 * self.defect:.2g} {joint} away from their start, and each further round adds to it"
+        )
+
+    @property
+    def reach(self) -> str:
+        """What the verdict says of the postures between those judged, and of paths that cannot be shrunk to a point."""
+        if not self.holonomic:
+            return "one posture is enough to show it"
+        between = self.grounds.value.format(others=", ".join(self.others))
+        winding = "; a path round a place where the law is not defined may end elsewhere" if self.rows else ""
+        return between + winding
+
+    @property
+    def details(self) -> str:
+        """The figures behind the sentence, and how far it reaches."""
+        at = ", ".join(f"{value:.4g}" for value in self.witness)
+        left = [f"{self.singular} singular ones"] if self.singular else []
+        left += [f"{self.blurred} whose curvature round-off hides"] if self.blurred else []
+        skipped = f", {' and '.join(left)} left out" if left else ""
+        return (
+            f"defect {self.defect:.3g} {self.unit} in {self._plane} at q = [{at}]; {self.relative:.2g} per rad "
+            f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged"
+            f"{skipped}, within {self.region}; {self.reach}"
+        )
+
+    @property
+    def _plane(self) -> str:
+        names = [name for name, _ in self.rows] or [f"field {k + 1}" for k in self.plane]
+        return f"the {'-'.join(dict.fromkeys(names))} {'plane' if self.rows else 'bracket'}"
+
+    def __str__(self) -> str:
+        return f"{self.sentence}\n  {self.details}"
