@@ -116,7 +116,7 @@ def test_a_million_postures_agree(written: Exported, tmp_path: Path, monkeypatch
     expected, conditioning, margin = strategy.rate.batch(Q, X)
     sound = (conditioning > 1e-10) & (margin > 1e-6)
     size = np.maximum(1.0, np.abs(expected).max(axis=1))
-    for flags, share, most in (((), 0.999, {0: 1e-12}), (("-DPANDA_SEW_FLOAT",), 0.7, {0: 1e-4, -1: 1e-2})):
+    for flags, share, most in (((), 0.999, {0: 1e-12}), (("-DPANDA_SEW_FLOAT",), 0.68, {0: 1e-4, -1: 1e-2})):
         dq, status = rates(written, tmp_path, Q, X, *flags)
         error = np.abs(dq - expected).max(axis=1) / size
         assert (status == 0).mean() > share

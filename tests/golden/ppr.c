@@ -9,6 +9,8 @@
 #define HK_DONE 0.0001
 #define HK_PRECISE 0.04
 #define HK_CLEAR 0.03
+#define HK_BOTH 0.01
+#define HK_SOUND(c, m) ((c) > HK_C(HK_SINGULAR) && (m) > HK_C(HK_REPRESENTATION) && (c) * (m) > HK_C(5e-05))
 #else
 #define HK_SINGULAR 1e-10
 #define HK_REPRESENTATION 1e-06
@@ -42,6 +44,9 @@ typedef float hk_t;
 
 #ifndef HK_SIMD
 #define HK_SIMD _Pragma("omp simd")
+#endif
+#ifndef HK_SOUND
+#define HK_SOUND(c, m) ((c) > HK_C(HK_SINGULAR) && (m) > HK_C(HK_REPRESENTATION))
 #endif
 #ifdef __GNUC__
 #define HK_CALL __attribute__((noinline)) /* small code, and quick to compile */
@@ -655,7 +660,7 @@ static int hk_finite(const hk_t *x, int count) {
 /* Single precision, and too near a singularity for four digits. */
 static int hk_rough(hk_t conditioning, hk_t margin) {
 #ifdef HK_PRECISE
-  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR);
+  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || conditioning * margin < HK_C(HK_BOTH);
 #else
   (void)conditioning;
   (void)margin;
@@ -665,7 +670,7 @@ static int hk_rough(hk_t conditioning, hk_t margin) {
 
 /* y: `count` results, then the conditioning and the margin of representations. */
 static int hk_deliver(const hk_t *y, int count, hk_t *out) {
-  const int sound = y[count] > HK_C(HK_SINGULAR) && y[count + 1] > HK_C(HK_REPRESENTATION) && hk_finite(y, count);
+  const int sound = HK_SOUND(y[count], y[count + 1]) && hk_finite(y, count);
   for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
   if (!sound) return PPR_SINGULAR;
   return hk_rough(y[count], y[count + 1]) ? PPR_IMPRECISE : PPR_OK;
@@ -692,7 +697,7 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   for (int i = 0; i < HK_HOLD; i++) x[HK_N + HK_POSE + HK_M + i] = held[i];
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
-  const int sound = y[HK_N + 1] > HK_C(HK_SINGULAR) && y[HK_N + 2] > HK_C(HK_REPRESENTATION);
+  const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]);
   const int given = y[HK_N + 4] - y[HK_N + 4] == HK_C(0);
   if (!finite || !sound || !given) {
     for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);

@@ -29,6 +29,9 @@ them two digits are left."""
 PRECISE_FLOAT, CLEAR_FLOAT = 0.04, 0.03
 """The same where it still has four digits; in between the status says that it has not. Measured on random postures."""
 
+LEAST_FLOAT, BOTH_FLOAT = 5e-5, 0.01
+"""Products of the two figures with the same meanings: near both singularities at once errors multiply."""
+
 ALMOST_FLOAT, DONE_FLOAT = 1e-3, 1e-4
 """Corrections of which one more is the last, and after which none is needed, in single precision."""
 
@@ -130,6 +133,7 @@ class Source:
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
             "done": _c(DONE), "newtons": NEWTONS,
             "singular_float": _c(SINGULAR_FLOAT), "representation_float": _c(REPRESENTATION_FLOAT),
+            "both": _c(BOTH_FLOAT), "least_float": _c(LEAST_FLOAT),
             "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
             "done_float": _c(DONE_FLOAT),
             "held": _c(HELD), "contraction": _c(t.contraction),

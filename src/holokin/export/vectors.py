@@ -12,7 +12,7 @@ from ..errors import ArgumentError, HolokinError
 from ..motion.leaf import leaf_walker, level_gap, straight_way
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
-from .code import CLEAR_FLOAT, PRECISE_FLOAT, Source, text
+from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
 
 REACH = 0.5
 """How far from the start [joint units] the postures of the vectors are drawn."""
@@ -68,7 +68,8 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     G, conditioning, margin = s.gain(q)
     if not (conditioning > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
-    precise = bool(conditioning > 1.5 * PRECISE_FLOAT and margin > 1.5 * CLEAR_FLOAT)
+    clear = margin > 1.5 * CLEAR_FLOAT and conditioning * margin > 1.5 * BOTH_FLOAT
+    precise = bool(conditioning > 1.5 * PRECISE_FLOAT and clear)
     if only_precise and not precise:
         return None
     pose = _single(robot.pose(there, s.task.tip))

@@ -9,6 +9,8 @@
 #define HK_DONE $done_float
 #define HK_PRECISE $precise
 #define HK_CLEAR $clear
+#define HK_BOTH $both
+#define HK_SOUND(c, m) ((c) > HK_C(HK_SINGULAR) && (m) > HK_C(HK_REPRESENTATION) && (c) * (m) > HK_C($least_float))
 #else
 #define HK_SINGULAR $singular
 #define HK_REPRESENTATION $representation
@@ -36,7 +38,7 @@ static int hk_finite(const hk_t *x, int count) {
 /* Single precision, and too near a singularity for four digits. */
 static int hk_rough(hk_t conditioning, hk_t margin) {
 #ifdef HK_PRECISE
-  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR);
+  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || conditioning * margin < HK_C(HK_BOTH);
 #else
   (void)conditioning;
   (void)margin;
@@ -46,7 +48,7 @@ static int hk_rough(hk_t conditioning, hk_t margin) {
 
 /* y: `count` results, then the conditioning and the margin of representations. */
 static int hk_deliver(const hk_t *y, int count, hk_t *out) {
-  const int sound = y[count] > HK_C(HK_SINGULAR) && y[count + 1] > HK_C(HK_REPRESENTATION) && hk_finite(y, count);
+  const int sound = HK_SOUND(y[count], y[count + 1]) && hk_finite(y, count);
   for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
   if (!sound) return ${NAME}_SINGULAR;
   return hk_rough(y[count], y[count + 1]) ? ${NAME}_IMPRECISE : ${NAME}_OK;

@@ -16,6 +16,9 @@ typedef float hk_t;
 #ifndef HK_SIMD
 #define HK_SIMD _Pragma("omp simd")
 #endif
+#ifndef HK_SOUND
+#define HK_SOUND(c, m) ((c) > HK_C(HK_SINGULAR) && (m) > HK_C(HK_REPRESENTATION))
+#endif
 #ifdef __GNUC__
 #define HK_CALL __attribute__((noinline)) /* small code, and quick to compile */
 #else

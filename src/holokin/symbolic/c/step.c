@@ -14,7 +14,7 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   for (int i = 0; i < HK_HOLD; i++) x[HK_N + HK_POSE + HK_M + i] = held[i];
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
-  const int sound = y[HK_N + 1] > HK_C(HK_SINGULAR) && y[HK_N + 2] > HK_C(HK_REPRESENTATION);
+  const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]);
   const int given = y[HK_N + 4] - y[HK_N + 4] == HK_C(0);
   if (!finite || !sound || !given) {
     for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
