@@ -41,7 +41,8 @@ LONGEST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """center, half (n,), radius [joint units]; change, and bend >= |Y D^2E [half, half]| over it; inverse = ||Y||."""
+    """center, half (n,), radius [joint units]; change; bend >= |Y D^2E [half, half]| over it; inverse: size of the
+    columns of Y for the task rows."""
 
     center: Vector
     half: Vector
@@ -85,7 +86,7 @@ def lay_tube(strategy: Strategy, center: Vector, half: Vector) -> Tube:
     if strategy.task.turns:  # the rotation vector of the error turns its own axes, by at most 0.6 of its length
         rows = [i for i, row in enumerate(strategy.task.rows) if row > 2]
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
-    return Tube(center, half, radius, change, bend, _length(Y))
+    return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
 
 
 def _enclosed(enclosure: Enclosure, center: Vector, half: Vector, radius: float, Y: Matrix) -> tuple[float, float]:
@@ -129,6 +130,7 @@ def branch_code(strategy: Strategy) -> str:
         "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "LONGEST": LONGEST,
         "DIRECTIONS": DIRECTIONS,
         "TURN": turn,
+        "ROWS": task.m,
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in figures.items())
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"

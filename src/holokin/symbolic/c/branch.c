@@ -1,6 +1,6 @@
 /* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
-   A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_TURN: the first of the
-   three angular rows of a task that turns, or -1. */
+   A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
+   HK_TURN: the first of the three angular rows of a task that turns, or -1. */
 typedef struct {
   hk_t center[HK_N], half[HK_N], along[HK_N], radius, change, bend, inverse;
 } hk_tube;
@@ -135,7 +135,8 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
   tube->radius = HK_C(HK_THICKNESS) * HK_SQRT(square);
   hk_extended_body(tube->center, both);
   hk_measure(tube, A, Y);
-  for (int e = 0; e < HK_N * HK_N; e++) size += Y[e] * Y[e];
+  for (int i = 0; i < HK_N; i++)
+    for (int j = 0; j < HK_ROWS; j++) size += Y[i * HK_N + j] * Y[i * HK_N + j];
   tube->inverse = HK_SQRT(size);
 #if HK_TURN >= 0
   hk_t turns = HK_C(0), rates = HK_C(0); /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
