@@ -18,7 +18,7 @@ from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .judge import Homecoming, first_limit, spread, to_pose
 from .log_words import audit_rows, audit_sentence, not_tested
 from .period import encoder_levels
-from .trend import CONFIDENCE, DriftTrend, Trend, judge, quantile
+from .trend import CONFIDENCE, FEWEST, DriftTrend, Trend, judge, quantile
 from .visits import Visits, encoder_noise, spare_axes
 
 TOLERANCE = 1e-3
@@ -72,6 +72,11 @@ class LogAudit:
     verdict: Homecoming
 
     @property
+    def exit_code(self) -> int:
+        """0: comes home in all that the log tests; 1: it does not; 2: the log does not decide."""
+        return {Homecoming.COMES_HOME: 0, Homecoming.UNDECIDED: 2}.get(self.verdict, 1)
+
+    @property
     def noise_floor(self) -> float:
         """Joint distance at the cycles' ends that gaps of the tool and encoder noise explain [rad or m]."""
         return float(max(self.floor[0], self.floor[-1]))
@@ -123,13 +128,13 @@ class LogAudit:
 
     @cached_property
     def _limit(self) -> tuple[str, float, float, float] | None:
-        """Only where cycles of the last kind drift on: what runs both ways, alternates or fades is not extrapolated."""
+        """Only where all cycles drift on: what runs both ways, alternates or fades is not extrapolated."""
         if not self.one_way:
             return None
-        last = len(self.cycles) - 1
-        trend = next((self.trends[name] for name, members in _groups(self.cycles).items() if last in members), None)
-        if trend is None or trend.trend is not Trend.CONSTANT:
+        lasting = [trend for trend in self.trends.values() if trend.trend is Trend.CONSTANT]
+        if not lasting or len(lasting) < len(self.trends):
             return None
+        trend = lasting[0]
         rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
         lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
         found = first_limit(lower, upper, q, rates)
@@ -253,19 +258,21 @@ def audit_recording(
     floor[[0, -1]] = floor[[0, -1]].max()
     drift = (visits[:, -1] - visits[:, 0]) * cycles.direction[:, None]
     groups = _groups(cycles)
-    trends = {}
-    for name, members in groups.items():
+
+    def judged(members: Indices) -> DriftTrend:
         joints, at = visits[members, :-1], slice(0, -1)
         moves, when = joints - cycles.q[members, :-1], members
-        moved_on = bool((np.ptp(joints, axis=0) > tolerance + floor[at, None]).any())
-        if len(members) <= 2 and (members[-1] - members[0] < 2 or moved_on):  # where they begin there is a visit more
+        if len(members) < FEWEST and members[-1] - members[0] < len(members):  # at home there is one visit more
             closed = np.vstack([np.zeros(n), np.cumsum(drift[members], axis=0)])
             joints, at = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
             moves, when = np.zeros_like(joints), np.arange(len(members) + 1)
-        trends[name] = judge(
-            Visits(joints, axes[at], when.astype(float), moves, noise[at], of_moves[at]), tolerance,
-            floor=float(floor[at].max()), share=1 / len(groups),
-        )  # fmt: skip
+        kind = Visits(joints, axes[at], when.astype(float), moves, noise[at], of_moves[at])
+        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups))
+
+    trends = {name: judged(members) for name, members in groups.items()}
+    if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.UNDECIDED for t in trends.values()):
+        together = judged(np.arange(count))  # a drift at all speeds shows in all cycles together
+        trends = {"at all speeds": together} if together.trend is Trend.CONSTANT else trends
     allowed = tolerance + floor
 
     def distance(gap: Matrix, allowed: Vector = allowed, phase: Vector = cycles.phase) -> Distance:

@@ -28,7 +28,7 @@ SHAPES = 6
 """Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
 cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do."""
 
-PRIOR = 4
+PRIOR = 2
 """Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles."""
 
 FEWEST = 5
@@ -36,6 +36,10 @@ FEWEST = 5
 
 FADED = 0.5
 """A drift that is less than this share of the first cycle's at the end of the log fades; one that is not goes on."""
+
+ALIKE = 0.5
+"""Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
+trend of its sums but not of its steps."""
 
 _RATIOS = np.concatenate([-1 + np.linspace(0, 1, 41), 1 - np.logspace(-0.01, -5, 80), [1.0, 1.01, 1.02, 1.05]])
 _BENT = 0.999  # ratios up to this differ from a straight line by more than round-off
@@ -89,14 +93,14 @@ class DriftTrend:
 @dataclass(frozen=True, eq=False)
 class _Noise:
     """Standard deviations: of each visit (P, d) and of their average over the phases (d,), with their degrees of
-    freedom; of the joint moves to the pose (P,) and of their average."""
+    freedom; of the joint moves to the pose (P,)."""
 
     each: Matrix
     dof: float
     average: Vector
     average_dof: float
     moves: Vector
-    average_move: float
+    alike: float = 0.0  # correlation of the scatter of successive cycles
 
 
 def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float = 1.0) -> DriftTrend:
@@ -120,34 +124,38 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
     limit = quantile(error / (SHAPES * phases * d), noise.dof)
     shapes = np.array([_shape(r, c) for r in _RATIOS])
     shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
-    held = _held(shapes, visits.y, visits.moves, noise.moves) / np.maximum(limit * noise.each, 1e-300)
-    mean = np.zeros((len(shapes), 1, d))
+    shifts = LEAF_SLOPE * _shifts(shapes, visits.moves, noise.moves)
+    along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - shifts[:, :, None]
+    held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
+    mean = np.zeros((len(shapes), d))
     if k >= FEWEST:
         bound = quantile(error / (SHAPES * d), noise.average_dof) * noise.average
-        mean_y, mean_moves = visits.y.mean(axis=1, keepdims=True), visits.moves.mean(axis=1, keepdims=True)
-        mean = _held(shapes, mean_y, mean_moves, np.array([noise.average_move])) / np.maximum(bound, 1e-300)
-    seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=(1, 2)))
+        along = np.abs(shapes @ visits.y.mean(axis=1)) - shifts.mean(axis=1)[:, None]
+        mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
+    seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
     best = int(np.argmax(seen))
     at = int(np.argmax(held[best].max(axis=1)))
     fit = np.einsum("k,kpd,pnd->pn", shapes[best], visits.y, visits.axes)
     change = float(np.abs(fit).max() * np.ptp(shapes[best]))
     line = (visits.when - visits.when.mean()) / ((visits.when - visits.when.mean()) ** 2).sum()
     deviation = float((noise.each * visits.lever).max())
-    creep = LEAF_SLOPE * float(_shifts(line[None], visits.moves, noise.moves).max())
-    detectable = creep + limit * deviation * float(np.linalg.norm(line))
+    creep = LEAF_SLOPE * _shifts(line[None], visits.moves, noise.moves)[0]
+    detectable = float(creep.max()) + limit * deviation * float(np.linalg.norm(line))
     needed = _needed(deviation, tolerance, error / (SHAPES * phases * d), float(np.mean(np.diff(visits.when))))
 
     def found(trend: Trend, ratio: float = np.nan, among: tuple[float, float] = (-1.0, 1.05), more: int = 0,
               left: Vector | None = None) -> DriftTrend:  # fmt: skip
         remaining = np.zeros(visits.axes.shape[1]) if left is None else left
-        rates, errors = _rates(visits, noise.each, limit, at)
+        rates, errors = _rates(visits, noise.each, limit, creep, at)
         cycles = max(needed, more)
-        return DriftTrend(trend, ratio, among, at, rates, errors, remaining, change, detectable, creep, cycles)
+        return DriftTrend(trend, ratio, among, at, rates, errors, remaining, change, detectable, float(creep.max()), cycles)
 
     nothing = found(Trend.ZERO if detectable <= tolerance else Trend.UNDECIDED)
     if seen[best] <= 1 or (k < FEWEST and change <= tolerance + floor):
         return nothing
     ratio, (low, high), beneath, hidden = _ratio(visits, noise, share)
+    if not _shaped(visits, error, ratio, walks=noise.alike > ALIKE):
+        return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
     fading = FADED ** (1 / (k - 1))
     if low >= fading and not beneath:
         speed = change / (k - 1)
@@ -174,12 +182,6 @@ def _shape(r: float, c: Vector) -> Vector:
     return f - f.mean()
 
 
-def _held(shapes: Matrix, y: Array, moves: Array, scatter: Vector) -> Array:
-    """How much of each shape (R, k) visits y (k, P, d) hold beyond what shifts of the tool's path explain (R, P, d)."""
-    along = np.abs(np.einsum("rk,kpd->rpd", shapes, y))
-    return np.maximum(along - LEAF_SLOPE * _shifts(shapes, moves, scatter)[:, :, None], 0.0)
-
-
 def _shifts(shapes: Matrix, moves: Array, scatter: Vector) -> Matrix:
     """Size of each shape (R, k) in the moves (k, P, n), beyond `SHIFT` of their scatter (P,) -> (R, P)."""
     k, phases, n = moves.shape
@@ -193,11 +195,11 @@ def _noise(visits: Visits) -> _Noise:
     k, phases, d = visits.y.shape
     encoder = np.sqrt((visits.noise**2).mean(axis=0) / phases)
     if k < FEWEST:
-        return _Noise(visits.noise, np.inf, encoder, np.inf, visits.move_noise, 0.0)
+        return _Noise(visits.noise, np.inf, encoder, np.inf, visits.move_noise)
     left, _ = _residual(visits.y.reshape(k, -1))
     free, total = k - 4, max(float((left**2).sum()), 1e-300)
     alike = float((left[1:] * left[:-1]).sum()) / total
-    alike = min(alike + (1 + 3 * max(alike, 0.0)) / k, 0.9) if k >= 8 else 0.0  # a fit's residuals swing: 1 / k
+    alike = min(alike + (2 + 4 * max(alike, 0.0)) / k, 0.95) if k >= 8 else 0.0  # what the fit took away
     serial = (1 + alike) / (1 - alike) if alike > 0 else 1.0
     rest = left.reshape(k, phases, d)
     own, pooled = serial * (rest**2).sum(axis=0) / free, serial * total / (free * phases * d)
@@ -209,8 +211,7 @@ def _noise(visits: Visits) -> _Noise:
     moves, _ = _residual(visits.moves.reshape(k, -1) - visits.moves.reshape(k, -1).mean(axis=0))
     moves = moves.reshape(visits.moves.shape)
     scatter = np.sqrt((moves**2).sum(axis=(0, 2)) / free)
-    mean = float(np.sqrt((moves.mean(axis=1) ** 2).sum() / free))
-    return _Noise(each, dof, average, free + PRIOR, scatter, mean)
+    return _Noise(each, dof, average, free + PRIOR, scatter, alike)
 
 
 def _residual(y: Matrix) -> tuple[Matrix, float]:
@@ -225,6 +226,29 @@ def _residual(y: Matrix) -> tuple[Matrix, float]:
     best = int(np.argmax((held**2).sum(axis=1)))
     rest = rest - np.outer(curves[best], held[best])
     return rest, float((rest**2).sum())
+
+
+def _shaped(visits: Visits, error: float, ratio: float, walks: bool) -> bool:
+    """Whether the change has a shape that scatter of unknown size would not take: what a drift, a jump after the first
+    cycle or an alternation leaves of it, or with more cycles the best ratio, is small beside it. Where the joints
+    may walk at random, the same is asked of their steps."""
+    k = len(visits)
+    if k < 3:
+        return False
+    flat = visits.y.reshape(k, -1)
+    series = flat @ np.linalg.svd(flat, full_matrices=False)[2][0]
+    tests = [(np.array([1.0, 0.0, -1.0]), k - 2, 3), (np.append(_RATIOS, ratio), k - 3, SHAPES)]
+    for ratios, free, number in tests[:1] if k < 4 else tests[1:] if walks else tests:
+        if walks:
+            steps = np.sign(ratios[:, None]) ** np.arange(k - 1) * np.abs(ratios[:, None]) ** np.arange(k - 1)
+            size = float(np.diff(series) @ np.diff(series))
+            left = size - float(((steps @ np.diff(series)) ** 2 / (steps**2).sum(axis=1)).max())
+        else:
+            size, left = float(series @ series), float(_misfits(series, ratios).min())
+        explained = np.sqrt(max(size - left, 0.0) / max(left / free, 1e-300))
+        if explained > quantile(error / number, free):
+            return True
+    return False
 
 
 def _ratio(visits: Visits, noise: _Noise, share: float) -> tuple[float, tuple[float, float], bool, float]:
@@ -267,9 +291,9 @@ def _misfits(series: Vector, ratios: Vector) -> Vector:
     return series @ series - (shapes @ series) ** 2 / (shapes**2).sum(axis=1)
 
 
-def _rates(visits: Visits, deviation: Matrix, limit: float, at: int) -> tuple[Matrix, Matrix]:
+def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector, at: int) -> tuple[Matrix, Matrix]:
     """Drift at each phase (P, n) and its half interval [joint units a cycle]: of the latest quarter of the cycles, with
-    what it changed since the latest half; of all cycles where the quarter does not show it at the phase `at`."""
+    what it changed since the latest half and what shifts of the tool's path may make of it; of all cycles where the quarter does not show it at the phase `at`."""
     k = len(visits)
     spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
 
@@ -278,11 +302,11 @@ def _rates(visits: Visits, deviation: Matrix, limit: float, at: int) -> tuple[Ma
         return np.tensordot(when / (when @ when), visits.joints[-latest:], 1), 1 / float(np.linalg.norm(when))
 
     (rates, share), (before, _) = slope(max(4, k // 4 + 1)), slope(max(4, k // 2 + 1))
-    errors = share * spread + np.abs(rates - before)
+    errors = share * spread + np.abs(rates - before) + creep[:, None]
     if (np.abs(rates[at]) > errors[at]).any():
         return rates, errors
     rates, share = slope(k)
-    return rates, share * spread
+    return rates, share * spread + creep[:, None]
 
 
 def _needed(deviation: float, tolerance: float, error: float, stride: float) -> int:
