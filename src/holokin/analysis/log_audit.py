@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 
 from ..errors import ArgumentError, ShapeError
 from ..recording import Recording
 from ..robot import Robot
-from ..task import Task, pose, position
-from ..types import Array, Indices, Matrix, Vector
+from ..task import pose, position
+from ..types import Indices, Matrix, Vector
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import Homecoming, first_limit, spread, to_pose
-from .log_words import audit_rows, audit_sentence, not_tested
+from .judge import Homecoming, spread, to_pose
+from .log_findings import Distance, LogAudit
 from .period import encoder_levels
 from .trend import CONFIDENCE, FEWEST, DriftTrend, Trend, judge, quantile
 from .visits import Visits, encoder_noise, spare_axes
@@ -28,184 +24,6 @@ the joints are called the same; a smaller one that is seen is a drift still, sin
 
 SPEEDS = 1.2
 """Cycles whose moving times differ by more than this factor count as fast and slow."""
-
-
-@dataclass(frozen=True)
-class Distance:
-    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
-    and how far it is over what is allowed there; `beyond` when it is."""
-
-    value: float
-    joint: str
-    phase: float
-    beyond: bool
-
-
-@dataclass(frozen=True, eq=False)
-class LogAudit:
-    """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
-
-    visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
-    was; floor (P + 1,): joint move that this took, plus what encoder noise explains, per pose; drift (c, n) of each
-    cycle; trends of the cycles of one direction and speed, judged at every pose; closing: of the drifts
-    of single cycles where some run back and may undo the others'; scatters: joints differ between
-    cycles by more than noise and tolerance, in no way that a trend explains; between: cycles of one direction; by_way:
-    forward and backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets
-    itself; None where the log does not test it.
-    """
-
-    robot: Robot
-    recording: Recording
-    task: Task
-    cycles: Cycles
-    tolerance: float
-    visits: Array
-    floor: Vector
-    drift: Matrix
-    trends: dict[str, DriftTrend]
-    closing: Trend
-    scatters: bool
-    between: Distance
-    by_way: Distance | None
-    by_speed: Distance | None
-    at_crossings: Distance | None
-    verdict: Homecoming
-
-    @property
-    def exit_code(self) -> int:
-        """0: comes home in all that the log tests; 1: it does not; 2: the log does not decide."""
-        return {Homecoming.COMES_HOME: 0, Homecoming.UNDECIDED: 2}.get(self.verdict, 1)
-
-    @property
-    def noise_floor(self) -> float:
-        """Joint distance at the cycles' ends that gaps of the tool and encoder noise explain [rad or m]."""
-        return float(max(self.floor[0], self.floor[-1]))
-
-    @property
-    def largest(self) -> Vector:
-        """Largest joint's drift of each cycle (c,) [rad or m]."""
-        return np.abs(self.drift).max(axis=1)
-
-    @property
-    def worst_joint(self) -> str:
-        """The joint with the largest drift of a cycle."""
-        return self.robot.joint_names[int(np.unravel_index(np.argmax(np.abs(self.drift)), self.drift.shape)[1])]
-
-    @property
-    def since_start(self) -> Matrix:
-        """Where the joints stand after each cycle, less where they stood before the first (c, n)."""
-        ends = np.where((self.cycles.direction > 0)[:, None], self.visits[:, -1], self.visits[:, 0])
-        begins = np.where((self.cycles.direction > 0)[:, None], self.visits[:, 0], self.visits[:, -1])
-        return ends - begins[0]
-
-    @property
-    def one_way(self) -> bool:
-        """Whether all cycles run in one direction."""
-        return bool((self.cycles.direction == self.cycles.direction[0]).all())
-
-    @property
-    def leading(self) -> DriftTrend:
-        """The trend that the verdict rests on: of those with the gravest finding, the one that changes most."""
-        order = [Trend.ZERO, Trend.DECAYS, Trend.ALTERNATES, Trend.UNDECIDED, Trend.CONSTANT]
-        return max(self.trends.values(), key=lambda t: (order.index(t.trend), t.change, t.detectable))
-
-    @property
-    def detectable(self) -> float:
-        """Drift [rad or m a cycle] that the log would surely show, at every phase and in cycles of each kind."""
-        return max(t.detectable for t in self.trends.values())
-
-    @property
-    def limit(self) -> tuple[str, float] | None:
-        """(joint, cycles from the end of the log) of the first limit that a lasting drift reaches, or None."""
-        found = self._limit
-        return None if found is None else (found[0], found[1])
-
-    @property
-    def limit_range(self) -> tuple[float, float] | None:
-        """Fewest and most cycles to the limit, by the interval of the drift."""
-        found = self._limit
-        return None if found is None else (found[2], found[3])
-
-    @cached_property
-    def _limit(self) -> tuple[str, float, float, float] | None:
-        """Only where all cycles drift on: what runs both ways, alternates or fades is not extrapolated."""
-        if not self.one_way:
-            return None
-        lasting = [trend for trend in self.trends.values() if trend.trend is Trend.CONSTANT]
-        if not lasting or len(lasting) < len(self.trends):
-            return None
-        trend = lasting[0]
-        rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
-        lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
-        found = first_limit(lower, upper, q, rates)
-        if found is None:
-            return None
-        joint, cycles = found
-        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * trend.errors)
-        latest = first_limit(lower, upper, q, rates - np.sign(rates) * trend.errors)
-        few = cycles if soonest is None else min(soonest[1], cycles)
-        return self.robot.joint_names[joint], cycles, few, cycles if latest is None else max(latest[1], cycles)
-
-    def __str__(self) -> str:
-        return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
-
-    def sentence(self) -> str:
-        """The verdict, what it rests on, and what the log does not test."""
-        return audit_sentence(self)
-
-    def rows(self) -> list[tuple[str, str]]:
-        """(what, finding) of every question, for people."""
-        return audit_rows(self)
-
-    def summary(self) -> dict[str, Any]:
-        """Everything found, as plain data for JSON (no NaN, no infinity)."""
-        c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
-        return {
-            "verdict": self.verdict.name,
-            "sentence": self.sentence(),
-            "log": self.recording.source,
-            "notes": list(self.recording.notes),
-            "robot": self.robot.name,
-            "task": self.task.name,
-            "joint_names": names,
-            "tolerance": self.tolerance,
-            "noise_floor": self.noise_floor,
-            "tool_path_length_m": c.length,
-            "tool_path_residual_m": c.residual.tolist(),
-            "cycles_left_out": c.left_out,
-            "cycles": [
-                {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
-                 "moving_s": float(m), "drift": drift.tolist()}
-                for a, b, d, s, m, drift in zip(
-                    c.start, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
-            ],
-            "drift_since_start": self.since_start.tolist(),
-            "worst_joint": self.worst_joint,
-            "confidence": CONFIDENCE,
-            "detectable_drift_per_cycle": self.detectable,
-            "not_tested": not_tested(self),
-            "trends": {
-                name: {
-                    "trend": t.trend.name,
-                    "ratio": None if np.isnan(t.ratio) else t.ratio,
-                    "ratio_range": None if np.isnan(t.ratio) else list(t.ratio_range),
-                    "phase": float(c.phase[t.phase]),
-                    "rate": t.rate.tolist(),
-                    "rate_error": t.rate_error.tolist(),
-                    "change": t.change,
-                    "detectable_drift_per_cycle": t.detectable,
-                    "of_it_by_shifts_of_the_tool": t.creep,
-                    "cycles_needed": t.cycles_needed,
-                    "remaining": [float(v) if np.isfinite(v) else None for v in t.remaining],
-                }
-                for name, t in self.trends.items()
-            },
-            "between_cycles": vars(self.between),
-            "forward_and_back": None if self.by_way is None else vars(self.by_way),
-            "fast_and_slow": None if self.by_speed is None else vars(self.by_speed),
-            "at_crossings": None if self.at_crossings is None else vars(self.at_crossings),
-            "limit": None if limit is None else {"joint": limit[0], "cycles": limit[1], "range": self.limit_range},
-        }  # fmt: skip
 
 
 def audit_recording(

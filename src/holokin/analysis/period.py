@@ -41,7 +41,8 @@ def noise_level(x: Matrix) -> float:
 def encoder_levels(q: Matrix) -> Vector:
     """Standard deviation of white noise on each joint of a log q (k, n).
 
-    sigma = median |d^6 q| / (0.6745 sqrt(924)): 924 is the sum of the squared binomials, 0.6745 the median of |N(0, 1)|.
+    sigma = median |d^6 q| / (0.6745 sqrt(924)); 924 is the sum of the squared binomials, 0.6745 the median of
+    |N(0, 1)|.
     """
     return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
 

@@ -1,4 +1,4 @@
-"""How joints at equal tool poses go on over the cycles of a log: equal, drifting, settling, alternating, or undecided."""
+"""How joints at equal tool poses go on over the cycles of a log: equal, drifting, settling, alternating, undecided."""
 
 from __future__ import annotations
 
@@ -147,14 +147,18 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
               left: Vector | None = None) -> DriftTrend:  # fmt: skip
         remaining = np.zeros(visits.axes.shape[1]) if left is None else left
         rates, errors = _rates(visits, noise.each, limit, creep, at)
-        cycles = max(needed, more)
-        return DriftTrend(trend, ratio, among, at, rates, errors, remaining, change, detectable, float(creep.max()), cycles)
+        facts = (change, detectable, float(creep.max()), max(needed, more))
+        return DriftTrend(trend, ratio, among, at, rates, errors, remaining, *facts)
 
-    nothing = found(Trend.ZERO if detectable <= tolerance else Trend.UNDECIDED)
+    nothing = found(Trend.ZERO) if detectable <= tolerance else found(Trend.UNDECIDED, more=k + max(k // 2, 2))
     if seen[best] <= 1 or (k < FEWEST and change <= tolerance + floor):
         return nothing
-    ratio, (low, high), beneath, hidden = _ratio(visits, noise, share)
-    if not _shaped(visits, error, ratio, walks=noise.alike > ALIKE):
+    pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
+    pattern *= held[best] >= max(0.5 * seen[best], 1e-300) if held[best].max() >= mean[best].max() else 1.0
+    pattern /= np.linalg.norm(pattern)
+    series = visits.y.reshape(k, -1) @ pattern.ravel()
+    ratio, (low, high), beneath, hidden = _ratio(visits, series, pattern, noise, share)
+    if not _shaped(series, error, ratio, walks=noise.alike > ALIKE):
         return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
     fading = FADED ** (1 / (k - 1))
     if low >= fading and not beneath:
@@ -228,15 +232,15 @@ def _residual(y: Matrix) -> tuple[Matrix, float]:
     return rest, float((rest**2).sum())
 
 
-def _shaped(visits: Visits, error: float, ratio: float, walks: bool) -> bool:
-    """Whether the change has a shape that scatter of unknown size would not take: what a drift, a jump after the first
-    cycle or an alternation leaves of it, or with more cycles the best ratio, is small beside it. Where the joints
-    may walk at random, the same is asked of their steps."""
-    k = len(visits)
+def _shaped(series: Vector, error: float, ratio: float, walks: bool) -> bool:
+    """Whether a change (k,) has a shape that scatter of unknown size would not take.
+
+    What a drift, a jump after the first cycle or an alternation leaves of it, or with more cycles the best ratio, is
+    small beside it. Where the joints may walk at random, the same is asked of their steps.
+    """
+    k = len(series)
     if k < 3:
         return False
-    flat = visits.y.reshape(k, -1)
-    series = flat @ np.linalg.svd(flat, full_matrices=False)[2][0]
     tests = [(np.array([1.0, 0.0, -1.0]), k - 2, 3), (np.append(_RATIOS, ratio), k - 3, SHAPES)]
     for ratios, free, number in tests[:1] if k < 4 else tests[1:] if walks else tests:
         if walks:
@@ -251,13 +255,12 @@ def _shaped(visits: Visits, error: float, ratio: float, walks: bool) -> bool:
     return False
 
 
-def _ratio(visits: Visits, noise: _Noise, share: float) -> tuple[float, tuple[float, float], bool, float]:
-    """r and its interval, in the pattern over the phases that changes most; whether a drift beneath what fades is
+def _ratio(
+    visits: Visits, series: Vector, pattern: Matrix, noise: _Noise, share: float
+) -> tuple[float, tuple[float, float], bool, float]:
+    """r of the change (k,) in a pattern (P, d) over the phases, and its interval; whether a drift beneath what fades is
     seen, a + b c + e r^c; the largest such drift that the data allow [joint units a cycle]."""
-    k = len(visits)
-    flat = visits.y.reshape(k, -1)
-    pattern = np.linalg.svd(flat, full_matrices=False)[2][0]
-    series = flat @ pattern
+    k = len(series)
     tries = np.unique(np.concatenate([_RATIOS, np.linspace(-1, 1.05, 206)]))
     misfits = _misfits(series, tries)
     for _ in range(4):
@@ -266,7 +269,7 @@ def _ratio(visits: Visits, noise: _Noise, share: float) -> tuple[float, tuple[fl
         tries, order = np.unique(np.concatenate([tries, finer]), return_index=True)
         misfits = np.concatenate([misfits, _misfits(series, finer)])[order]
     best = int(np.argmin(misfits))
-    variance, dof, left = float((pattern * noise.each.ravel()) @ (pattern * noise.each.ravel())), noise.dof, np.inf
+    variance, dof, left = float(((pattern * noise.each) ** 2).sum()), noise.dof, np.inf
     if k >= FEWEST:
         left = _residual(series[:, None])[1]
         variance, dof = max(variance, left / (k - 4)), float(k - 4 + PRIOR)
@@ -280,7 +283,7 @@ def _ratio(visits: Visits, noise: _Noise, share: float) -> tuple[float, tuple[fl
         line = line - curves * ((curves @ line) / (curves**2).sum(axis=1))[:, None]  # across each curve
         sizes = (line**2).sum(axis=1)
         most = (np.abs(line @ series) / sizes + np.sqrt(bound / sizes)).max()
-        hidden = float(most * np.abs(np.einsum("pd,pnd->pn", pattern.reshape(noise.each.shape), visits.axes)).max())
+        hidden = float(most * np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max())
     return float(tries[best]), (float(inside[0]), float(inside[-1])), bool(misfits[best] - left > bound), hidden
 
 
@@ -292,14 +295,18 @@ def _misfits(series: Vector, ratios: Vector) -> Vector:
 
 
 def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector, at: int) -> tuple[Matrix, Matrix]:
-    """Drift at each phase (P, n) and its half interval [joint units a cycle]: of the latest quarter of the cycles, with
-    what it changed since the latest half and what shifts of the tool's path may make of it; of all cycles where the quarter does not show it at the phase `at`."""
+    """Drift at each phase (P, n) and its half interval [joint units a cycle].
+
+    Of the latest quarter of the cycles, with what it changed since the latest half; of all cycles where the quarter
+    does not show it at the phase `at`. Either may be off by what shifts of the tool's path make of it, `creep`.
+    """
     k = len(visits)
     spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
 
     def slope(latest: int) -> tuple[Matrix, float]:
         when = visits.when[-latest:] - visits.when[-latest:].mean()
-        return np.tensordot(when / (when @ when), visits.joints[-latest:], 1), 1 / float(np.linalg.norm(when))
+        rates = np.einsum("k,kpn->pn", when / (when @ when), visits.joints[-latest:])
+        return rates, 1 / float(np.linalg.norm(when))
 
     (rates, share), (before, _) = slope(max(4, k // 4 + 1)), slope(max(4, k // 2 + 1))
     errors = share * spread + np.abs(rates - before) + creep[:, None]
