@@ -17,8 +17,9 @@ from holokin import cli
 from holokin.analysis import Homecoming
 from holokin.analysis.crossings import crossings
 from holokin.analysis.cycles import find_cycles
-from holokin.analysis.judge import Trend, drift_trend, first_limit, to_pose
+from holokin.analysis.judge import first_limit, to_pose
 from holokin.analysis.period import noise_level
+from holokin.analysis.trend import Trend
 from holokin.errors import ArgumentError, RecordingError
 
 PANDA = hk.load("panda")
@@ -300,23 +301,6 @@ def test_the_tolerance_decides_and_must_make_sense() -> None:
 
 
 # --- the judging functions --------------------------------------------------------------------------------------
-
-
-def test_trends_of_made_up_drifts() -> None:
-    axis = np.array([0.6, 0.0, -0.8])
-    jitter = np.diff(1e-4 * np.random.default_rng(5).normal(size=(31, 3)), axis=0)
-    cycle = np.arange(30)[:, None]
-    fading = drift_trend(0.1 * 0.7**cycle * axis + jitter, 1e-3)
-    assert fading.trend is Trend.DECAYS and fading.ratio == pytest.approx(0.7, abs=0.01)
-    swinging = drift_trend(0.1 * (-0.7) ** cycle * axis + jitter, 1e-3)
-    assert swinging.trend is Trend.DECAYS and swinging.ratio == pytest.approx(-0.7, abs=0.01)
-    steady = drift_trend(2e-4 * axis + jitter, 1e-3)  # no cycle shows it, all together do
-    assert steady.trend is Trend.CONSTANT and steady.rate == pytest.approx(2e-4 * axis, abs=4e-5)
-    beneath = drift_trend((0.1 * 0.5**cycle + 0.01) * axis + jitter, 1e-3)
-    assert beneath.trend is Trend.CONSTANT and beneath.rate == pytest.approx(0.01 * axis, abs=1e-4)
-    assert drift_trend(jitter, 1e-3).trend is Trend.ZERO
-    three = drift_trend(np.array([[0.4], [0.2], [0.1]]), 1e-3)
-    assert three.ratio == pytest.approx(0.5, abs=1e-6) and three.remaining == pytest.approx([0.1], abs=1e-6)
 
 
 def test_the_first_limit_by_hand() -> None:

@@ -191,11 +191,12 @@ def audit(
 ) -> None:
     """Judge a log of joint motion: does the arm come home after each cycle of its tool?
 
-    Exits 0 when it comes home, 1 when it does not, 2 on bad input.
+    Exits 0 when it comes home in all that the log tests, 1 when it does not, 2 when the log does not decide, and on
+    bad input.
     """
     from rich.console import Console
 
-    from .analysis import Homecoming, audit_recording
+    from .analysis import audit_recording
     from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
     from .recording import read_recording
     from .robot import load
@@ -212,7 +213,7 @@ def audit(
         plot_log_audit(found, plot)
     console = Console()
     print_log_audit(found, console if console.is_terminal else Console(width=120))
-    raise typer.Exit(0 if found.verdict is Homecoming.COMES_HOME else 1)
+    raise typer.Exit(found.exit_code)
 
 
 exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)

@@ -10,7 +10,8 @@ from .general_form import GeneralForm, general_form
 from .involutivity import involutivity, involutivity_of
 from .judge import Homecoming
 from .leaf_function import LeafFunction, leaf_function
-from .log_audit import LogAudit, audit_recording
+from .log_audit import audit_recording
+from .log_findings import LogAudit
 from .price import Deviation, Price, ball_postures, deviation, price
 from .region import Ball, Region, around, ball, box
 from .verdict import Grounds, Verdict

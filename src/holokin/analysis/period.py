@@ -38,6 +38,15 @@ def noise_level(x: Matrix) -> float:
     return float(np.median(np.linalg.norm(sixth, axis=1))) / np.sqrt(924.0)
 
 
+def encoder_levels(q: Matrix) -> Vector:
+    """Standard deviation of white noise on each joint of a log q (k, n).
+
+    sigma = median |d^6 q| / (0.6745 sqrt(924)); 924 is the sum of the squared binomials, 0.6745 the median of
+    |N(0, 1)|.
+    """
+    return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
+
+
 @dataclass(frozen=True, eq=False)
 class ToolPath:
     """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d) and postures q (k, n)."""

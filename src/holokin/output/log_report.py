@@ -28,7 +28,7 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = "green" if audit.verdict is Homecoming.COMES_HOME else "red"
+    color = {Homecoming.COMES_HOME: "green", Homecoming.UNDECIDED: "yellow"}.get(audit.verdict, "red")
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 

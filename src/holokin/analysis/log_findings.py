@@ -1,0 +1,366 @@
+"""What the audit of a log found: figures, and words that say how sure they are and what the log does not test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..recording import Recording
+from ..robot import Robot
+from ..task import Task
+from ..types import Array, Matrix, Vector
+from .cycles import Cycles
+from .judge import Homecoming, first_limit
+from .trend import CONFIDENCE, DriftTrend, Trend
+
+_SURE = f"{100 * CONFIDENCE:.0f} %"
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
+    and how far it is over what is allowed there; `beyond` when it is."""
+
+    value: float
+    joint: str
+    phase: float
+    beyond: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LogAudit:
+    """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
+
+    visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
+    was; floor (P + 1,): joint move that this took, plus what encoder noise explains, per pose; drift (c, n) of each
+    cycle; trends of the cycles of one direction and speed, judged at every pose; closing: of the drifts
+    of single cycles where some run back and may undo the others'; scatters: joints differ between
+    cycles by more than noise and tolerance, in no way that a trend explains; between: cycles of one direction; by_way:
+    forward and backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets
+    itself; None where the log does not test it.
+    """
+
+    robot: Robot
+    recording: Recording
+    task: Task
+    cycles: Cycles
+    tolerance: float
+    visits: Array
+    floor: Vector
+    drift: Matrix
+    trends: dict[str, DriftTrend]
+    closing: Trend
+    scatters: bool
+    between: Distance
+    by_way: Distance | None
+    by_speed: Distance | None
+    at_crossings: Distance | None
+    verdict: Homecoming
+
+    @property
+    def exit_code(self) -> int:
+        """0: comes home in all that the log tests; 1: it does not; 2: the log does not decide."""
+        return {Homecoming.COMES_HOME: 0, Homecoming.UNDECIDED: 2}.get(self.verdict, 1)
+
+    @property
+    def noise_floor(self) -> float:
+        """Joint distance at the cycles' ends that gaps of the tool and encoder noise explain [rad or m]."""
+        return float(max(self.floor[0], self.floor[-1]))
+
+    @property
+    def largest(self) -> Vector:
+        """Largest joint's drift of each cycle (c,) [rad or m]."""
+        return np.abs(self.drift).max(axis=1)
+
+    @property
+    def worst_joint(self) -> str:
+        """The joint with the largest drift of a cycle."""
+        return self.robot.joint_names[int(np.unravel_index(np.argmax(np.abs(self.drift)), self.drift.shape)[1])]
+
+    @property
+    def since_start(self) -> Matrix:
+        """Where the joints stand after each cycle, less where they stood before the first (c, n)."""
+        ends = np.where((self.cycles.direction > 0)[:, None], self.visits[:, -1], self.visits[:, 0])
+        begins = np.where((self.cycles.direction > 0)[:, None], self.visits[:, 0], self.visits[:, -1])
+        return ends - begins[0]
+
+    @property
+    def one_way(self) -> bool:
+        """Whether all cycles run in one direction."""
+        return bool((self.cycles.direction == self.cycles.direction[0]).all())
+
+    @property
+    def leading(self) -> DriftTrend:
+        """The trend that the verdict rests on: of those with the gravest finding, the one that changes most."""
+        order = [Trend.ZERO, Trend.DECAYS, Trend.ALTERNATES, Trend.UNDECIDED, Trend.CONSTANT]
+        return max(self.trends.values(), key=lambda t: (order.index(t.trend), t.change, t.detectable))
+
+    @property
+    def detectable(self) -> float:
+        """Drift [rad or m a cycle] that the log would surely show, at every phase and in cycles of each kind."""
+        return max(t.detectable for t in self.trends.values())
+
+    @property
+    def limit(self) -> tuple[str, float] | None:
+        """(joint, cycles from the end of the log) of the first limit that a lasting drift reaches, or None."""
+        found = self._limit
+        return None if found is None else (found[0], found[1])
+
+    @property
+    def limit_range(self) -> tuple[float, float] | None:
+        """Fewest and most cycles to the limit, by the interval of the drift."""
+        found = self._limit
+        return None if found is None else (found[2], found[3])
+
+    @cached_property
+    def _limit(self) -> tuple[str, float, float, float] | None:
+        """Only where all cycles drift on: what runs both ways, alternates or fades is not extrapolated."""
+        if not self.one_way:
+            return None
+        lasting = [trend for trend in self.trends.values() if trend.trend is Trend.CONSTANT]
+        if not lasting or len(lasting) < len(self.trends):
+            return None
+        trend = lasting[0]
+        rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
+        lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
+        found = first_limit(lower, upper, q, rates)
+        if found is None:
+            return None
+        joint, cycles = found
+        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * trend.errors)
+        latest = first_limit(lower, upper, q, rates - np.sign(rates) * trend.errors)
+        few = cycles if soonest is None else min(soonest[1], cycles)
+        return self.robot.joint_names[joint], cycles, few, cycles if latest is None else max(latest[1], cycles)
+
+    def __str__(self) -> str:
+        return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
+
+    def sentence(self) -> str:
+        """The verdict, what it rests on, and what the log does not test."""
+        return audit_sentence(self)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(what, finding) of every question, for people."""
+        return audit_rows(self)
+
+    def summary(self) -> dict[str, Any]:
+        """Everything found, as plain data for JSON (no NaN, no infinity)."""
+        c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
+        return {
+            "verdict": self.verdict.name,
+            "sentence": self.sentence(),
+            "log": self.recording.source,
+            "notes": list(self.recording.notes),
+            "robot": self.robot.name,
+            "task": self.task.name,
+            "joint_names": names,
+            "tolerance": self.tolerance,
+            "noise_floor": self.noise_floor,
+            "tool_path_length_m": c.length,
+            "tool_path_residual_m": c.residual.tolist(),
+            "cycles_left_out": c.left_out,
+            "cycles": [
+                {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
+                 "moving_s": float(m), "drift": drift.tolist()}
+                for a, b, d, s, m, drift in zip(
+                    c.start, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
+            ],
+            "drift_since_start": self.since_start.tolist(),
+            "worst_joint": self.worst_joint,
+            "confidence": CONFIDENCE,
+            "detectable_drift_per_cycle": self.detectable,
+            "not_tested": not_tested(self),
+            "trends": {
+                name: {
+                    "trend": t.trend.name,
+                    "ratio": None if np.isnan(t.ratio) else t.ratio,
+                    "ratio_range": None if np.isnan(t.ratio) else list(t.ratio_range),
+                    "phase": float(c.phase[t.phase]),
+                    "rate": t.rate.tolist(),
+                    "rate_error": t.rate_error.tolist(),
+                    "change": t.change,
+                    "detectable_drift_per_cycle": t.detectable,
+                    "of_it_by_shifts_of_the_tool": t.creep,
+                    "cycles_needed": t.cycles_needed,
+                    "remaining": [float(v) if np.isfinite(v) else None for v in t.remaining],
+                }
+                for name, t in self.trends.items()
+            },
+            "between_cycles": vars(self.between),
+            "forward_and_back": None if self.by_way is None else vars(self.by_way),
+            "fast_and_slow": None if self.by_speed is None else vars(self.by_speed),
+            "at_crossings": None if self.at_crossings is None else vars(self.at_crossings),
+            "limit": None if limit is None else {"joint": limit[0], "cycles": limit[1], "range": self.limit_range},
+        }  # fmt: skip
+
+
+def not_tested(audit: LogAudit) -> list[str]:
+    """What the log leaves open, in words."""
+    open_ = []
+    if audit.by_way is None:
+        open_.append("the way back (all cycles run one way)")
+    if audit.by_speed is None:
+        open_.append("other speeds (all cycles at one speed)")
+    if audit.at_crossings is None and audit.cycles.mirror is None:
+        open_.append("other ways to a pose within a cycle (the path does not cross itself)")
+    return [*open_, "other paths"]
+
+
+def audit_sentence(audit: LogAudit) -> str:
+    """The verdict, what it rests on, and what was not tested."""
+    said = {
+        Homecoming.COMES_HOME: _same,
+        Homecoming.DRIFTS: _drifts,
+        Homecoming.ALTERNATES: _alternates,
+        Homecoming.CONVERGES: _settles,
+        Homecoming.UNDECIDED: _undecided,
+    }[audit.verdict](audit)
+    return f"{said}. Not tested: {'; '.join(not_tested(audit))}"
+
+
+def _same(audit: LogAudit) -> str:
+    values = [d.value for d in (audit.between, audit.by_way, audit.by_speed, audit.at_crossings) if d is not None]
+    count = len(audit.cycles)
+    tested = [word for word, d in (("both ways", audit.by_way), ("at all logged speeds", audit.by_speed)) if d]
+    tested += ["where the path crosses itself"] if audit.at_crossings is not None else []
+    among = f", {' and '.join(tested)}" if tested else ""
+    return (
+        f"comes home: the joints are the same at equal tool poses in all {count} cycles{among}, within "
+        f"{max(values):.2g} rad or m; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
+    )
+
+
+def _drifts(audit: LogAudit) -> str:
+    trend = audit.leading
+    if trend.trend is not Trend.CONSTANT:
+        size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
+        return f"drifts: cycles of one direction leave the joints elsewhere, by {size}, and those back undo it"
+    joint = int(np.argmax(np.abs(trend.rate)))
+    rate, error = abs(float(trend.rate[joint])), float(trend.rate_error[joint])
+    where = f"{audit.robot.joint_names[joint]}, at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
+    text = (
+        f"drifts: the joints at equal tool poses move on from cycle to cycle, of late by {rate:.3g} +- {error:.1g} "
+        f"a cycle ({where}; {_SURE} confidence)"
+    )
+    if trend.change <= audit.tolerance:
+        text += f"; that is within the tolerance in this log, and beyond it after {audit.tolerance / rate:.0f} cycles"
+    if audit.limit is not None and audit.limit_range is not None:
+        few, most = audit.limit_range
+        joint, cycles = audit.limit
+        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
+    return text
+
+
+def _alternates(audit: LogAudit) -> str:
+    trend = audit.leading
+    where = f"at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
+    return (
+        f"alternates: the joints at a tool pose come back every second cycle only, {trend.change:.2g} rad or m apart "
+        f"from one cycle to the next ({where}; {_SURE} confidence)"
+    )
+
+
+def _differences(audit: LogAudit) -> str:
+    """On what else than the tool pose the joints depend, as far as it is tested; nothing when on nothing."""
+    asked = {"way": audit.by_way, "speed": audit.by_speed, "pass of a crossing": audit.at_crossings}
+    differ = [f"the {word} (by up to {d.value:.2g}, {d.joint})" for word, d in asked.items() if d and d.beyond]
+    return f"; the joints at a pose depend on {' and '.join(differ)}" if differ else ""
+
+
+def _settles(audit: LogAudit) -> str:
+    trend = audit.leading
+    if trend.trend is Trend.DECAYS:
+        low, high = trend.ratio_range
+        text = (
+            f"each cycle drifts {trend.ratio:.2g} times as far as the one before ({low:.2g} to {high:.2g}, {_SURE} "
+            "confidence), so the joints at a pose depend on the past until then"
+        )
+    elif audit.closing is Trend.DECAYS:
+        text = "the first cycles drift, the last do not"
+    else:
+        text = "cycles of one kind repeat"
+    return f"settles: {text}{_differences(audit)}"
+
+
+def _undecided(audit: LogAudit) -> str:
+    trend, count = audit.leading, len(audit.cycles)
+    hidden = f"a drift of up to {_rate(audit.detectable)} may hide"
+    more = f"log about {trend.cycles_needed} cycles"
+    if audit.scatters:
+        text = (
+            f"the joints at equal tool poses differ between cycles by up to {audit.between.value:.2g} "
+            f"({audit.between.joint}), more than encoder noise explains, with no trend over the {count} cycles"
+        )
+    elif not np.isnan(trend.ratio):
+        text = (
+            f"the joints at equal tool poses change by {trend.change:.2g} rad or m over the log, but {count} cycles do "
+            f"not tell whether that goes on, fades, alternates or is scatter: {more}"
+        )
+    elif trend.creep > 0.5 * trend.detectable:
+        text = f"the tool's own path shifts from cycle to cycle, and {hidden} in the joint motion that goes with it"
+    else:
+        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {_rate(audit.tolerance)} counts: {more}"
+        text += ", or with less noise"
+    return f"cannot tell: {text}{_differences(audit)}"
+
+
+def _rate(value: float) -> str:
+    return f"{value:.2g} rad or m a cycle"
+
+
+def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
+    """(what, finding) of every question, for people."""
+    c, last = audit.cycles, audit.since_start[-1]
+    forward = int((c.direction > 0).sum())
+    joint = int(np.argmax(np.abs(last)))
+    rows = [
+        ("log", f"{audit.recording.source}, {len(audit.recording)} samples in {audit.recording.duration:.4g} s"),
+        ("task", audit.task.name),
+        ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
+         + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
+        ("duration of a cycle", f"{_range(c.duration)} s, {_range(c.moving)} s of it moving"),
+        ("tool path repeats to", f"{c.residual.max():.2g} m"),
+        ("drift of each cycle", f"{_listed(audit.largest)} ({audit.worst_joint})"),
+        (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
+        ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
+        ("drift that would show", f"{_rate(audit.detectable)} ({_SURE} confidence)"),
+    ]  # fmt: skip
+    for group, trend in audit.trends.items():
+        rows.append(("trend" if len(audit.trends) == 1 else f"trend {group}", _trend(trend, c.phase)))
+    rows += [
+        ("equal poses, between cycles", _said(audit.between, "")),
+        ("equal poses, forward and back", _said(audit.by_way, "not tested: all cycles run one way")),
+        ("equal poses, fast and slow", _said(audit.by_speed, "not tested: all cycles at one speed")),
+        ("equal poses, at crossings", _said(audit.at_crossings, "not tested: the path does not cross itself")),
+    ]
+    return rows + [("note", note) for note in audit.recording.notes]
+
+
+def _trend(trend: DriftTrend, phase: Vector) -> str:
+    if np.isnan(trend.ratio):
+        return trend.trend.value
+    low, high = trend.ratio_range
+    return (
+        f"{trend.trend.value}, from cycle to cycle by the factor {trend.ratio:.3g} ({low:.3g} to {high:.3g}), most at "
+        f"{100 * phase[trend.phase]:.0f} % of the cycle"
+    )
+
+
+def _range(values: Vector) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if high - low < 5e-3 * high else f"{low:.3g} to {high:.3g}"
+
+
+def _listed(values: Vector, most: int = 4) -> str:
+    shown = [f"{v:.3g}" for v in values]
+    return ", ".join(shown if len(shown) <= 2 * most else [*shown[:most], "...", *shown[-most:]])
+
+
+def _said(distance: Distance | None, otherwise: str) -> str:
+    if distance is None:
+        return otherwise
+    word = "differ" if distance.beyond else "agree"
+    return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"
