@@ -11,7 +11,7 @@ from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis import Grounds
 from holokin.analysis.curvature import curvature_function
 from holokin.analysis.roundoff import is_shown, measured, noise
-from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError
+from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 
 R3_START = np.array([0.3, 0.9, 0.7])
 
@@ -118,8 +118,15 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
         (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 60),
     ]
     for strategy, count in laws:
+        looked = 0
         for q in anywhere(strategy.task.robot, count):
+            try:
+                strategy(q)
+            except SingularityError:  # a radial twin ends where its transport does
+                continue
             assert hk.filtration(strategy, q).holonomy is hk.Holonomy.HOLONOMIC
+            looked += 1
+        assert looked > count / 3
 
 
 def test_filtration_never_calls_a_nonholonomic_law_holonomic(

@@ -811,6 +811,7 @@ static const int hk_angular[] = {0}; /* rows of g that are angles */
 #define HK_LONGEST 0.1
 #define HK_DIRECTIONS 8
 #define HK_TURN -1
+#define HK_ROWS 2
 static void hk_extended_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
   (void)y;
@@ -1000,8 +1001,8 @@ static void hk_change_body(const hk_t *x, hk_t *y) {
   y[26] = w[0], y[53] = w[1];
 }
 /* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
-   A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_TURN: the first of the
-   three angular rows of a task that turns, or -1. */
+   A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
+   HK_TURN: the first of the three angular rows of a task that turns, or -1. */
 typedef struct {
   hk_t center[HK_N], half[HK_N], along[HK_N], radius, change, bend, inverse;
 } hk_tube;
@@ -1136,7 +1137,8 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
   tube->radius = HK_C(HK_THICKNESS) * HK_SQRT(square);
   hk_extended_body(tube->center, both);
   hk_measure(tube, A, Y);
-  for (int e = 0; e < HK_N * HK_N; e++) size += Y[e] * Y[e];
+  for (int i = 0; i < HK_N; i++)
+    for (int j = 0; j < HK_ROWS; j++) size += Y[i * HK_N + j] * Y[i * HK_N + j];
   tube->inverse = HK_SQRT(size);
 #if HK_TURN >= 0
   hk_t turns = HK_C(0), rates = HK_C(0); /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
@@ -1151,10 +1153,12 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
 
 static hk_t hk_shrink(hk_t change) {
   if (!(change - change == HK_C(0))) return HK_C(1) / HK_C(64);
-  return HK_FMIN(HK_C(0.5), HK_FMAX(HK_C(1) / HK_C(64), HK_C(0.8) * HK_C(HK_CHANGE) / change));
+  if (change <= HK_C(HK_CHANGE)) return HK_C(0.5);
+  return HK_FMAX(HK_C(1) / HK_C(64), HK_FMIN(HK_C(0.9), HK_C(0.8) * HK_C(HK_CHANGE) / change));
 }
 
-/* 1 when b is on the branch of a, where the last step led; else the share of this one, below 1, to try next. */
+/* How long the next step may be, as a share of this one: 1 to 2 when b is on the branch of a, where the last step led;
+   below 1 when this one is too long to tell. */
 static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t curve) {
   hk_place from, there;
   hk_tube tube;
@@ -1163,12 +1167,12 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
     hk_find(&branch->tube, b, &there);
     if (hk_links(&branch->tube, &branch->at, &there, curve)) {
       branch->at = there;
-      return HK_C(1);
+      return HK_C(2);
     }
   }
   for (int i = 0; i < HK_N; i++) move[i] = b[i] - a[i];
   const hk_t size = HK_SQRT(hk_dot(move, move));
-  if (size == HK_C(0)) return HK_C(1);
+  if (size == HK_C(0)) return HK_C(2);
   for (int tried = 0; tried < HK_LAID; tried++) {
     const hk_t length = HK_FMAX(branch->length, size / HK_C(2));
     for (int i = 0; i < HK_N; i++) half[i] = move[i] * (length / size);
@@ -1181,7 +1185,7 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
       branch->at = there;
       branch->laid = 1;
       branch->length = length * HK_FMIN(HK_C(1.5), HK_SQRT(HK_C(0.7) * HK_C(HK_CHANGE) / change));
-      return HK_C(1);
+      return HK_FMIN(HK_C(2), HK_FMAX(HK_C(1), HK_C(2) * branch->length / size));
     }
     if (length <= size / HK_C(2)) break;
     branch->length = length * hk_shrink(change);
@@ -1220,9 +1224,9 @@ static int hk_newton(hk_t *x, const hk_rules *rules, hk_t *margin) {
   return 0;
 }
 
-/* One piece of a way: from the posture q to the target in x, which has (q, p, R, c), begun at q + width * rate. 1 and
-   the new q and rate where it keeps to the branch; else the share of the piece, below 1, to try next, or -1 where the
-   joints hardly move. */
+/* One piece of a way: from the posture q to the target in x, which has (q, p, R, c), begun at q + width * rate. Gives
+   the length of the piece to try next, as a share of this one: at least 1, with the new q and rate, where it keeps to
+   the branch, else below; -1 where the joints hardly move. */
 static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t turn, hk_branch *branch,
                      const hk_rules *rules) {
   hk_t margin, most = HK_C(0);
@@ -1230,14 +1234,14 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   if (!hk_newton(x, rules, &margin)) return HK_C(0.5);
   const hk_t steep = HK_TURN >= 0 ? turn : turn / HK_FMIN(HK_C(1), margin);
   const hk_t fits = hk_branch_step(branch, q, x, width * width * (arc + HK_C(2) * (steep * steep)));
-  if (!(fits == HK_C(1))) return fits;
+  if (!(fits >= HK_C(1))) return fits;
   for (int i = 0; i < HK_N; i++) {
     const hk_t move = x[i] - q[i];
     most = HK_FMAX(HK_FABS(move), most);
     rate[i] = move / width;
     q[i] = x[i];
   }
-  return most > rules->creep ? HK_C(1) : HK_C(-1);
+  return most > rules->creep ? fits : HK_C(-1);
 }
 
 /* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
@@ -1303,7 +1307,7 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
   rules.done = HK_C(HK_DONE);
-  rules.creep = HK_C(0);
+  rules.creep = HK_C(-1);
   rules.side = y[HK_N + 2];
   rules.most = 12;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;
@@ -1324,11 +1328,9 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
       x[HK_N + 12 + i] = g[i] + goal * near;
     }
     const hk_t fits = hk_piece(x, at, rate, goal - share, HK_C(0), turn, &branch, &rules);
-    if (fits == HK_C(1) || fits < HK_C(0)) {
-      share = goal;
-      width *= HK_C(2);
-    } else
-      width = fits * (goal - share);
+    width = fits * (goal - share);
+    if (fits < HK_C(0)) return PPR_NOT_CONVERGED;
+    if (fits >= HK_C(1)) share = goal;
   }
   for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return PPR_LIMIT;

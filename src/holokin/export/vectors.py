@@ -20,6 +20,9 @@ REACH = 0.5
 NEAR = 0.02
 """How far from a posture the wanted pose of its step lies, at most."""
 
+PIECES = 200
+"""Pieces of the way to a wanted pose that the self-test allows; the vectors need at most half of them."""
+
 TRIES = 100
 """Draws for one vector before its start is called too close to a singularity."""
 
@@ -87,7 +90,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         try:
             here = np.atleast_1d(s.constraint_value(q))
             levels = here, here + level_gap(s, c - here)
-            home = leaf_walker(s, q)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
+            home = leaf_walker(s, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
         except HolokinError:
             return None
         step = s.leaf_step(q, position, rotation, c)[0]
@@ -146,14 +149,14 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             f'    worst[4] = compare("constraint", k, g, v->g, {r}, most, worst[4]);\n'
             f'    accept("leaf step", k, {name}_leaf_step(q, target, c, dq), rough);\n'
             f'    worst[5] = compare("leaf step", k, dq, v->leaf, {n}, most, worst[5]);\n'
-            f'    accept("inverse", k, {name}_inverse(q, target, c, 200), rough);\n'
+            f'    accept("inverse", k, {name}_inverse(q, target, c, {PIECES}), rough);\n'
             f'    worst[6] = compare("inverse", k, q, v->inverse, {n}, 10 * most, worst[6]);\n'
         )
         refused = words["NAME"] + "_NOT_FINITE"
         bad = (
             f"      copy(vectors[0].c, c, {r});\n"
             f'      expect("leaf step to a bad target", {name}_leaf_step(q, target, c, dq), {refused}, dq, {n});\n'
-            f'      expect("inverse of a bad target", {name}_inverse(q, target, c, 200), {refused}, dq, 0);\n'
+            f'      expect("inverse of a bad target", {name}_inverse(q, target, c, {PIECES}), {refused}, dq, 0);\n'
         )
     singular = singular_posture(source)
     at_singular = ""

@@ -147,16 +147,19 @@ class Branch:
         self._length = LONGEST
 
     def step(self, a: Vector, b: Vector, curve: float) -> float:
-        """1 when b is on the branch of a, where the last step led; else the share of this one, below 1, to try next."""
+        """How long the next step may be, as a share of this one.
+
+        1 to 2 when b is on the branch of a, where the last step led; below 1 when this one is too long to tell.
+        """
         if self._tube is not None:
             there = self._tube.place(b)
             if self._tube.links(self._at, there, curve):
                 self._at = there
-                return 1.0
+                return 2.0
         move = b - a
         size = float(np.linalg.norm(move))
         if size == 0.0:
-            return 1.0
+            return 2.0
         change = np.inf
         for _ in range(LAID):
             length = max(self._length, size / 2)
@@ -166,7 +169,7 @@ class Branch:
             if tube.links(tube.place(a), there, curve):
                 self._tube, self._at = tube, there
                 self._length = length * min(1.5, (0.7 * TOLERANCES.change / change) ** 0.5)
-                return 1.0
+                return min(2.0, max(1.0, 2 * self._length / size))
             if length <= size / 2:
                 break
             self._length = length * _shrink(change)
@@ -175,5 +178,7 @@ class Branch:
 
 
 def _shrink(change: float) -> float:
-    """By how much to shorten a tube of a change: it grows with the length at least in proportion."""
-    return min(0.5, max(1 / 64, 0.8 * TOLERANCES.change / change)) if np.isfinite(change) else 1 / 64
+    """By how much to shorten a tube: its change grows with the length at least in proportion."""
+    if not np.isfinite(change):
+        return 1 / 64
+    return 0.5 if change <= TOLERANCES.change else max(1 / 64, min(0.9, 0.8 * TOLERANCES.change / change))

@@ -30,8 +30,8 @@ DONE = 1e-9
 NEWTONS = 12
 """Newton steps: contraction by 1/8 a step gets from 1 to 1e-10 in them; it is quadratic long before."""
 
-TRIES = 100_000
-"""Steps tried in one interval at most."""
+TRIES = 50_000
+"""Pieces of one interval tried at most: 1e-4 rad beside a singularity it takes some ten thousand."""
 
 CREEP = 1e-10
 """Joint motion [joint units] of a piece of an interval below which a walk is at a fold: pieces shrink in proportion to
@@ -58,8 +58,11 @@ class Way:
         return width * width * (self.arc + 2 * (self.turn / min(1.0, margin)) ** 2)
 
 
-def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Way], Vector]:
+def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
+
+    Args:
+        tries: pieces of one way tried at most.
 
     Raises (when called):
         SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
@@ -96,20 +99,20 @@ def leaf_walker(strategy: Strategy, q0: Vector) -> Callable[[Vector, Way], Vecto
     def walk(q: Vector, way: Way) -> Vector:
         nonlocal rate
         share, width = 0.0, 1.0
-        for _ in range(TRIES):
+        for _ in range(tries):
             goal = min(1.0, share + width)
             found, fits = newton(q + (goal - share) * rate, *way.at(goal)), 0.5
             if found is not None:
                 margin = 1.0 if strategy.task.turns else found[1]
                 fits = branch.step(q, found[0], way.curve(goal - share, margin))
-            if found is not None and fits == 1.0:
+            if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)
                 if goal == 1.0:
                     return found[0]
                 if not max(map(abs, move.tolist())) > CREEP:
                     break
-                q, share, width = found[0], goal, 2 * width
+                q, share, width = found[0], goal, fits * (goal - share)
                 continue
             width = fits * (goal - share)
             if width < TOLERANCES.smallest_step:

@@ -67,7 +67,7 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
   rules.done = HK_C(HK_DONE);
-  rules.creep = HK_C(0);
+  rules.creep = HK_C(-1);
   rules.side = y[HK_N + 2];
   rules.most = $newtons;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return ${NAME}_SINGULAR;
@@ -88,11 +88,9 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
       x[HK_N + 12 + i] = g[i] + goal * near;
     }
     const hk_t fits = hk_piece(x, at, rate, goal - share, HK_C(0), turn, &branch, &rules);
-    if (fits == HK_C(1) || fits < HK_C(0)) {
-      share = goal;
-      width *= HK_C(2);
-    } else
-      width = fits * (goal - share);
+    width = fits * (goal - share);
+    if (fits < HK_C(0)) return ${NAME}_NOT_CONVERGED;
+    if (fits >= HK_C(1)) share = goal;
   }
   for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return ${NAME}_LIMIT;

@@ -151,10 +151,12 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
 
 static hk_t hk_shrink(hk_t change) {
   if (!(change - change == HK_C(0))) return HK_C(1) / HK_C(64);
-  return HK_FMIN(HK_C(0.5), HK_FMAX(HK_C(1) / HK_C(64), HK_C(0.8) * HK_C(HK_CHANGE) / change));
+  if (change <= HK_C(HK_CHANGE)) return HK_C(0.5);
+  return HK_FMAX(HK_C(1) / HK_C(64), HK_FMIN(HK_C(0.9), HK_C(0.8) * HK_C(HK_CHANGE) / change));
 }
 
-/* 1 when b is on the branch of a, where the last step led; else the share of this one, below 1, to try next. */
+/* How long the next step may be, as a share of this one: 1 to 2 when b is on the branch of a, where the last step led;
+   below 1 when this one is too long to tell. */
 static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t curve) {
   hk_place from, there;
   hk_tube tube;
@@ -163,12 +165,12 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
     hk_find(&branch->tube, b, &there);
     if (hk_links(&branch->tube, &branch->at, &there, curve)) {
       branch->at = there;
-      return HK_C(1);
+      return HK_C(2);
     }
   }
   for (int i = 0; i < HK_N; i++) move[i] = b[i] - a[i];
   const hk_t size = HK_SQRT(hk_dot(move, move));
-  if (size == HK_C(0)) return HK_C(1);
+  if (size == HK_C(0)) return HK_C(2);
   for (int tried = 0; tried < HK_LAID; tried++) {
     const hk_t length = HK_FMAX(branch->length, size / HK_C(2));
     for (int i = 0; i < HK_N; i++) half[i] = move[i] * (length / size);
@@ -181,7 +183,7 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
       branch->at = there;
       branch->laid = 1;
       branch->length = length * HK_FMIN(HK_C(1.5), HK_SQRT(HK_C(0.7) * HK_C(HK_CHANGE) / change));
-      return HK_C(1);
+      return HK_FMIN(HK_C(2), HK_FMAX(HK_C(1), HK_C(2) * branch->length / size));
     }
     if (length <= size / HK_C(2)) break;
     branch->length = length * hk_shrink(change);

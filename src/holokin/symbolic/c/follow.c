@@ -25,12 +25,11 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
       else
         hk_target(here, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
       const double fits = hk_piece(x, q, rate, goal - share, arc, turn, &branch, rules);
-      if (fits == 1.0 || (fits < 0.0 && goal == 1.0)) {
+      width = fits * (goal - share);
+      if (fits >= 1.0 || (fits < 0.0 && goal == 1.0)) {
         share = goal;
-        width *= 2.0;
         continue;
       }
-      width = fits * (goal - share);
       if (!(width >= rules->smallest) || tried >= rules->tries) {
         for (int i = 0; i < HK_N; i++) x[i] = q[i];
         return k - first;

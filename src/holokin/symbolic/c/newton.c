@@ -28,9 +28,9 @@ static int hk_newton(hk_t *x, const hk_rules *rules, hk_t *margin) {
   return 0;
 }
 
-/* One piece of a way: from the posture q to the target in x, which has (q, p, R, c), begun at q + width * rate. 1 and
-   the new q and rate where it keeps to the branch; else the share of the piece, below 1, to try next, or -1 where the
-   joints hardly move. */
+/* One piece of a way: from the posture q to the target in x, which has (q, p, R, c), begun at q + width * rate. Gives
+   the length of the piece to try next, as a share of this one: at least 1, with the new q and rate, where it keeps to
+   the branch, else below; -1 where the joints hardly move. */
 static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t turn, hk_branch *branch,
                      const hk_rules *rules) {
   hk_t margin, most = HK_C(0);
@@ -38,12 +38,12 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   if (!hk_newton(x, rules, &margin)) return HK_C(0.5);
   const hk_t steep = HK_TURN >= 0 ? turn : turn / HK_FMIN(HK_C(1), margin);
   const hk_t fits = hk_branch_step(branch, q, x, width * width * (arc + HK_C(2) * (steep * steep)));
-  if (!(fits == HK_C(1))) return fits;
+  if (!(fits >= HK_C(1))) return fits;
   for (int i = 0; i < HK_N; i++) {
     const hk_t move = x[i] - q[i];
     most = HK_FMAX(HK_FABS(move), most);
     rate[i] = move / width;
     q[i] = x[i];
   }
-  return most > rules->creep ? HK_C(1) : HK_C(-1);
+  return most > rules->creep ? fits : HK_C(-1);
 }
