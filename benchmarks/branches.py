@@ -75,8 +75,10 @@ def targets(case: Case, count: int, seed: int = 0) -> np.ndarray:
     w = rng.normal(size=(count, 3))
     w *= case.turn * rng.uniform(size=(count, 1)) / np.linalg.norm(w, axis=1, keepdims=True)
     poses = np.tile(home, (count, 1, 1))
-    poses[:, :3, 3] += v / np.maximum(1e-12, np.linalg.norm(v, axis=1, keepdims=True)) * np.minimum(
-        np.linalg.norm(v, axis=1, keepdims=True), case.reach
+    poses[:, :3, 3] += (
+        v
+        / np.maximum(1e-12, np.linalg.norm(v, axis=1, keepdims=True))
+        * np.minimum(np.linalg.norm(v, axis=1, keepdims=True), case.reach)
     )
     poses[:, :3, :3] = Rotation.from_rotvec(w).as_matrix() @ home[:3, :3]
     return poses
@@ -188,7 +190,9 @@ def compare(case: Case, count: int, steps: int = STEPS, seed: int = 0) -> Count:
             other = c_ik(pose)
             by_c += (other is None) != (q is None) or (q is not None and not np.abs(q - other).max() < 1e-9)
     task = case.strategy.task
-    return Count(f"{case.strategy.name}, {task.name}", count, int(np.isfinite(truth[:, 0]).sum()), different, refused, by_c)
+    return Count(
+        f"{case.strategy.name}, {task.name}", count, int(np.isfinite(truth[:, 0]).sum()), different, refused, by_c
+    )
 
 
 def main() -> None:

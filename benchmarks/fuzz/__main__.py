@@ -1,0 +1,33 @@
+"""`python -m benchmarks.fuzz [KIND ...] --count 20000`: fuzz every kind, or some; exit 1 where one has a fault."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.fuzz.harness import run
+
+KINDS = sorted(f.stem for f in Path(__file__).parent.glob("*.py") if f.stem not in ("__init__", "__main__", "harness"))
+
+
+def main() -> int:
+    """Print a line a kind, and each fault."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
+    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(KINDS)}")
+    parser.add_argument("--count", type=int, default=20_000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=None)
+    args = parser.parse_args()
+    faults = 0
+    for kind in args.kinds or KINDS:
+        tally = run(kind, args.count, first=args.first, workers=args.workers)
+        print(tally, flush=True)
+        for seed, what in tally.faults[:20]:
+            print(f"  seed {seed}: {what}", flush=True)
+        faults += len(tally.faults)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
