@@ -170,6 +170,45 @@ def test_a_start_next_to_a_fold_may_go_the_way_that_is_open(samples: int) -> Non
             walk(strategy, 0.0316 + off, 0.1, samples)
 
 
+@pytest.mark.parametrize("samples", [50, 500, 6000])
+def test_a_formula_that_switches_is_no_fold(samples: int) -> None:
+    """g = q3 + x/2 + f(q3 - 0.45), regular everywhere; enclosures of f have no bound where it switches."""
+    if samples > 5000 and not enabled():
+        pytest.skip("no compiler")
+    switches = {
+        "cube": lambda s: 0.3 * ca.fmax(s, 0) ** 3,
+        "flat": lambda s: 0.3 * ca.if_else(s > 0, ca.exp(-1 / s), 0),
+        "power": lambda s: 0.3 * ca.fmax(s, 0) ** 2.5,
+        "base": lambda s: 0.3 * 2**s,
+    }
+    for f in switches.values():
+        law = lambda q, f=f: q[2] + 0.5 * (q[0] + ca.cos(q[2])) + f(q[2] - 0.45)  # noqa: E731
+        strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(law))
+        start = np.array([0.3, 0.2, 0.6])
+        tool = strategy.task.robot.pose(start)[:3, 3]
+        end = hk.follow(strategy, hk.line(tool, tool + [0.7, 0, 0]), start, samples=samples).q[-1, 2]
+        h = ca.Function("h", [s := ca.SX.sym("s")], [s + f(s - 0.45)])
+        wanted = float(brentq(lambda u, h=h: float(h(u)) - float(h(0.6)) + 0.35, 0.0, 1.0, xtol=1e-14))
+        assert end == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_loop_within_one_sample_is_gone_round() -> None:
+    """A circle in one step ends where it begins, and its joints a turn further, or the leaf does not reach round."""
+    strategy = locked()
+    tool = strategy.task.robot.pose(R3_START)[:3, 3]
+    round_base = hk.follow(strategy, hk.circle(tool, [0, 0, 0]), R3_START, samples=1, limits=False)
+    assert round_base.q[-1] - R3_START == pytest.approx([2 * np.pi, 0, 0], abs=1e-9)
+    with pytest.raises(PathError):
+        hk.follow(strategy, hk.circle(tool, tool + [1, 0, 0]), R3_START, samples=1, limits=False)
+
+
+def test_an_angle_is_settled_by_its_shorter_way() -> None:
+    strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: 8 * q[2], angular=True))
+    for level in (8.0, 5.0, -6.0, 13.0):
+        away = (level - 1.6 + np.pi) % (2 * np.pi) - np.pi
+        assert hk.settle(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
+
+
 def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
     """What a tube claims: ||1 - Y A|| within it, at a thousand postures of it, and at its ends."""
     rng = np.random.default_rng(0)
@@ -211,10 +250,10 @@ def test_the_benchmark_of_branches_runs_and_finds_none_other() -> None:
     from benchmarks.branches import cases, compare
 
     every = cases()
-    for case in (every[0], every[5], every[6]):
-        count = compare(case, 5, steps=400)
+    for case in (every[0], every[6]):
+        count = compare(case, 4, steps=200)
         assert (count.different, count.refused, count.by_c) == (0, 0, 0)
-        assert count.targets == 5
-    narrow = compare(every[1], 12, steps=800, seed=1)
+        assert count.targets == 4
+    narrow = compare(every[1], 12, steps=400, seed=1)
     assert (narrow.different, narrow.refused, narrow.by_c) == (0, 0, 0)
     assert 0 < narrow.reached < 12

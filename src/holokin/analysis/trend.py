@@ -169,6 +169,8 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
         return found(Trend.CONSTANT, ratio, (low, high))
     if change <= tolerance:
         return nothing
+    if beneath and hidden * HORIZON > tolerance:  # it fades, and something lasting or slower is seen beneath
+        return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
     if high <= -fading:
         return found(Trend.ALTERNATES, ratio, (low, high))
     settled = later is None or later.trend in (Trend.ZERO, Trend.DECAYS) or hidden <= tolerance
@@ -223,12 +225,20 @@ def _residual(y: Matrix) -> tuple[Matrix, float]:
     c = np.arange(len(y), dtype=float)
     line = (c - c.mean()) / np.linalg.norm(c - c.mean())
     rest = y - np.outer(line, line @ y)
-    curves = np.array([_shape(r, c) for r in _RATIOS[_RATIOS < _BENT]])
-    curves = curves - np.outer(curves @ line, line)
-    curves /= np.linalg.norm(curves, axis=1, keepdims=True)
-    held = curves @ rest
-    best = int(np.argmax((held**2).sum(axis=1)))
-    rest = rest - np.outer(curves[best], held[best])
+
+    def across(ratios: Vector) -> Matrix:
+        curves = np.array([_shape(r, c) for r in ratios])
+        curves = curves - np.outer(curves @ line, line)
+        return curves / np.linalg.norm(curves, axis=1, keepdims=True)
+
+    tries = np.sort(_RATIOS[_RATIOS < _BENT])
+    for _ in range(4):  # a coarse ratio would leave more than noise does
+        held = across(tries) @ rest
+        best = int(np.argmax((held**2).sum(axis=1)))
+        ratio = tries[best]
+        tries = np.linspace(tries[max(best - 1, 0)], tries[min(best + 1, len(tries) - 1)], 21)
+    curve = across(np.array([ratio]))[0]
+    rest = rest - np.outer(curve, curve @ rest)
     return rest, float((rest**2).sum())
 
 

@@ -17,8 +17,9 @@ class Grounds(Enum):
         "curvature vanishes: the sampling checks the program"
     )
     TRIGONOMETRIC = (
-        "its planes are written with algebraic and trigonometric operations alone, so on every connected set of "
-        "regular postures its curvature vanishes throughout or only on a thin set, which random postures miss"
+        "its planes are written with + - * / sin and cos alone, so on every connected set of regular postures its "
+        "curvature, in exact numbers, vanishes throughout or only on a thin set; in a small place between the samples "
+        "it can still stand out, as with high powers; thorough=True looks at more"
     )
     SAMPLED = (
         "nothing is known of the postures between, since its planes are also written with {others}, with which "

@@ -29,8 +29,15 @@ THICKNESS = 0.125
 DOUBT = 1.5
 """Factor on changes that are sampled and not enclosed: the second derivative may be larger between the samples."""
 
+SWITCH = 1e-3
+"""Half length of a tube up to which it is sampled where it has no enclosure: formulas that switch, fmax or a power of
+1.5 at 0, have none there, and are regular all the same."""
+
 DIRECTIONS = 8
 """Directions across a tube in which a change is sampled, at most; of more joints than that a share is looked at."""
+
+RESTS = 1e-12
+"""Curve of a target's way [m or rad] that is none: what does not move the joints then rests."""
 
 LAID = 8
 """Tubes tried for one step, shorter and shorter, before the step itself is called too long."""
@@ -79,10 +86,11 @@ def lay_tube(strategy: Strategy, center: Vector, half: Vector) -> Tube:
     """The tube about center +- half (n,), its change enclosed, or, where the strategy has no enclosure, sampled."""
     n, radius = len(center), THICKNESS * _length(half)
     A, Y = strategy.extended(center)
-    if strategy.change is None:
-        change, bend = _sampled(strategy, center, half, radius, A, Y)
-    else:
+    change = bend = np.inf
+    if strategy.change is not None:
         change, bend = _enclosed(strategy.change, center, half, radius, Y)
+    if strategy.change is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
+        change, bend = _sampled(strategy, center, half, radius, A, Y)
     if strategy.task.turns:  # the rotation vector of the error turns its own axes, by at most 0.6 of its length
         rows = [i for i, row in enumerate(strategy.task.rows) if row > 2]
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
@@ -126,10 +134,10 @@ def branch_code(strategy: Strategy) -> str:
     """C that branch.c needs: figures, the extended Jacobian and, where there is one, the enclosure of its change."""
     task, change = strategy.task, strategy.change
     turn = next((i for i, row in enumerate(task.rows) if row > 2), -1) if task.turns else -1
+    angular = int(any(row > 2 for row in task.rows))
     figures = {
-        "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "LONGEST": LONGEST,
-        "DIRECTIONS": DIRECTIONS,
-        "TURN": turn,
+        "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
+        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURN": turn, "ANGULAR": angular,
         "ROWS": task.m,
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in figures.items())
@@ -158,8 +166,8 @@ class Branch:
                 return 2.0
         move = b - a
         size = float(np.linalg.norm(move))
-        if size == 0.0:
-            return 2.0
+        if size == 0.0:  # the target rests, or it comes back within the step
+            return 2.0 if curve <= RESTS else 0.5
         change = np.inf
         for _ in range(LAID):
             length = max(self._length, size / 2)

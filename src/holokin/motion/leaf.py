@@ -7,7 +7,7 @@ before. A step is accepted only where `branch` shows that no fold lies on its wa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,12 +30,16 @@ DONE = 1e-9
 NEWTONS = 12
 """Newton steps: contraction by 1/8 a step gets from 1 to 1e-10 in them; it is quadratic long before."""
 
-TRIES = 50_000
-"""Pieces of one interval tried at most: 1e-4 rad beside a singularity it takes some ten thousand."""
+TRIES = 20_000
+"""Pieces of one interval tried at most: 1e-4 rad beside a singularity it takes ten thousand."""
 
 CREEP = 1e-10
 """Joint motion [joint units] of a piece of an interval below which a walk is at a fold: pieces shrink in proportion to
 the joints' distance from it."""
+
+
+REGULAR = 1e-3
+"""Conditioning from which a walk that stops is at no fold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,8 @@ def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[
     """
     correct, branch = strategy.leaf_step, Branch(strategy)
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
+    angular = any(row > 2 for row in strategy.task.rows)
+    angles = angular and not strategy.task.turns
     pose = strategy.task.robot.pose(q0, strategy.task.tip)
     side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
@@ -98,13 +104,13 @@ def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[
 
     def walk(q: Vector, way: Way) -> Vector:
         nonlocal rate
+        way = way if angular else replace(way, turn=0.0)
         share, width = 0.0, 1.0
         for _ in range(tries):
             goal = min(1.0, share + width)
             found, fits = newton(q + (goal - share) * rate, *way.at(goal)), 0.5
             if found is not None:
-                margin = 1.0 if strategy.task.turns else found[1]
-                fits = branch.step(q, found[0], way.curve(goal - share, margin))
+                fits = branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)
@@ -118,9 +124,16 @@ def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[
             if width < TOLERANCES.smallest_step:
                 break
         strategy(q)  # raises if it is singular already here
+        at, figure = np.array2string(q, precision=6), strategy.gain(q)[1]
+        if figure > REGULAR:
+            raise BranchError(
+                f"no step along the leaf of {strategy.name!r} from q = {at} could be shown to keep to its branch, "
+                f"though [J; J_g] is regular there (conditioning {figure:.1e})",
+                "write the constraint without kinks and jumps (fabs, fmin, if_else, floor), or take another start",
+            )
         raise BranchError(
-            f"the leaf of {strategy.name!r} ends at q = {np.array2string(q, precision=6)}: there [J; J_g] turns "
-            "singular and no nearby posture on it follows the path",
+            f"the leaf of {strategy.name!r} ends at q = {at}: there [J; J_g] turns singular and no nearby posture on "
+            "it follows the path",
             "choose another constraint, or another leaf (start posture)",
         )
 
@@ -184,7 +197,7 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     `stationary(cost)`, to hold a certain arm angle on that angle's leaf: begin from here.
 
     Args:
-        leaf: c (r,), or one number for all rows.
+        leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
         SingularityError, BranchError: no such posture before a singular one. ArgumentError: no constraint.
@@ -203,5 +216,6 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     if not np.isfinite(goal).all():
         raise NotFiniteError("the leaf", goal.tolist())
     pose = task.robot.pose(start, task.tip)
+    goal = at + level_gap(strategy, goal - at)
     way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
     return leaf_walker(strategy, start)(start, way)

@@ -23,7 +23,7 @@ from .function import Function
 Pair = tuple[ca.SX, ca.SX]
 """(mid, rad >= 0)."""
 
-_NUMBERS = (-np.inf, np.inf)
+_NUMBERS, _POSITIVE, _UNIT = (-np.inf, np.inf), (0.0, np.inf), (-1.0, 1.0)
 
 
 def _times(a: Pair, b: Pair) -> Pair:
@@ -39,12 +39,17 @@ def _bounded(sound: ca.SX, rad: ca.SX) -> ca.SX:
     return ca.if_else(sound, rad, np.inf)
 
 
+def _larger(a: ca.SX, b: ca.SX) -> ca.SX:
+    """The larger of two radii, infinite where one is not a number, which fmax would drop."""
+    return _bounded(a + b < np.inf, ca.fmax(a, b))
+
+
 def _rising(f: Callable[[ca.SX], ca.SX], domain: tuple[float, float] = _NUMBERS) -> Callable[[Pair], Pair]:
     """A monotone function: its extremes are at the ends."""
 
     def apply(a: Pair) -> Pair:
         mid, low, high = f(a[0]), a[0] - a[1], a[0] + a[1]
-        rad = ca.fmax(ca.fabs(f(high) - mid), ca.fabs(mid - f(low)))
+        rad = _larger(ca.fabs(f(high) - mid), ca.fabs(mid - f(low)))
         inside = ca.logic_and(low > domain[0], high < domain[1])
         return mid, rad if domain == _NUMBERS else _bounded(inside, rad)
 
@@ -66,12 +71,12 @@ def _tan(a: Pair) -> Pair:
 
 def _step(f: Callable[[ca.SX], ca.SX]) -> Callable[[Pair], Pair]:
     """A function that rises by jumps: sign, floor, ceil."""
-    return lambda a: (f(a[0]), ca.fmax(f(a[0] + a[1]) - f(a[0]), f(a[0]) - f(a[0] - a[1])))
+    return lambda a: (f(a[0]), _larger(f(a[0] + a[1]) - f(a[0]), f(a[0]) - f(a[0] - a[1])))
 
 
 def _compared(f: Callable[[ca.SX, ca.SX], ca.SX]) -> Callable[[Pair, Pair], Pair]:
-    """A condition, 0 or 1: with radius 1 where it may fall either way."""
-    return lambda a, b: (f(a[0], b[0]), ca.fabs(a[0] - b[0]) <= a[1] + b[1])
+    """A condition, 0 or 1: with radius 1 where it may fall either way, or is one of what is not a number."""
+    return lambda a, b: (f(a[0], b[0]), ca.logic_not(ca.fabs(a[0] - b[0]) > a[1] + b[1]))
 
 
 def _any(a: Pair, b: Pair) -> ca.SX:
@@ -86,27 +91,29 @@ def _if(c: Pair, a: Pair) -> Pair:
 
 
 def _power(a: Pair, b: Pair) -> Pair:
-    """a^b for a constant b, by its largest slope: whole b >= 1 everywhere, other whole b off 0, the rest for a > 0."""
+    """a^b: a constant b by its largest slope, whole ones off 0 and those from 1 on everywhere; else exp(b log a)."""
     near, far = ca.fabs(a[0]) - a[1], ca.fabs(a[0]) + a[1]
     rises, whole = ca.power(far, b[0] - 1), ca.floor(b[0]) == b[0]
     steepest = ca.if_else(near > 0, ca.fmax(rises, ca.power(ca.fmax(near, 1e-300), b[0] - 1)), rises)
-    sound = ca.logic_or(ca.logic_and(whole, ca.logic_or(b[0] >= 1, near > 0)), a[0] > a[1])
-    return ca.power(a[0], b[0]), _bounded(ca.logic_and(sound, b[1] == 0), ca.fabs(b[0]) * steepest * a[1])
+    sound = ca.logic_or(b[0] >= 1, ca.logic_and(near > 0, ca.logic_or(whole, a[0] > 0)))
+    slope = _bounded(sound, ca.fabs(b[0]) * steepest * a[1])
+    other = _rising(ca.exp)(_times(b, _rising(ca.log, _POSITIVE)(a)))
+    return ca.power(a[0], b[0]), ca.if_else(b[1] > 0, other[1], slope)
 
 
 def _atan2(y: Pair, x: Pair) -> Pair:
-    """The gradient of atan2 is 1 / |(x, y)| in size."""
-    mid, near = ca.atan2(y[0], x[0]), ca.sqrt(y[0] * y[0] + x[0] * x[0]) - ca.sqrt(y[1] * y[1] + x[1] * x[1])
-    return mid, _bounded(near > 0, ca.sqrt(y[1] * y[1] + x[1] * x[1]) / near)
+    """The gradient of atan2 is 1 / |(x, y)| in size; it jumps across the negative x axis."""
+    width = ca.sqrt(y[1] * y[1] + x[1] * x[1])
+    near = ca.sqrt(y[0] * y[0] + x[0] * x[0]) - width
+    across = ca.logic_and(ca.fabs(y[0]) <= y[1], x[0] - x[1] < 0)
+    return ca.atan2(y[0], x[0]), _bounded(ca.logic_and(near > 0, ca.logic_not(across)), width / near)
 
 
 def _extreme(f: Callable[[ca.SX, ca.SX], ca.SX]) -> Callable[[Pair, Pair], Pair]:
     """fmin, fmax: no argument moves them by more than itself."""
-    return lambda a, b: (f(a[0], b[0]), ca.fmax(a[1], b[1]))
+    return lambda a, b: (f(a[0], b[0]), _larger(a[1], b[1]))
 
 
-_POSITIVE = (0.0, np.inf)
-_UNIT = (-1.0, 1.0)
 _OPERATIONS: dict[int, Callable[..., Pair]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: lambda a, b: (a[0] + b[0], a[1] + b[1]),

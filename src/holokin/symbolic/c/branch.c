@@ -52,12 +52,11 @@ static void hk_spread(const hk_t *Y, const hk_t *M, int sizes, hk_t *W) {
 }
 
 #ifdef HK_ENCLOSED
-/* change and bend of a tube, enclosed. */
-static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
+/* change and bend of a tube, enclosed; 0 where they have no bound. */
+static int hk_enclose(hk_tube *tube, const hk_t *Y) {
   enum { SQUARE = HK_N * HK_N };
   hk_t box[2 * HK_N], pairs[2 * HK_N * SQUARE], mid[SQUARE], rad[SQUARE], M[SQUARE], R[SQUARE];
   hk_t along = HK_C(0), across = HK_C(0), bend = HK_C(0);
-  (void)A;
   for (int i = 0; i < HK_N; i++) {
     box[i] = tube->center[i];
     box[HK_N + i] = HK_FABS(tube->half[i]) + tube->radius;
@@ -85,10 +84,12 @@ static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
   }
   tube->change = HK_SQRT(along) + tube->radius * HK_SQRT(across);
   tube->bend = HK_SQRT(bend);
+  return tube->change - tube->change == HK_C(0);
 }
-#else
+#endif
+
 /* change and bend of a tube, sampled at its ends and quarters and off its middle in a few perpendicular directions. */
-static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
+static void hk_sample(hk_tube *tube, const hk_t *A, const hk_t *Y) {
   enum { SQUARE = HK_N * HK_N, COUNT = HK_N < HK_DIRECTIONS ? HK_N : HK_DIRECTIONS };
   const hk_t shares[4] = {HK_C(-1), HK_C(-0.5), HK_C(0.5), HK_C(1)}, step = HK_C(3.14159265358979323846) / HK_C(HK_N);
   hk_t q[HK_N], there[2 * SQUARE + 1], M[SQUARE], D[SQUARE], most = HK_C(0), across = HK_C(0), bend = HK_C(0);
@@ -120,7 +121,6 @@ static void hk_measure(hk_tube *tube, const hk_t *A, const hk_t *Y) {
   tube->change = HK_C(HK_DOUBT) * (HK_SQRT(most) + HK_SQRT(HK_C(HK_N) / HK_C(COUNT) * across));
   tube->bend = HK_C(HK_DOUBT) * HK_SQRT(bend);
 }
-#endif
 
 /* The tube that begins at q and goes on by 2 half. */
 static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
@@ -134,7 +134,10 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
   }
   tube->radius = HK_C(HK_THICKNESS) * HK_SQRT(square);
   hk_extended_body(tube->center, both);
-  hk_measure(tube, A, Y);
+#ifdef HK_ENCLOSED
+  if (!hk_enclose(tube, Y) && tube->radius <= HK_C(HK_THICKNESS) * HK_C(HK_SWITCH))
+#endif
+    hk_sample(tube, A, Y);
   for (int i = 0; i < HK_N; i++)
     for (int j = 0; j < HK_ROWS; j++) size += Y[i * HK_N + j] * Y[i * HK_N + j];
   tube->inverse = HK_SQRT(size);
@@ -170,7 +173,7 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
   }
   for (int i = 0; i < HK_N; i++) move[i] = b[i] - a[i];
   const hk_t size = HK_SQRT(hk_dot(move, move));
-  if (size == HK_C(0)) return HK_C(2);
+  if (size == HK_C(0)) return curve <= HK_C(HK_RESTS) ? HK_C(2) : HK_C(0.5); /* rests, or comes back within the step */
   for (int tried = 0; tried < HK_LAID; tried++) {
     const hk_t length = HK_FMAX(branch->length, size / HK_C(2));
     for (int i = 0; i < HK_N; i++) half[i] = move[i] * (length / size);
