@@ -79,8 +79,8 @@ class Price:
         ours = "" if self.ours is None else f"; yours is {self.ours}"
         return (
             f"at some posture of the circle about the start every law g = const, g smooth, regular and of one value "
-            f"there, is at least {self.bound:.2%} away (proven; the least of {self.points} sampled points); the radial twin is "
-            f"{self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
+            f"there, is at least {self.bound:.2%} away (proven; the least of {self.points} sampled points); the radial "
+            f"twin is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
             "most over these and the circle)"
         )
 
