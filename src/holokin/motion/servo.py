@@ -122,7 +122,8 @@ def _converted(arguments: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) ->
             if given.shape != shape:
                 raise ShapeError(what, shape, given.shape)
             array = np.empty(shape)
-            array[...] = given
+            with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
+                array[...] = given
         except (TypeError, ValueError):
             raise ArgumentError(what, value, f"give real numbers of shape {shape}") from None
         except OverflowError:
