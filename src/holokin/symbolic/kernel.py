@@ -185,7 +185,7 @@ class StepKernel:
 
         def step(*arguments: Array) -> Array:
             fit = len(arguments) == 3 and all(
-                isinstance(value, np.ndarray) and value.shape == copy.shape and value.dtype.kind in "fiu"
+                isinstance(value, np.ndarray) and value.shape == copy.shape and value.dtype == copy.dtype
                 for copy, value in zip(copies.arrays, arguments, strict=True)
             )
             for copy, value in zip(copies.arrays, arguments if fit else convert(*arguments), strict=True):
