@@ -278,10 +278,10 @@ class EmptyRegionError(HolokinError):
 
 
 class NativeError(HolokinError):
-    """Native code that could not be made or loaded."""
+    """Native code that could not be made or loaded. `cause`: a word for what lies behind it, by default the fact."""
 
-    def __init__(self, fact: str) -> None:
-        self.fact = fact
+    def __init__(self, fact: str, cause: str = "") -> None:
+        self.fact, self.cause = fact, cause or fact
         super().__init__(f"{fact}; everything works without native code too: set HOLOKIN_NATIVE=0")
 
 

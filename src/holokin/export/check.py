@@ -37,7 +37,9 @@ def check(exported: Exported) -> list[str]:
 
 def _run(command: list[str], fault: str) -> str:
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=PATIENCE, check=False
+        )
     except (OSError, subprocess.TimeoutExpired) as problem:
         raise ExportError(f"{fault} ({problem})", "please report it") from problem
     if done.returncode != 0:

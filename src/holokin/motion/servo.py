@@ -9,8 +9,8 @@ is dq = G (x' + K e).
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -22,7 +22,9 @@ from ..symbolic import (
     LARGEST,
     SX,
     Function,
+    Port,
     StepKernel,
+    StepMemory,
     enabled,
     engine,
     fabs,
@@ -30,11 +32,12 @@ from ..symbolic import (
     fmin,
     if_else,
     symbol,
+    tell,
     vec,
     vertcat,
 )
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Vector, number
+from ..types import Array, ArrayLike, Vector, number
 from .leaf import leaf_value
 
 HELD = 1e-6
@@ -55,7 +58,10 @@ class Servo:
     """One control step of a strategy. Make one with `controller`.
 
     `step(q, x_des, dx_des) -> dq`: q (n,); x_des, the wanted tool pose (4, 4), or position (3,) for a position task;
-    dx_des (m,) its rate in task rows. dq (n,) is the same array at every call; copy it to keep it.
+    dx_des (m,) its rate in task rows. dq (n,) is the same array at every call of a thread; copy it to keep it.
+
+    Threads may share a controller: each has its own dq, status and scale, and none sees another's. A thread that
+    never steps, such as one that watches, reads status and scale of the last step that any thread made.
     """
 
     step: Callable[[ArrayLike, ArrayLike, ArrayLike], Vector]
@@ -64,31 +70,32 @@ class Servo:
         self.strategy, self.dt, self.leaf = strategy, dt, leaf
         task = strategy.task
         self._function = step
-        self._out = np.zeros(task.n + 2)  # dq, scale, status
-        self._dq = self._out[: task.n]
-        self._held = np.append(leaf, (dt, gain, leaf_gain))
+        self._memory = StepMemory(task.n, [np.zeros(task.n + 2)])
+        held = np.append(leaf, (dt, gain, leaf_gain))
+        shapes = list(step.input_shapes.values())[:3]
         self.engine = "CasADi's virtual machine"
-        self.step = self._machine()
-        if enabled() and self._function.program.instructions <= LARGEST:
+        if enabled() and step.program.instructions <= LARGEST:
             try:
-                self._kernel = StepKernel(*self.generated)
-                self.step = self._kernel.bind(self._held, self._out, self._dq, self._converted)
+                kernel = StepKernel(*self.generated)
+                self.step = kernel.bind(held, self._memory, lambda *arguments: _converted(arguments, shapes))
                 self.engine = engine()
+                return
             except NativeError as problem:
-                logging.getLogger("holokin").warning("%s", problem)
+                tell(problem)
+        self.step = _machine(step, held, self._memory)
 
     def __repr__(self) -> str:
         return f"Servo({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
 
     @property
     def status(self) -> StepStatus:
-        """What became of the last step."""
-        return StepStatus(int(self._out[-1]))
+        """What became of this thread's last step."""
+        return StepStatus(int(self._memory.last[-1]))
 
     @property
     def scale(self) -> float:
-        """How far the last step was slowed, 0 to 1: go on along the path by scale * dt."""
-        return float(self._out[-2])
+        """How far this thread's last step was slowed, 0 to 1: go on along the path by scale * dt."""
+        return float(self._memory.last[-2])
 
     @property
     def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
@@ -97,51 +104,73 @@ class Servo:
         figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "HELD": HELD}
         return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
 
-    def _converted(self, *arguments: ArrayLike) -> Vector:
-        """The step of arguments that are no float arrays of the right size. Raises: ShapeError, ArgumentError."""
-        shapes = list(self._function.input_shapes.values())[:3]
-        if len(arguments) != 3:
-            raise ArgumentError("the arguments of a step", len(arguments), "give q, x_des and dx_des")
-        out = []
-        for what, value, shape in zip(("q", "x_des", "dx_des"), arguments, shapes, strict=True):
-            try:
-                array = np.ascontiguousarray(value, dtype=float)
-            except (TypeError, ValueError):
-                raise ArgumentError(what, value, f"give numbers of shape {shape}") from None
-            if array.shape != shape:
-                raise ShapeError(what, shape, array.shape)
-            out.append(array)
-        return self.step(*out)
 
-    def _machine(self) -> Callable[[Any, Any, Any], Vector]:
-        """The step by CasADi's virtual machine, on memory of its own."""
-        trigger, (q_in, pose_in, dx_in, held_in), results = self._function.port()
-        held_in[...] = self._held
+def _converted(arguments: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> tuple[Array, ...]:
+    """The arguments of a step in new arrays: contiguous, aligned, of this machine's doubles. Nothing else is let in.
+
+    Raises:
+        ArgumentError: not three, or not of real numbers. ShapeError.
+    """
+    if len(arguments) != 3:
+        raise ArgumentError("the arguments of a step", len(arguments), "give q, x_des and dx_des")
+    out = []
+    for what, value, shape in zip(("q", "x_des", "dx_des"), arguments, shapes, strict=True):
+        try:
+            given = np.asarray(value)
+            if given.dtype.kind not in "fiubO":  # of complex numbers a part would be lost
+                raise TypeError
+            if given.shape != shape:
+                raise ShapeError(what, shape, given.shape)
+            array = np.empty(shape)
+            with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
+                array[...] = given
+        except (TypeError, ValueError):
+            raise ArgumentError(what, value, f"give real numbers of shape {shape}") from None
+        except OverflowError:
+            raise ArgumentError(what, "beyond all floats", f"give real numbers of shape {shape}") from None
+        out.append(array)
+    return tuple(out)
+
+
+class _MachineMemory(threading.local):
+    """What a thread needs for steps on the virtual machine: (trigger, arguments, results, out, dq)."""
+
+    def __init__(self, port: Port, held: Vector, memory: StepMemory) -> None:
+        *arguments, held_in = port.arguments
+        held_in[...] = held
+        self.all = (port.trigger, arguments, port.results, memory.out, memory.dq)
+
+
+def _machine(function: Function, held: Vector, memory: StepMemory) -> Callable[..., Vector]:
+    """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
+    mine, latest = _MachineMemory(function.port(), held, memory), memory.latest
+    shapes = tuple(function.input_shapes.values())[:3]
+    double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
+
+    def step(*arguments: Any) -> Vector:
+        try:
+            q, pose, dx = arguments
+            fit = (q.shape, pose.shape, dx.shape) == shapes and q.dtype is pose.dtype is dx.dtype is double
+        except (ValueError, AttributeError):  # not three, or no arrays
+            fit = False
+        values = arguments if fit else _converted(arguments, shapes)
+        trigger, (q_in, pose_in, dx_in), results, out, dq = mine.all
+        latest[0], memory.stepped = out, True
+        q_in[...], pose_in[...], dx_in[...] = values
+        trigger()
         rates, scale, conditioning, margin, room, given = results
-        out, dq, slow = self._out, self._dq, self._converted
-        shapes = (q_in.shape, pose_in.shape, dx_in.shape)
-        least, clear = TOLERANCES.singular, TOLERANCES.representation
-
-        def step(q: Any = None, x_des: Any = None, dx_des: Any = None, *more: Any) -> Vector:
-            try:
-                if more or (q.shape, x_des.shape, dx_des.shape) != shapes:
-                    return slow(q, x_des, dx_des, *more)
-                q_in[...], pose_in[...], dx_in[...] = q, x_des, dx_des
-            except (AttributeError, TypeError, ValueError):  # no arrays, or not of numbers
-                return slow(*(value for value in (q, x_des, dx_des) if value is not None))
-            trigger()
-            share = scale.item()
-            size = rates @ rates + share + given.item()
-            if size - size == 0.0 and conditioning.item() > least and margin.item() > clear:
-                dq[...] = rates
-                out[-2] = share
-                out[-1] = 0 if share >= 1.0 else 1 if room.item() > HELD else 2
-                return dq
-            out[:-1] = 0.0
-            out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE
+        share = scale.item()
+        size = rates @ rates + share + given.item()
+        if size - size == 0.0 and conditioning.item() > least and margin.item() > clear:
+            dq[...] = rates
+            out[-2] = share
+            out[-1] = 0 if share >= 1.0 else 1 if room.item() > HELD else 2
             return dq
+        out[:-1] = 0.0
+        out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE
+        return dq
 
-        return step
+    return step
 
 
 def controller(
@@ -154,6 +183,8 @@ def controller(
     limits: bool = True,
 ) -> Servo:
     """A strategy as a control step, native code if there is a compiler, else CasADi's virtual machine.
+
+    Threads may share it; see `Servo`.
 
     Args:
         dt: the loop's step [s].

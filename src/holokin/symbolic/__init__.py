@@ -28,10 +28,11 @@ from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
-from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, VelocityRules
+from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
 from .linear import Factorisation, Solution, factorise, solution, solve
-from .native import compiler, enabled, engine
+from .native import compiler, enabled, engine, tell
 from .nature import other_operations
+from .program import Port
 from .qp import NearestPoint
 
 __all__ = [
@@ -43,8 +44,10 @@ __all__ = [
     "Function",
     "LeafRules",
     "NearestPoint",
+    "Port",
     "Solution",
     "StepKernel",
+    "StepMemory",
     "VelocityRules",
     "as_expression",
     "as_map",
@@ -81,6 +84,7 @@ __all__ = [
     "solve",
     "sumsqr",
     "symbol",
+    "tell",
     "vec",
     "vertcat",
     "wrapped",

@@ -6,7 +6,6 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ CHUNK = 256
 
 
 class Function:
-    """y_1, y_2, ... = F(x_1, x_2, ...) of a CasADi expression.
+    """y_1, y_2, ... = F(x_1, x_2, ...) of a CasADi expression. Threads may share it: each has memory of its own.
 
     Args:
         name: identifier, for messages and generated code.
@@ -54,8 +53,7 @@ class Function:
         self.program = program(name, inputs, outputs, system)
         self._shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
         self._port = Port(self.program, *self._shapes)
-        self._map: Port | None = None
-        self._kept: list[Port] = []
+        self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
 
     def __repr__(self) -> str:
@@ -130,17 +128,12 @@ class Function:
 
     @property
     def memory(self) -> Port:
-        """This thread's memory, which every call of the function uses: for loops that leave it to nobody else."""
+        """This thread's memory, which every call of the function uses: for loops that do not call it meanwhile."""
         return self._port
 
-    def port(self) -> tuple[Callable[[], None], list[Array], list[Array]]:
-        """(trigger, arguments, results): memory of this function's own, for one thread that calls it often.
-
-        Write the arguments, call trigger(), read the results.
-        """
-        port = Port(self.program, *self._shapes)
-        self._kept.append(port)
-        return port.trigger, port.arguments, port.results
+    def port(self) -> Port:
+        """Memory besides the function's own, and each thread's own too, for a loop that others may interrupt."""
+        return Port(self.program, *self._shapes)
 
     def follower(self, method: str, more: Callable[[], str] = str) -> FollowKernel | None:
         """The loop of following a path by this function, see `FollowKernel`; None where there can be none.
@@ -200,10 +193,12 @@ class Function:
 
 def _tried(make: Callable[[], Any]) -> Any:
     """What is made, or None and a warning."""
+    from .native import tell
+
     try:
         return make()
     except NativeError as problem:
-        logging.getLogger("holokin").warning("%s", problem)
+        tell(problem)
         return None
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import ctypes
 import os
 import sysconfig
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from importlib.machinery import ExtensionFileLoader
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 from ..errors import NativeError
 from ..types import Array, Indices, whole
 from .emit import LANES, SCALAR, prelude
-from .native import library, path_of
+from .native import library
 from .program import Program, Shapes
 from .source import body, source, step_source
 
@@ -66,6 +65,7 @@ class BatchKernel:
             source(LANES, head, body(made, inputs, outputs, "hk_body"), "batch.c"),
             fast=True,
             long=made.instructions > LONG,
+            needs=("hk_batch",),
         )
         self._run: Any = self._library.hk_batch
         self._run.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
@@ -109,7 +109,7 @@ class FollowKernel:
         }
         name, *files = drivers[method]
         code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "path.c", *files)
-        self._library = library(code, long=made.instructions > LONG)
+        self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",))
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._run.restype = ctypes.c_longlong
@@ -128,37 +128,73 @@ class FollowKernel:
         )  # fmt: skip
 
 
+class StepMemory(threading.local):
+    """A thread's own results of a control step: `out` is dq, scale, status, and `dq` a view of it.
+
+    latest: one array in a list that all threads share, the results of the thread that steps at present.
+    """
+
+    def __init__(self, size: int, latest: list[Array]) -> None:
+        self.out = np.zeros(size + 2)
+        self.dq = self.out[:size]
+        self.place = self.out.ctypes.data
+        self.latest, self.stepped = latest, False
+
+    def enter(self) -> tuple[int, Array]:
+        """This thread steps from now on: (address of out, dq)."""
+        self.latest[0], self.stepped = self.out, True
+        return self.place, self.dq
+
+    @property
+    def last(self) -> Array:
+        """The results of this thread's last step; of a thread that made none, of the last step of all."""
+        return self.out if self.stepped else self.latest[0]
+
+
+class _Copies(threading.local):
+    """A thread's own contiguous arrays for the arguments of a step, and their addresses."""
+
+    def __init__(self, shapes: Shapes) -> None:
+        self.arrays = [np.empty(shape) for shape in shapes]
+        self.places = [array.ctypes.data for array in self.arrays]
+
+
 class StepKernel:
     """hk_step of a control step (q, pose, dx, held) -> (dq, scale, conditioning, margin), and its binding to Python."""
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
-        self._library = library(step_source(made, inputs, outputs, figures), long=made.instructions > LONG)
+        code = step_source(made, inputs, outputs, figures)
+        self._library = library(code, long=made.instructions > LONG, needs=("hk_step",))
         self._run: Any = self._library.hk_step
         self._run.argtypes = [ctypes.c_void_p] * 5
         self._run.restype = ctypes.c_int
         self.shapes = tuple(inputs[:3])
 
-    def bind(self, held: Array, out: Array, answer: Array, slow: Callable[..., Array]) -> Callable[..., Array]:
-        """(q, pose, dx) -> answer, a view of out (dq, scale, status); `slow` is called with what is no float array."""
+    def bind(self, held: Array, memory: StepMemory, convert: Callable[..., tuple[Array, ...]]) -> Callable[..., Array]:
+        """(q, pose, dx) -> dq, in the memory of the thread that calls.
+
+        convert: makes of arguments that are no float arrays as they are needed such arrays, newly made.
+        """
         glue = _glue()
         if glue is not None:
             address, square = ctypes.cast(self._run, ctypes.c_void_p).value, int(len(self.shapes[1]) == 2)
             sizes = [int(np.prod(shape)) for shape in self.shapes]
-            return glue.bind(address, held.ctypes.data, out.ctypes.data, *sizes, square, len(out) - 1, answer, slow)
-        run, held_at, out_at = self._run, held.ctypes.data, out.ctypes.data
-        copies = [np.empty(shape) for shape in self.shapes]
-        places = [copy.ctypes.data for copy in copies]
+            last = len(memory.out) - 1
+            return glue.bind(address, held.ctypes.data, *sizes, square, last, memory, convert, (self._library, held))
+        run, held_at, copies = self._run, held.ctypes.data, _Copies(self.shapes)
 
         def step(*arguments: Array) -> Array:
-            if len(arguments) != 3:
-                return slow(*arguments)
-            for copy, value in zip(copies, arguments, strict=True):
-                if getattr(value, "shape", None) != copy.shape or value.dtype.kind not in "fiu":
-                    return slow(*arguments)
+            fit = len(arguments) == 3 and all(
+                isinstance(value, np.ndarray) and value.shape == copy.shape and value.dtype == copy.dtype
+                for copy, value in zip(copies.arrays, arguments, strict=True)
+            )
+            for copy, value in zip(copies.arrays, arguments if fit else convert(*arguments), strict=True):
                 copy[...] = value
-            out[-1] = run(*places, out_at, held_at)
-            return answer
+            out_at, dq = memory.enter()
+            memory.out[-1] = run(*copies.places, out_at, held_at)
+            return dq
 
+        step.__dict__["kept"] = held  # C reads it by its address
         return step
 
 
@@ -169,12 +205,10 @@ def _glue() -> Any:
     if not (Path(folder) / "Python.h").is_file():
         return None
     try:
-        built = library(prelude("glue.c"), includes=(folder,))
-        loader = ExtensionFileLoader("holokin_glue", str(path_of(built)))
-        spec = spec_from_loader("holokin_glue", loader)
-        module = module_from_spec(spec) if spec is not None else None
-        if module is not None:
-            loader.exec_module(module)
-        return module
-    except (NativeError, ImportError):
+        built = library(prelude("glue.c"), includes=(folder,), needs=("PyInit_holokin_glue",))
+    except NativeError:
         return None
+    # The library is loaded already, from memory: its module is asked for here and not by a path.
+    start: Any = ctypes.PyDLL("holokin_glue", handle=built._handle).PyInit_holokin_glue
+    start.restype = ctypes.py_object
+    return start()

@@ -1,67 +1,50 @@
-"""C to shared library: the compiler, the cache, the loading. Without a compiler all runs on CasADi's virtual machine.
+"""C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's virtual machine.
 
-A library is built once for its source, compiler, flags and processor, and kept in the user's cache folder under
-the hash of all these. It is written aside and renamed, with a seal (the hash of its bytes) beside it, so that
-processes may build at once and a half-written or foreign file is never loaded. `HOLOKIN_NATIVE=0` turns all off;
-`HOLOKIN_CACHE` moves the folder.
+A library is built once for its source, compiler, flags and processor, and kept in the user's cache folder under the
+hash of all these (see `cache`). Whether that works here is tried once in a process, with a library of one line; what
+fails is said once. `HOLOKIN_NATIVE=0` turns native code off; `HOLOKIN_CACHE` moves the folder.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
-import importlib.util
+import logging
 import os
 import platform
-import shlex
-import shutil
+import signal
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+import threading
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 from ..errors import NativeError
+from . import toolchain
+from .cache import FORMAT, SUFFIX, cache_folder, keep, kept, load, read_regular
+from .toolchain import Compiler, compiler, plain
 
-SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-PATIENCE = 300.0
-"""Seconds that a compiler may take."""
+PROBE = "double holokin_probe(double x) { return 2 * x; }"
+"""What is built first: the smallest library that shows that all of it works."""
 
+PROBING = 60.0
+"""Seconds that a compiler may take for it: some build a library of their own at their first call."""
 
-@dataclass(frozen=True)
-class Compiler:
-    """A C compiler: the words that call it, and what it says it is."""
-
-    command: tuple[str, ...]
-    version: str
-
-    def __str__(self) -> str:
-        return self.version
-
-
-@cache
-def compiler() -> Compiler | None:
-    """The C compiler: CC of the environment, else cc, gcc, clang, else ziglang of Python; None without any."""
-    wanted = [tuple(shlex.split(os.environ["CC"]))] if os.environ.get("CC", "").strip() else []
-    wanted += [(name,) for name in ("cc", "gcc", "clang")]
-    if importlib.util.find_spec("ziglang") is not None:
-        wanted.append((sys.executable, "-m", "ziglang", "cc"))
-    for command in wanted:
-        if shutil.which(command[0]) is None:
-            continue
-        try:
-            said = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
-        except (OSError, subprocess.TimeoutExpired):
-            continue
-        if said.returncode == 0 and said.stdout.strip():
-            return Compiler(command, said.stdout.splitlines()[0].strip())
-    return None
+_troubles: dict[tuple[Compiler, Path], NativeError | None] = {}
+_told: set[str] = set()
+_telling = threading.Lock()
 
 
 def enabled() -> bool:
-    """True when native code may be used: a compiler is there and HOLOKIN_NATIVE is not 0."""
-    return os.environ.get("HOLOKIN_NATIVE", "1") != "0" and compiler() is not None
+    """True when native code may be used: HOLOKIN_NATIVE is not 0, and a compiler and a cache are there that work."""
+    if os.environ.get("HOLOKIN_NATIVE", "1") == "0" or compiler() is None:
+        return False
+    problem = trouble()
+    if problem is not None:
+        tell(problem)
+    return problem is None
 
 
 def engine() -> str:
@@ -71,58 +54,95 @@ def engine() -> str:
     found = compiler()
     if found is None:
         return "CasADi's virtual machine (no C compiler found; pip install 'holokin[native]' brings one)"
-    return f"native code ({found})"
+    problem = trouble()
+    return f"native code ({found})" if problem is None else f"CasADi's virtual machine ({problem.fact})"
 
 
-def cache_folder() -> Path:
-    """Where libraries are kept: HOLOKIN_CACHE, or the user's cache folder; made, and nobody else's to write."""
-    if os.environ.get("HOLOKIN_CACHE"):
-        folder = Path(os.environ["HOLOKIN_CACHE"])
-    elif sys.platform == "win32":
-        folder = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "holokin"
-    elif sys.platform == "darwin":
-        folder = Path.home() / "Library" / "Caches" / "holokin"
-    else:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "holokin"
+def trouble() -> NativeError | None:
+    """Why no library can be built here, or None; found out once for a compiler and a folder."""
+    chosen = compiler()
+    if chosen is None:
+        return NativeError("no C compiler was found")
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    except OSError as problem:
-        raise NativeError(f"the cache folder {folder} cannot be made ({problem.strerror})") from problem
-    if hasattr(os, "getuid") and folder.stat().st_uid not in (os.getuid(), 0):
-        raise NativeError(f"the cache folder {folder} belongs to somebody else")
-    return folder
+        key = chosen, cache_folder()
+        if key not in _troubles:
+            probe = library(PROBE, needs=("holokin_probe",), patience=PROBING).holokin_probe
+            probe.argtypes, probe.restype = [ctypes.c_double], ctypes.c_double
+            wrong = probe(21.0) != 42.0
+            _troubles[key] = NativeError(f"what {chosen} builds gives wrong numbers", "numbers") if wrong else None
+    except NativeError as problem:
+        with suppress(NativeError):
+            return _troubles.setdefault((chosen, cache_folder()), problem)
+        return problem
+    return _troubles[key]
 
 
-def library(source: str, *, fast: bool = False, long: bool = False, includes: tuple[str, ...] = ()) -> ctypes.CDLL:
+def tell(problem: NativeError) -> None:
+    """Warn of what keeps native code from running: once in a process for each cause."""
+    with _telling:
+        known = problem.cause in _told
+        _told.add(problem.cause)
+    if not known:
+        logging.getLogger("holokin").warning("%s; CasADi's virtual machine runs instead", problem.fact)
+
+
+def library(
+    source: str,
+    *,
+    fast: bool = False,
+    long: bool = False,
+    includes: tuple[str, ...] = (),
+    needs: tuple[str, ...] = (),
+    patience: float = toolchain.PATIENCE,
+) -> ctypes.CDLL:
     """The shared library of a C source, from the cache or built now.
 
     Args:
         fast: let products and sums be fused, for vector code; scalar code keeps to the C standard's rounding.
         long: thousands of lines without a branch, on which compilers' cleverest passes take minutes.
+        needs: the functions that it must have.
+        patience: how long the compiler may take [s].
 
     Raises:
-        NativeError: no compiler, or it refuses the source, or the result cannot be loaded.
+        NativeError: no compiler, or it refuses the source, or the result cannot be kept or loaded.
     """
     chosen = compiler()
     if chosen is None:
         raise NativeError("no C compiler was found")
-    flags = _flags(chosen, fast, long, includes)
-    key = hashlib.sha256(
-        "\0".join([source, chosen.version, *chosen.command, *flags, _processor()]).encode()
-    ).hexdigest()
-    path = cache_folder() / f"{key[:40]}{SUFFIX}"
-    loaded = _sound(path)
-    if loaded is None:
-        _build(chosen, source, flags, path)
-        loaded = _sound(path)
-    if loaded is None:
-        raise NativeError(f"the library {path} was built but cannot be loaded")
+    flags, folder = _flags(chosen, fast, long, includes), cache_folder()
+    parts = [FORMAT, source, chosen.version, *chosen.command, *flags, _processor()]
+    path = folder / f"{hashlib.sha256(os.fsencode(chr(0).join(parts))).hexdigest()[:40]}{SUFFIX}"
+    found = kept(path)
+    if found is not None:
+        with suppress(NativeError):  # such as a C library other than the one it was built for
+            return _loaded(found, path, chosen, needs)
+    known = _troubles.get((chosen, folder))
+    if known is not None:
+        raise NativeError(known.fact, known.cause)
+    try:
+        built = _built(chosen, source, flags, patience)
+        keep(path, built)
+    except NativeError as problem:
+        if problem.cause in ("cache", "patience"):  # it would fail again, after as long a time
+            _troubles[chosen, folder] = problem
+        raise
+    try:
+        return _loaded(built, path, chosen, needs)
+    except NativeError:
+        with suppress(OSError):
+            path.unlink()
+        raise
+
+
+def _loaded(found: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) -> ctypes.CDLL:
+    try:
+        loaded = load(found, path)
+    except (OSError, ValueError) as problem:
+        raise NativeError(f"what {chosen} built cannot be loaded ({plain(str(problem))})", "loading") from problem
+    for name in needs:
+        if not hasattr(loaded, name):
+            raise NativeError(f"what {chosen} built lacks the function {name}", "lacking")
     return loaded
-
-
-def path_of(loaded: ctypes.CDLL) -> Path:
-    """The file of a loaded library."""
-    return Path(loaded._name)
 
 
 def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
@@ -154,39 +174,29 @@ def _processor() -> str:
     return platform.machine() + next((line for line in lines if line.startswith(("flags", "Features"))), "")
 
 
-def _build(chosen: Compiler, source: str, flags: tuple[str, ...], path: Path) -> None:
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix="building-") as folder:
-        file, made = Path(folder) / "source.c", Path(folder) / path.name
-        file.write_text(source, "utf-8")
-        command = [*chosen.command, *flags, str(file), "-o", str(made), "-lm"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-        except (OSError, subprocess.TimeoutExpired) as problem:
-            raise NativeError(f"{chosen.version} did not finish ({problem})") from problem
-        if done.returncode != 0 or not made.is_file():
-            complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr[:200])
-            raise NativeError(f"{chosen.version} refused the generated code ({complaint.strip()})")
-        seal = Path(folder) / "seal"
-        seal.write_text(_digest(made), "utf-8")
-        made.replace(path)  # whole files under their final names: whoever comes second replaces equal by equal
-        seal.replace(_seal(path))
+def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: float) -> bytes:
+    """The library of a source. It is built in a private folder, so that nobody can change source or result meanwhile.
 
-
-def _seal(path: Path) -> Path:
-    return path.with_suffix(".sha256")
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _sound(path: Path) -> ctypes.CDLL | None:
-    """The library, if its file is whole, ours, and what its seal says; else None."""
+    Raises:
+        NativeError: the compiler refuses, fails or does not end, or there is no temporary folder to work in.
+    """
     try:
-        if hasattr(os, "getuid") and path.stat().st_uid not in (os.getuid(), 0):
-            return None
-        if _seal(path).read_text("utf-8").strip() != _digest(path):
-            return None
-        return ctypes.CDLL(str(path))
-    except OSError:
-        return None
+        with tempfile.TemporaryDirectory(prefix="holokin-") as private:
+            file, made = Path(private) / "source.c", Path(private) / f"library{SUFFIX}"
+            file.write_text(source, "utf-8")
+            command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
+            status, said = toolchain.call(command, patience, "stderr")
+            if status == 0:
+                return read_regular(made)[0]
+    except subprocess.TimeoutExpired:
+        raise NativeError(f"{chosen} took more than {patience:g} s and was stopped", "patience") from None
+    except OSError as problem:
+        reason = plain(problem.strerror or "no library was made")
+        raise NativeError(f"{chosen} could not build the generated code ({reason})", "building") from problem
+    lines = said.splitlines()
+    complaint = next((line for line in lines if "error" in line), lines[0] if lines else "no reason given")
+    if status < 0:
+        ends = {s.value: s.name for s in signal.Signals}
+        raise NativeError(f"{chosen} was killed ({ends.get(-status, -status)})", "killed")
+    complaint = plain(complaint.replace(str(file), "source.c"))
+    raise NativeError(f"{chosen} refused the generated code ({complaint})", "refused")
