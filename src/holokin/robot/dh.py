@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
-from ..types import ArrayLike, Matrix
-from .model import Coordinate, Joint, Robot, Tip
+from ..types import ArrayLike, Matrix, number, numbers
+from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
 
 CONVENTIONS = ("standard", "modified")
 
@@ -59,6 +59,8 @@ def from_dh(
     """
     if convention not in CONVENTIONS:
         raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    if len(rows) > MOST_MOVING:
+        raise ArgumentError(f"the number of joints of {name!r}", len(rows), f"give at most {MOST_MOVING:,}")
     before = np.eye(4) if base is None else _pose("base", base)
     joints: list[Joint] = []
     coordinates: list[Coordinate] = []
@@ -82,12 +84,25 @@ def from_dh(
 
 def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     if isinstance(row, DHRow):
-        return row
+        row = vars(row)
+    if not isinstance(row, Mapping):
+        raise ArgumentError("a DH row", row, "give a DHRow, or a mapping with its fields")
     known = tuple(DHRow.__dataclass_fields__)
     for key in row:
         if key not in known:
-            raise UnknownNameError("field of a DH row", key, known)
-    return DHRow(**row)
+            raise UnknownNameError("field of a DH row", str(key), known)
+    texts, label = {key: row[key] for key in ("joint", "kind") if key in row}, row.get("joint", "")
+    for key, value in texts.items():
+        if not isinstance(value, str):
+            raise ArgumentError(f"{key} of a DH row", value, "give a text")
+    return DHRow(**texts, **{key: _figure(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts})
+
+
+def _figure(what: str, value: Any) -> float:
+    try:
+        return number(what, value)
+    except OverflowError:  # a whole number beyond all floats
+        raise ArgumentError(what, value, f"give a number within {FARTHEST:g}") from None
 
 
 def _screw(axis: str, angle: float, length: float) -> Matrix:
@@ -98,7 +113,7 @@ def _screw(axis: str, angle: float, length: float) -> Matrix:
 
 
 def _pose(what: str, value: ArrayLike) -> Matrix:
-    T = np.asarray(value, dtype=float)
+    T = numbers(what, value)
     right = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1])
     if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
         raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
