@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import brief
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
 from ..types import Vector
@@ -11,6 +12,11 @@ from .result import JobResult, StrategyResult
 
 ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""
+
+
+def label(text: str, most: int = 60) -> str:
+    """A name for a figure: short, without control characters, which SVG forbids, and no formula to matplotlib."""
+    return brief(text, most).replace("$", r"\$")
 
 
 def joint_unit(robot: Robot) -> str:
