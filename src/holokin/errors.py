@@ -30,7 +30,7 @@ def brief(value: object, most: int = LONGEST_PART) -> str:
 
 
 def shown(value: object, most: int = LONGEST_PART) -> str:
-    """`repr` of a value, cut; its type alone where it has none, as a whole number of 5,000 digits or a very deep list."""
+    """`repr` of a value, cut; only its type where it has none, as a whole number of 5,000 digits or a deep list."""
     try:
         return brief(repr(value), most)
     except (RecursionError, ValueError):
@@ -49,8 +49,9 @@ def _near(word: str, known: Sequence[str]) -> list[str]:
     return [k for k in known if k.lower() in found]
 
 
-def closest(word: str, known: Sequence[str]) -> str:
+def closest(word: object, known: Sequence[str]) -> str:
     """The known name nearest to a word, as a question, and all that are known."""
+    word = brief(word, LONGEST_NAME + 1)
     close = [k for k in known if k.partition(".")[0] == word] or _near(word, known)
     hint = f"did you mean {shown(close[0], 80)}? " if close else ""
     names = ", ".join(brief(name, 60) for name in known[:MOST_NAMES]) or "none"
@@ -58,7 +59,7 @@ def closest(word: str, known: Sequence[str]) -> str:
 
 
 class HolokinError(Exception):
-    """The parent of every error that holokin raises on purpose. Its message is one line of at most some 1,600 characters."""
+    """The parent of every error that holokin raises on purpose. Its message is one line of 1,600 characters at most."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(brief(message, LONGEST))

@@ -295,9 +295,9 @@ class Job(_Table):
                 known = closest(name, list(self.strategies))
                 raise ValueError(f"expect.{brief(name, 100)}: is for no strategy of this job; {known}")
         for name in self.strategies:
-            if not 1 <= len(name) <= LONGEST_NAME:
+            if not 1 <= len(name) <= LONGEST_NAME or not name.isprintable():
                 fact = f"strategies.{brief(name, 60)}: is a name of {len(name)} characters"
-                raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}")
+                raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}, none of them a control character")
         return self
 
 

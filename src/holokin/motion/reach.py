@@ -38,7 +38,7 @@ Look = Callable[[Vector], tuple[Vector, Matrix]]
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Where a search for a target ended: posture, error that is left, whether nothing nearby is nearer, postures seen."""
+    """Where a search ended: posture, error that is left, whether nothing nearby is nearer, number of postures seen."""
 
     q: Vector
     missing: float
@@ -95,7 +95,7 @@ def _nearest(task: Task, look: Look, q: Vector, limits: bool, budget: int) -> _S
 
 
 def _search(look: Look, q: Vector, lower: Vector, upper: Vector, most: int) -> _Search:
-    """Damped least squares; a joint at its limit stays there while the error pushes it outwards. [GVL13, section 6.1]"""
+    """Damped least squares; a joint at its limit stays there while the error pushes it out. [GVL13, section 6.1]"""
     error, D = look(q)
     damping, looks, stationary = 1e-6, 1, False
     while looks < most and np.isfinite(error).all() and np.isfinite(D).all():

@@ -14,9 +14,13 @@ ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""
 
 
-def label(text: str, most: int = 60) -> str:
-    """A name for a figure: short, without control characters, which SVG forbids, and no formula to matplotlib."""
-    return brief(text, most).replace("$", r"\$")
+def on_figure(name: str, most: int = 60) -> str:
+    """A name as matplotlib shows it: short, without control characters, which SVG forbids, and never a formula.
+
+    Names that begin with _ are left out of legends, so they get a blank before.
+    """
+    text = brief(name, most).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
 
 
 def joint_unit(robot: Robot) -> str:

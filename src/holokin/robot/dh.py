@@ -59,6 +59,11 @@ def from_dh(
     """
     if convention not in CONVENTIONS:
         raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    for what, text in (("the name", name), ("the tip", tip), ("the source", source)):
+        if not isinstance(text, str):
+            raise ArgumentError(f"{what} of a robot", text, "give a text")
+    if not isinstance(rows, Sequence):
+        raise ArgumentError("a DH table", rows, "give a list of rows")
     if len(rows) > MOST_MOVING:
         raise ArgumentError(f"the number of joints of {name!r}", len(rows), f"give at most {MOST_MOVING:,}")
     before = np.eye(4) if base is None else _pose("base", base)
@@ -95,14 +100,7 @@ def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     for key, value in texts.items():
         if not isinstance(value, str):
             raise ArgumentError(f"{key} of a DH row", value, "give a text")
-    return DHRow(**texts, **{key: _figure(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts})
-
-
-def _figure(what: str, value: Any) -> float:
-    try:
-        return number(what, value)
-    except OverflowError:  # a whole number beyond all floats
-        raise ArgumentError(what, value, f"give a number within {FARTHEST:g}") from None
+    return DHRow(**texts, **{key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts})
 
 
 def _screw(axis: str, angle: float, length: float) -> Matrix:
@@ -114,7 +112,7 @@ def _screw(axis: str, angle: float, length: float) -> Matrix:
 
 def _pose(what: str, value: ArrayLike) -> Matrix:
     T = numbers(what, value)
-    right = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1])
+    right = T.shape == (4, 4) and bool((np.abs(T) <= FARTHEST).all()) and np.allclose(T[3], [0, 0, 0, 1])
     if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
         raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
     return T

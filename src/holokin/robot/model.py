@@ -123,6 +123,8 @@ class Robot:
         for name in self.joint_names:
             if self.joint_names.count(name) > 1:
                 raise ArgumentError(f"the name of two joints of {self.name!r}", name, "give each a name of its own")
+            if not name.isprintable():
+                raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, n={self.n}, tip={self.tips[0].name!r})"

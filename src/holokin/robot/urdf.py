@@ -329,7 +329,9 @@ def _axis(path: str | Path, joint: Any) -> np.ndarray:
 def _body(joint: int, placement: Matrix, inertial: Any) -> Body:
     T = placement if inertial.origin is None else placement @ np.asarray(inertial.origin, dtype=float)
     given = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, dtype=float)
-    return Body(joint, float(inertial.mass), T[:3, 3], T[:3, :3] @ given @ T[:3, :3].T)
+    with np.errstate(all="ignore"):  # senseless masses are told by what needs them
+        inertia = T[:3, :3] @ given @ T[:3, :3].T
+    return Body(joint, float(inertial.mass), T[:3, 3], inertia)
 
 
 def _motion(kind: str, axis: np.ndarray, value: float) -> Matrix:
