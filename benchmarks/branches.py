@@ -4,7 +4,7 @@
 
 Random tool poses on five robots, reached straight from a start posture: by `hk.inverse`, by the exported C, and by a
 continuation of its own: 3,000 Euler steps with a Newton correction each, which must be small beside the step, else
-the step is halved. Counted: answers that differ, answers where the continuation ends, and poses refused that it reaches.
+the step is halved. Counted: answers that differ, those where the continuation ends, and poses refused that it reaches.
 """
 
 from __future__ import annotations

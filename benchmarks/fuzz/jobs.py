@@ -67,20 +67,27 @@ stiffness = 2
 kind = "radial"
 steps = 2
 """  # fmt: skip
+_FEW = "relative = true\nsamples = 8\n"
 _OTHER_PATHS = (
-    '[path]\nkind = "polyline"\npoints = [[0, 0], [0.05, 0], [0.05, 0.05]]\nclosed = true\nrelative = true\nsamples = 8\n',
-    '[path]\nkind = "arc"\ncenter = [-0.1, 0]\nangle_deg = 40\nclockwise = true\nrelative = true\nsamples = 8\n',
-    '[path]\nkind = "polyline"\npoints = [[0, 0], [0, 9]]\nrelative = true\nsamples = 8\n',
+    '[path]\nkind = "polyline"\npoints = [[0, 0], [0.05, 0], [0.05, 0.05]]\nclosed = true\n' + _FEW,
+    '[path]\nkind = "arc"\ncenter = [-0.1, 0]\nangle_deg = 40\nclockwise = true\n' + _FEW,
+    '[path]\nkind = "polyline"\npoints = [[0, 0], [0, 9]]\n' + _FEW,
 )
 
-NAMES = ("", ".", "..", "../..", "/", "x" * 300, "[/red]", "[tool A] of [b]", "\x00\x1b[31m\n", "\u202e", "日本語", "a.b",
-         "$\\frac$", "x" * 300 + ".urdf", "nothing.toml", "\x00.toml", "_", "é" * 120, "q1", "path", "mp")  # fmt: skip
-FORMULAS = ("(-8)**0.5", "1/0", "q1/0", "log(q1 - 50)", "sqrt(-q1)", "9**9**9", "q1**q1**q1", "tan(q1*1e9)", "1e400",
-            "(" * 500 + "1" + ")" * 500, "-" * 5000 + "1", "+".join(["q1"] * 900), "sin(" * 90 + "q1" + ")" * 90, "9" * 5000,
-            "lambda: 1", "__import__('os')", "q1.q2", "q1 if q2 else 1", "q1 q2", "\x00", "x" * 20_000, "atan2(q1)", "True",
-            "q9", "0*q1", "q1", "exp(exp(exp(q1*9)))", "q1**-300", "1e-320*q1")  # fmt: skip
-NUMBERS = (0, 1, -1, 2, 7, 1e-300, -1e200, 1e200, 1e308, float("nan"), float("inf"), 10**30, 10**400, 10**5000, 0.1, -0.5,
-           3, 1e6, 1e12, 100_000, 2**63, 1e-12)  # fmt: skip
+NAMES = (
+    "", ".", "..", "../..", "/", "x" * 300, "[/red]", "[tool A] of [b]", "\x00\x1b[31m\n", "\u202e", "日本語",
+    "a.b", "$\\frac$", "x" * 300 + ".urdf", "nothing.toml", "\x00.toml", "_", "é" * 120, "q1", "path", "mp",
+)  # fmt: skip
+FORMULAS = (
+    "(-8)**0.5", "1/0", "q1/0", "log(q1 - 50)", "sqrt(-q1)", "9**9**9", "q1**q1**q1", "tan(q1*1e9)", "1e400",
+    "(" * 500 + "1" + ")" * 500, "-" * 5000 + "1", "+".join(["q1"] * 900), "sin(" * 90 + "q1" + ")" * 90,
+    "9" * 5000, "lambda: 1", "__import__('os')", "q1.q2", "q1 if q2 else 1", "q1 q2", "\x00", "x" * 20_000,
+    "atan2(q1)", "True", "q9", "0*q1", "q1", "exp(exp(exp(q1*9)))", "q1**-300", "1e-320*q1",
+)  # fmt: skip
+NUMBERS = (
+    0, 1, -1, 2, 7, 1e-300, -1e200, 1e200, 1e308, float("nan"), float("inf"), 10**30, 10**400, 10**5000, 0.1,
+    -0.5, 3, 1e6, 1e12, 100_000, 2**63, 1e-12,
+)  # fmt: skip
 OTHERS = (True, False, [], {}, [[]], [1] * 200, [[0.1]], {"a": 1}, [None], "1")
 
 

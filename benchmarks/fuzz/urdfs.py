@@ -31,10 +31,15 @@ SOUND = (
 )
 """A tree of six joints of all kinds that are read."""
 
-_VALUES = ("", "0", "1", "-1", "nan", "inf", "1e200", "-1e308", "1e400", "9" * 5000, "0 0 0", "1 2", "1 2 3 4", "a", "g",
-           "j1", "j3", "revolute", "planar", "fixed", "continuous", "x" * 5000, "[/red]", "日本", "0x10", "1_0", "&#10;", "１")  # fmt: skip
-_CODES = ("utf-8", "UTF-16", "latin-1", "cp1252", "GB2312", "Shift_JIS", "euc-jp", "no-such", "utf-7", "idna", "punycode",
-          "unicode_escape", "rot13", "cp037", "utf-8-sig", "ascii", "hz", "undefined", "UTF-32")  # fmt: skip
+_VALUES = (
+    "", "0", "1", "-1", "nan", "inf", "1e200", "-1e308", "1e400", "9" * 5000, "0 0 0", "1 2", "1 2 3 4", "a",
+    "g", "j1", "j3", "revolute", "planar", "fixed", "continuous", "x" * 5000, "[/red]", "日本", "0x10", "1_0",
+    "&#10;", "１",
+)  # fmt: skip
+_CODES = (
+    "utf-8", "UTF-16", "latin-1", "cp1252", "GB2312", "Shift_JIS", "euc-jp", "no-such", "utf-7", "idna",
+    "punycode", "unicode_escape", "rot13", "cp037", "utf-8-sig", "ascii", "hz", "undefined", "UTF-32",
+)  # fmt: skip
 
 
 def _mutated(chance: random.Random) -> bytes:
@@ -96,9 +101,8 @@ def attempt(seed: int, folder: Path) -> None:
     file = folder / f"{chance.choice(('arm', 'arm', 'x' * 245, '[b]', 'é'))}.urdf"
     file.write_bytes(data)
     tips = hk.urdf_tips(file)
-    locked = (
-        {chance.choice(("j1", "j2", "j6")): chance.choice((0.0, 0.5, 9.0, 1e300))} if chance.random() < 0.3 else None
-    )
+    held = {chance.choice(("j1", "j2", "j6")): chance.choice((0.0, 0.5, 9.0, 1e300))}
+    locked = held if chance.random() < 0.3 else None
     base = chance.choice(("b", "f", "e")) if chance.random() < 0.3 else None
     robot = hk.from_urdf(file, tip=chance.choice([*tips, "f"]), base=base, locked=locked)
     q = np.clip(0.1, robot.lower, robot.upper)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
 from typing import Any, ClassVar
@@ -22,7 +22,7 @@ LONGEST_NAME = 200
 
 def brief(value: object, most: int = LONGEST_PART) -> str:
     """A text on one line without control characters, with its middle left out where it is longer than `most`."""
-    text = str(value)
+    text = value if isinstance(value, str) else _written(value, str)
     if len(text) > most:
         left_out = f" ... ({len(text) - most} characters left out) ... "
         text = text[: most - most // 3] + left_out + text[len(text) - most // 3 :]
@@ -31,8 +31,12 @@ def brief(value: object, most: int = LONGEST_PART) -> str:
 
 def shown(value: object, most: int = LONGEST_PART) -> str:
     """`repr` of a value, cut; only its type where it has none, as a whole number of 5,000 digits or a deep list."""
+    return brief(_written(value, repr), most)
+
+
+def _written(value: object, write: Callable[[Any], str]) -> str:
     try:
-        return brief(repr(value), most)
+        return write(value)
     except (RecursionError, ValueError):
         return f"a value of type {type(value).__name__} that is too long to show"
 

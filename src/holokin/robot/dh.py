@@ -57,11 +57,11 @@ def from_dh(
         UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind.
         NotFiniteError: a figure that is not finite.
     """
-    if convention not in CONVENTIONS:
-        raise UnknownNameError("DH convention", convention, CONVENTIONS)
-    for what, text in (("the name", name), ("the tip", tip), ("the source", source)):
+    for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
         if not isinstance(text, str):
             raise ArgumentError(f"{what} of a robot", text, "give a text")
+    if convention not in CONVENTIONS:
+        raise UnknownNameError("DH convention", convention, CONVENTIONS)
     if not isinstance(rows, Sequence):
         raise ArgumentError("a DH table", rows, "give a list of rows")
     if len(rows) > MOST_MOVING:
