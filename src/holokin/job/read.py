@@ -115,15 +115,16 @@ def _context(fault: Mapping[str, Any], word: str) -> str:
 
 def _known_keys(key: Key, table: dict[str, Any]) -> list[str]:
     """The keys that stand beside a key; of a strategy those of its kind."""
-    if len(key) == 1:
+    top, *rest = key
+    if not rest:
         return list(Job.model_fields)
-    if key[0] == "strategies":
-        kind, uses = table["strategies"][key[1]].get("kind"), kinds_of_strategy()
+    if top == "strategies":
+        kind, uses = table["strategies"][rest[0]].get("kind"), kinds_of_strategy()
         if isinstance(kind, str) and kind in uses:
             every = {word for pair in uses.values() for words in pair for word in words}
             used = {word for words in uses[kind] for word in words}
             return [word for word in StrategyTable.model_fields if word not in every - used]
-    return list(_TABLES["bound" if len(key) > 3 else key[0]].model_fields)
+    return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
 
 
 def _key(loc: tuple[int | str, ...], table: Any) -> Key:

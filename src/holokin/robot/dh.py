@@ -100,7 +100,9 @@ def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     for key, value in texts.items():
         if not isinstance(value, str):
             raise ArgumentError(f"{key} of a DH row", value, "give a text")
-    return DHRow(**texts, **{key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts})
+    figures = {key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts}
+    values: dict[str, Any] = texts | figures
+    return DHRow(**values)
 
 
 def _screw(axis: str, angle: float, length: float) -> Matrix:
