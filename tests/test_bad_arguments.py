@@ -211,5 +211,5 @@ def test_a_singular_start_is_refused_with_its_kind(
     holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], kind: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
-    assert_refused(outcome, f"error: {kind} singularity of", "at q = [")
+    assert_refused(outcome, "job.toml: [strategies.", f"] {kind} singularity of", "at q = [")
     assert_untouched(out)

@@ -32,7 +32,7 @@ def test_a_joint_with_equal_limits_stays_out_of_the_search_for_a_way() -> None:
     with pytest.raises(OutOfReachError) as caught:
         hk.follow(held, hk.line(tool, tool / np.linalg.norm(tool) * 3.5), q, samples=60)
     assert np.linalg.norm(caught.value.trajectory.x[-1]) == pytest.approx(3.0, abs=0.05)
-    assert "no posture comes closer" in str(caught.value)
+    assert "no search came closer" in str(caught.value)
     assert (caught.value.trajectory.q[:, 2] == 0).all()
 
 

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, assert_untouched, urdf, write_job
-from holokin.errors import MassError
+from holokin.errors import JobError
 from holokin.job import open_job, run_job
-from holokin.job.schema import _TABLES, _USES, Job
+from holokin.job.read import _TABLES
+from holokin.job.schema import _USES, Job
 from holokin.output.result import FIGURES
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "jobs.md").read_text("utf-8")
@@ -48,7 +49,7 @@ def test_least_kinetic_energy_does_not_come_home(tmp_path: Path) -> None:
     assert not result.verdict.holonomic
     assert result.figures["drift"] > 1e-2
     assert result.figures["speed"] > 1
-    with pytest.raises(MassError):
+    with pytest.raises(JobError):
         run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"'))
 
 

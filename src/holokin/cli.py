@@ -57,6 +57,7 @@ def run(
     file before anything runs, else of the jobs that cannot be done, after the others have been.
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from .job import run_job
     from .output.animate import animate as draw
@@ -73,11 +74,11 @@ def run(
         check_folder(out, name)
     try:
         for name, job, file in opened:
-            with progress.status(f"{name} ...") if progress.is_terminal else _silence() as status:
+            with progress.status(f"{escape(name)} ...") if progress.is_terminal else _silence() as status:
 
                 def say(text: str, name: str = name, status: object = status) -> None:
                     if hasattr(status, "update"):
-                        status.update(f"{name}: {text}")  # type: ignore[union-attr]
+                        status.update(escape(f"{name}: {text}"))  # type: ignore[union-attr]
 
                 try:
                     result = run_job(name, job, file, say)

@@ -44,12 +44,15 @@ def number(what: str, value: Any) -> float:
     """A number as a float. Raises: ArgumentError for anything else, True included."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         raise ArgumentError(what, value, "give a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:  # a whole number beyond all floats
+        raise ArgumentError(what, value, "give a number below 1e308") from None
 
 
 def numbers(what: str, value: Any) -> Array:
     """An array of floats. Raises: ArgumentError for what is no array of numbers, ragged lists included."""
     try:
         return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, RecursionError):
         raise ArgumentError(what, value, "give numbers, in rows of one length") from None

@@ -2,7 +2,7 @@
 
 from ..strategy import SelfMotion, self_motion
 from .audit import Audit, Finding, audit
-from .curvature import curvature
+from .curvature import MOST_JOINTS, curvature
 from .fibre import DriftFree, drift_free
 from .filtration import Filtration, Holonomy, filtration
 from .forecast import Forecast, forecast
@@ -17,6 +17,7 @@ from .region import Ball, Region, around, ball, box
 from .verdict import Grounds, Verdict
 
 __all__ = [
+    "MOST_JOINTS",
     "Audit",
     "Ball",
     "Deviation",

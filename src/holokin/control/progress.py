@@ -18,6 +18,7 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
         yield lambda _done: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     bar = Progress(console=Console(stderr=True), transient=True)
@@ -32,7 +33,7 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
         last = now
         if task is None:
             bar.start()
-            task = bar.add_task(label, total=total)
+            task = bar.add_task(escape(label), total=total)
         bar.update(task, completed=done)
 
     try:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 
 import numpy as np
 
+from ..analysis import MOST_JOINTS
 from ..constraint import (
     Cost,
     arm_angle,
@@ -22,7 +24,7 @@ from ..constraint import (
     stack,
     stationary,
 )
-from ..errors import ArgumentError, JobError, JointLimitError
+from ..errors import ArgumentError, HolokinError, JobError, JointLimitError, PathError
 from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
@@ -42,6 +44,7 @@ from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
 from ..task import Task, pose, position
 from ..tolerances import TOLERANCES
 from ..types import Vector
+from .read import dotted
 from .schema import Formula, Job, StrategyTable
 
 
@@ -51,7 +54,23 @@ def build_robot(job: Job, file: FilePath) -> Robot:
     name = FilePath(table.name)
     if name.suffix and not name.is_absolute():
         name = file.parent / name
-    return load(name, tip=table.tip, base=table.base, locked=table.locked or None)
+    robot = load(name, tip=table.tip, base=table.base, locked=table.locked or None)
+    if robot.n > MOST_JOINTS:
+        cure = f"laws of at most {MOST_JOINTS} joints are judged: choose tip and base nearer together, or lock some"
+        raise JobError(file, "robot", f"moves {robot.n} joints", cure)
+    return robot
+
+
+@contextmanager
+def naming(file: FilePath, *key: str) -> Iterator[None]:
+    """Errors of what a job asks for name its file and key. What happens on the way along a path keeps its own type."""
+    try:
+        yield
+    except (JobError, PathError):
+        raise
+    except HolokinError as problem:
+        fact, _, cure = str(problem).rpartition("; ")
+        raise JobError(file, dotted(key), fact or cure, cure if fact else "change it") from problem
 
 
 def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:

@@ -8,7 +8,7 @@ from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategy import Strategy
 from ..types import Vector
-from .build import build_begin, build_robot, build_start, build_strategy, build_tasks
+from .build import build_begin, build_robot, build_start, build_strategy, build_tasks, naming
 from .schema import Job
 
 
@@ -26,7 +26,8 @@ def job_strategy(
     """
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
-    tasks = build_tasks(job, robot, start)
+    with naming(file, "task"):
+        tasks = build_tasks(job, robot, start)
     if label is None and len(job.strategies) == 1:
         label = next(iter(job.strategies))
     if label is None:
@@ -38,8 +39,9 @@ def job_strategy(
         raise UnknownNameError(f"orientation of {file.name}", orientation, known)
     task = tasks[0 if orientation is None else known.index(orientation)]
     table = job.strategies[label]
-    strategy = build_strategy(label, table, task, start)
-    return label, strategy, build_begin(table, strategy, start)[0]
+    with naming(file, "strategies", label):
+        strategy = build_strategy(label, table, task, start)
+        return label, strategy, build_begin(table, strategy, start)[0]
 
 
 def export_job(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,8 +20,18 @@ from ..strategy import Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector
-from .build import build_begin, build_invariant, build_path, build_robot, build_start, build_strategy, build_tasks
-from .schema import ExpectTable, Job, read_job
+from .build import (
+    build_begin,
+    build_invariant,
+    build_path,
+    build_robot,
+    build_start,
+    build_strategy,
+    build_tasks,
+    naming,
+)
+from .read import read_job
+from .schema import ExpectTable, Job
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
@@ -53,9 +64,11 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
     """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
     if name.lower().endswith(".toml"):
         path = FilePath(name)
+        if path.stem in (".", ".."):  # its results would go into the folder of all results, or above it
+            raise JobError(path, "file", f"has no name but {path.stem!r} before .toml", "rename it, like my-job.toml")
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
-        beside = [file for file in (f"{name}.toml", f"{name}.TOML") if FilePath(file).is_file()]
+        beside = [file for file in (f"{name}.toml", f"{name}.TOML") if os.path.isfile(file)]  # False for any odd name
         raise UnknownNameError("job", name, [*beside, *packaged_jobs(), "paper", "or a path ending in .toml"])
     with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
@@ -71,20 +84,24 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     began = time.perf_counter()
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
-    tasks = build_tasks(job, robot, start)
-    path = build_path(job, tasks[0], start, file)
+    with naming(file, "task"):
+        tasks = build_tasks(job, robot, start)
+    with naming(file, "path"):
+        path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     about = job.about
     for label, table in job.strategies.items():
-        invariant = build_invariant(table, robot)
+        with naming(file, "strategies", label, "invariant"):
+            invariant = build_invariant(table, robot)
         variants = []
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
-            strategy = build_strategy(title, table, task, start)
-            begin, note = build_begin(table, strategy, start)
-            about = f"{about} {note}"
-            variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+            with naming(file, "strategies", label):
+                strategy = build_strategy(title, table, task, start)
+                begin, note = build_begin(table, strategy, start)
+                about = f"{about} {note}"
+                variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:

@@ -2,21 +2,60 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
-from collections.abc import Mapping
-from math import isfinite
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from ..errors import JobError, closest
+from ..analysis import MOST_JOINTS
+from ..errors import brief, closest
+from ..robot import FARTHEST
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Point = Annotated[list[Number], Field(min_length=2, max_length=3)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+LARGEST = 1e12
+"""Largest number of a job: products of a few such numbers and their squares stay far from overflow."""
+
+MOST_POINTS = 10_000
+"""Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
+
+MOST_SAMPLES = 100_000
+"""Steps a cycle: 10 um apart on a metre."""
+
+MOST_CYCLES = 10_000
+"""Cycles: a day's work of an arm that takes ten seconds for one."""
+
+MOST_STEPS = 400_000
+"""Samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them; these
+fit into a gigabyte."""
+
+MOST_POSTURES = 65_536
+"""Postures of a verdict: those of `thorough=True`."""
+
+MOST_STRATEGIES = 100
+"""Strategies of a job: a table and figures of more are not read."""
+
+MOST_RADIAL_STEPS = 100
+"""Runge-Kutta steps of a radial twin: each lengthens the expressions; beyond these the error is round-off."""
+
+LONGEST_NAME = 100
+"""Characters of a strategy's name, which heads columns, figures and files."""
+
+LONGEST_TITLE = 200
+"""Characters of a title: two lines of the table."""
+
+LONGEST_ABOUT = 10_000
+"""Characters of the paragraph in a report."""
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Formula = str | Number
+Figure = Annotated[float, Field(allow_inf_nan=False)]
+Few = Field(max_length=MOST_JOINTS)
+"""A list of at most as many as a robot may have joints."""
+
+Formulas = Annotated[list[Formula], Few]
+Numbers = Annotated[list[Number], Few]
+Names = Annotated[list[str], Few]
 Kind = Literal[
     "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist",
     "arm-angle", "height", "stationary", "radial", "inertia-weighted", "impedance",
@@ -67,7 +106,7 @@ class TaskTable(_Table):
 
     kind: Literal["position", "pose"] = "position"
     orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
-    rows: list[int] | None = None
+    rows: Annotated[list[int], Field(max_length=6)] | None = None
 
     @model_validator(mode="after")
     def _each_once(self) -> TaskTable:
@@ -80,7 +119,7 @@ class TaskTable(_Table):
 class StartTable(_Table):
     """[start]: the posture, in joint units (rad, m), or in degrees for revolute joints."""
 
-    q: list[Number]
+    q: Annotated[list[Length], Few]
     degrees: bool = False
 
 
@@ -94,15 +133,18 @@ class PathTable(_Table):
     kind: Literal["circle", "arc", "polyline"]
     center: Point | None = None
     normal: Annotated[list[Number], Field(min_length=3, max_length=3)] = [0.0, 0.0, 1.0]
-    angle_deg: Number | None = None
-    points: list[Point] | None = None
-    turns_deg: list[Annotated[list[Number], Field(min_length=3, max_length=3)]] | None = None
+    angle_deg: Length | None = None
+    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
+    turns_deg: (
+        Annotated[list[Annotated[list[Length], Field(min_length=3, max_length=3)]], Field(max_length=MOST_POINTS)]
+        | None
+    ) = None
     closed: bool = False
     clockwise: bool = False
     relative: bool = False
-    speed: Positive = 0.1
-    samples: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
-    cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000
+    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
 
     @model_validator(mode="after")
     def _complete(self) -> PathTable:
@@ -115,6 +157,9 @@ class PathTable(_Table):
                 raise ValueError(f"a {self.kind} does not use {key}; leave it out")
         if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
             raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
+        if self.samples * self.cycles > MOST_STEPS:
+            fact = f"{self.samples:,} samples in {self.cycles:,} cycles are more than {MOST_STEPS:,} steps"
+            raise ValueError(f"{fact}; give fewer samples or cycles")
         return self
 
 
@@ -122,30 +167,30 @@ class StrategyTable(_Table):
     """[strategies.NAME]: a kind and what it needs. Formulas use q1, q2, ... or the joints' names."""
 
     kind: Kind
-    W: list[list[Formula]] | None = None
-    N_G: list[list[Formula]] | None = None
-    g: list[Formula] | None = None
-    A: list[list[Formula]] | None = None
-    matrix: list[list[Number]] | None = None
-    joints: list[str] | None = None
-    gain: Number | list[list[Number]] | None = None
+    W: Annotated[list[Formulas], Few] | None = None
+    N_G: Annotated[list[Formulas], Few] | None = None
+    g: Formulas | None = None
+    A: Annotated[list[Formulas], Few] | None = None
+    matrix: Annotated[list[Numbers], Few] | None = None
+    joints: Names | None = None
+    gain: Number | Annotated[list[Numbers], Few] | None = None
     orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
     arm: Literal["stereographic", "conventional"] | None = None
     cost: Literal["posture", "centring", "manipulability", "gravity"] | None = None
-    preferred: list[Number] | None = None
-    stiffness: Positive | list[Positive] | None = None
+    preferred: Annotated[list[Length], Few] | None = None
+    stiffness: Positive | Annotated[list[Positive], Few] | None = None
     force: Literal["pseudo-inverse", "stiffness"] | None = None
-    free: list[str] | None = None
-    steps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    leaf: Number | list[Number] | None = None
+    free: Names | None = None
+    steps: Annotated[int, Field(ge=1, le=MOST_RADIAL_STEPS)] | None = None
+    leaf: Number | Numbers | None = None
     method: Literal["velocity", "leaf"] | None = None
-    invariant: list[Formula] = []
+    invariant: Formulas = []
 
     @field_validator("W", "N_G", "A", "matrix", "gain")
     @classmethod
     def _rectangular(cls, rows: Any) -> Any:
         if isinstance(rows, list) and len({len(row) for row in rows}) != 1:
-            raise ValueError("a matrix needs rows, all of one length; mend them")
+            raise ValueError("a matrix needs rows, all of one length; give each row as many entries")
         return rows
 
     @model_validator(mode="after")
@@ -168,9 +213,9 @@ class StrategyTable(_Table):
 class Bound(_Table):
     """What a number must be: below, above, or a value within a tolerance."""
 
-    below: Number | None = None
-    above: Number | None = None
-    value: Number | None = None
+    below: Figure | None = None
+    above: Figure | None = None
+    value: Figure | None = None
     within: Positive | None = None
 
     @model_validator(mode="after")
@@ -228,19 +273,19 @@ class VerdictTable(_Table):
     """[verdict]: where involutivity is judged: a box around the start posture."""
 
     radius: Positive = 0.2
-    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 64
+    samples: Annotated[int, Field(ge=1, le=MOST_POSTURES)] = 64
 
 
 class Job(_Table):
     """A whole job file."""
 
-    title: str
-    about: str = ""
+    title: Annotated[str, Field(max_length=LONGEST_TITLE)]
+    about: Annotated[str, Field(max_length=LONGEST_ABOUT)] = ""
     robot: RobotTable
     task: TaskTable = TaskTable()
     start: StartTable
     path: PathTable
-    strategies: Annotated[dict[str, StrategyTable], Field(min_length=1)]
+    strategies: Annotated[dict[str, StrategyTable], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = {}
     verdict: VerdictTable = VerdictTable()
 
@@ -248,119 +293,15 @@ class Job(_Table):
     def _consistent(self) -> Job:
         for name in self.expect:
             if name not in self.strategies:
-                raise ValueError(f"expect.{name}: is for no strategy of this job; known: {', '.join(self.strategies)}")
+                known = closest(name, list(self.strategies))
+                raise ValueError(f"expect.{brief(name, 100)}: is for no strategy of this job; {known}")
+        for name in self.strategies:
+            if not 1 <= len(name) <= LONGEST_NAME or not name.isprintable():
+                fact = f"strategies.{brief(name, 60)}: is a name of {len(name)} characters"
+                raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}, none of them a control character")
         return self
 
 
 def kinds_of_strategy() -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
     """Kind of strategy -> (keys that it needs, keys that it may have besides method and invariant)."""
     return {str(kind): keys for kind, keys in _USES.items()}
-
-
-def read_job(path: Path) -> Job:
-    """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
-    try:
-        text = path.read_text("utf-8")
-    except FileNotFoundError:
-        raise JobError(
-            path, "file", "there is no such file", "check the path; `holokin jobs` lists the packaged ones"
-        ) from None
-    except (OSError, UnicodeDecodeError) as problem:
-        raise JobError(path, "file", f"cannot be read ({problem})", "give a TOML text file") from None
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise JobError(path, "file", f"is not TOML: {problem}", "mend the line it names") from None
-    try:
-        return Job.model_validate(table)
-    except ValidationError as problem:
-        raise _named(path, problem, table) from None
-
-
-def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
-    """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
-    faults = [(_key(fault["loc"], table), fault) for fault in problem.errors()]
-    first = faults[0][0]
-    key, fault = max((f for f in faults if f"{f[0]}.".startswith(f"{first}.")), key=lambda f: f[0].count("."))
-    if fault["type"] == "missing":
-        return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
-    if fault["type"] == "extra_forbidden":
-        nearest = closest(key.rpartition(".")[2], _known_keys(key, table))
-        cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
-        return JobError(path, key, "is an unknown key", cure)
-    value = fault.get("input", table)
-    if isinstance(value, float) and not isfinite(value):
-        return JobError(path, key, f"is {value}", "give a finite number")
-    if fault["type"] == "value_error":
-        shown = "" if isinstance(value, dict) else f"is {value!r}: "
-        message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
-        if not key:  # of the whole job: the message begins with the key
-            key, _, message = message.partition(": ")
-        return JobError(path, key, f"{shown}{message}", cure)
-    shown = "is a table" if isinstance(value, dict) else f"is {value!r}"
-    choices = [w for k, f in faults if k == key for w in re.findall("'([^']+)'", _context(f, "expected"))]
-    if choices and isinstance(value, str):
-        return JobError(path, key, shown, closest(value, choices))
-    cures = dict.fromkeys(_cure(f) for k, f in faults if k == key)
-    return JobError(path, key, shown, f"give {' or '.join(cures)}")
-
-
-def _cure(fault: Mapping[str, Any]) -> str:
-    """What pydantic wants, in a job writer's words."""
-    kind = fault["type"].removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")
-    bound = next((_context(fault, word) for word in _BOUNDS if _context(fault, word)), "").removesuffix(".0")
-    return _CURES.get(kind, "{}").format(bound) if kind in _CURES else f"what this asks for: {fault['msg']}"
-
-
-def _context(fault: Mapping[str, Any], word: str) -> str:
-    """A fact of a fault; empty if it has none."""
-    return str(fault.get("ctx", {}).get(word, ""))
-
-
-_BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
-_CURES = {
-    "greater_than": "a number above {}",
-    "greater_than_equal": "at least {}",
-    "less_than_equal": "at most {}",
-    "too_short": "at least {} of them",
-    "too_long": "at most {} of them",
-    "literal_error": "one of {}",
-    "string": "a text in quotes",
-    "float": "a number",
-    "finite_number": "a finite number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "list": "a list, in [ ]",
-    "dict": "a table",
-    "model": "a table",
-}
-
-
-def _known_keys(key: str, table: dict[str, Any]) -> list[str]:
-    """The keys that stand beside a key; of a strategy those of its kind."""
-    parts = key.split(".")
-    if len(parts) == 1:
-        return list(Job.model_fields)
-    if parts[0] == "strategies":
-        kind = table["strategies"][parts[1]].get("kind")
-        if kind in _USES:
-            every = {word for pair in _USES.values() for words in pair for word in words}
-            used = {word for words in _USES[kind] for word in words}
-            return [word for word in StrategyTable.model_fields if word not in every - used]
-    return list(_TABLES["bound" if len(parts) > 3 else parts[0]].model_fields)
-
-
-_TABLES: dict[str, type[_Table]] = {
-    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "strategies": StrategyTable,
-    "expect": ExpectTable, "verdict": VerdictTable, "bound": Bound,
-}  # fmt: skip
-
-
-def _key(loc: tuple[int | str, ...], table: Any) -> str:
-    """The key of a fault, without pydantic's names for the types that a value may have."""
-    parts: list[str] = []
-    for part in loc:
-        if isinstance(table, dict) or (isinstance(table, list) and isinstance(part, int)):
-            parts.append(str(part))
-            table = table.get(part) if isinstance(table, dict) else table[int(part)]
-    return ".".join(parts)

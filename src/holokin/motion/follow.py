@@ -131,7 +131,7 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
             beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
             if beyond is not None:
                 fact = (
-                    f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no posture comes "
+                    f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no search came "
                     f"closer than {beyond[1]:.3g} (m or rad)"
                 )
                 raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from problem

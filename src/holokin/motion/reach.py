@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..control import Plan
+from ..symbolic import Function, jacobian, symbol
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 
@@ -14,47 +19,105 @@ TARGETS = 24
 RESTARTS = 8
 """Random postures tried besides the last one before a target is called out of reach."""
 
+LOOKS = 200
+"""Postures that one search for a target looks at. A target that is reached takes some six."""
+
+BUDGET = 5_000
+"""Postures that are looked at in all: at most a second for a Panda. Where they do not suffice, nothing is said of the
+reach. A count and not a clock, so that the answer is the same on every machine."""
+
+STATIONARY = 1e-3
+"""Largest cosine between the error that is left and what a joint does to it at which a search has got to its end."""
+
+REACHED = TOLERANCES.tracking / 10
+"""Error [m or rad] at which a target counts as reached."""
+
+Look = Callable[[Vector], tuple[Vector, Matrix]]
+"""q (n,) -> the error (m,) to a target and its derivative (m, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Where a search ended: posture, error that is left, whether nothing nearby is nearer, number of postures seen."""
+
+    q: Vector
+    missing: float
+    stationary: bool
+    looks: int
+
 
 def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float, float] | None:
-    """(share of the path, distance [m or rad]) of the first target from a step on that no posture reaches; else None.
+    """(share of the path, distance [m or rad]) of the first target from a step on that no search reaches; else None.
 
-    Least squares within the joint limits from the last posture, then from random ones.
+    Least squares within the joint limits from the last posture, then from random ones. None also where the searches
+    did not come to an end, since nothing is known then.
     """
+    errors, left = _errors(plan.task), BUDGET
     for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
-        found, missing = _nearest(plan, q, *plan.target(int(i), 1.0), limits)
-        if missing > TOLERANCES.tracking / 10:
-            return (i + 1) / plan.steps, missing
-        q = found
+        position, rotation = plan.target(int(i), 1.0)
+        found = _nearest(plan.task, lambda q, p=position, R=rotation: errors(q, p, R), q, limits, left)
+        left -= found.looks
+        if found.missing > REACHED:
+            known = found.stationary and left > 0
+            return ((i + 1) / plan.steps, found.missing) if known else None
+        q = found.q
     return None
 
 
-def _nearest(plan: Plan, q: Vector, position: Vector, rotation: Matrix, limits: bool) -> tuple[Vector, float]:
-    from scipy.optimize import least_squares
+def _errors(task: Task) -> Callable[[Vector, Vector, Matrix], tuple[Vector, Matrix]]:
+    """(q, p, R) -> the task error (m,) and its derivative (m, n)."""
+    q, p, R = symbol("q", task.n), symbol("p", 3), symbol("R", 3, 3)
+    e = task.error_expression(task.robot.kinematics(q, task.tip), p, R)
+    made = Function("reach", {"q": q, "p": p, "R": R}, {"e": e, "D": jacobian(e, q)})
 
-    robot = plan.task.robot
+    def errors(q: Vector, position: Vector, rotation: Matrix) -> tuple[Vector, Matrix]:
+        error, derivative = made(q, position, rotation)
+        return np.atleast_1d(error), np.reshape(derivative, (task.m, task.n))
+
+    return errors
+
+
+def _nearest(task: Task, look: Look, q: Vector, limits: bool, budget: int) -> _Search:
+    """The best of a search from q and, where it does not reach the target, of some from random postures near q."""
+    robot = task.robot
     lower = robot.lower if limits else np.full(robot.n, -np.inf)
     upper = robot.upper if limits else np.full(robot.n, np.inf)
-    free = lower < upper  # a joint whose limits are equal stays where it is
-    here = np.clip(q, lower, upper)
-    span = np.clip(lower, q - np.pi, None)[free], np.clip(upper, None, q + np.pi)[free]
-    rng = np.random.default_rng(0)
-
-    def posture(values: Vector) -> Vector:
-        full = here.copy()
-        full[free] = values
-        return full
-
-    best, least = here, float(np.abs(plan.task.error(here, position, rotation)).max())
-    for trial in range((RESTARTS + 1) if free.any() else 0):
-        found = least_squares(
-            lambda values: plan.task.error(posture(values), position, rotation),
-            here[free] if trial == 0 else rng.uniform(*span),
-            bounds=(lower[free], upper[free]),
-            xtol=1e-12,
-        )
-        missing = float(np.abs(found.fun).max())
-        if missing < least:
-            best, least = posture(found.x), missing
-        if least <= TOLERANCES.tracking / 10:
+    best = _search(look, np.clip(q, lower, upper), lower, upper, min(budget, LOOKS))
+    looks, rng = best.looks, np.random.default_rng(0)
+    for _ in range(RESTARTS):
+        if best.missing <= REACHED or looks >= budget:
             break
-    return best, least
+        begin = rng.uniform(np.clip(q - np.pi, lower, upper), np.clip(q + np.pi, lower, upper))
+        found = _search(look, begin, lower, upper, min(budget - looks, LOOKS))
+        looks += found.looks
+        best = found if found.missing < best.missing else best
+    return _Search(best.q, best.missing, best.stationary, looks)
+
+
+def _search(look: Look, q: Vector, lower: Vector, upper: Vector, most: int) -> _Search:
+    """Damped least squares; a joint at its limit stays there while the error pushes it out. [GVL13, section 6.1]"""
+    error, D = look(q)
+    damping, looks, stationary = 1e-6, 1, False
+    while looks < most and np.isfinite(error).all() and np.isfinite(D).all():
+        if np.abs(error).max() <= REACHED / 10:
+            break
+        slope = D.T @ error
+        free = ~(((q <= lower) & (slope >= 0)) | ((q >= upper) & (slope <= 0)))
+        sizes = np.linalg.norm(D, axis=0) * np.linalg.norm(error)
+        stationary = not (np.abs(slope[free]) > STATIONARY * sizes[free]).any()
+        if stationary:
+            break
+        A = D[:, free]
+        normal = A @ A.T + damping * max(float(np.trace(A @ A.T)), 1e-300) * np.eye(len(error))
+        moved = q.copy()
+        moved[free] -= A.T @ np.linalg.solve(normal, error)
+        moved = np.clip(moved, lower, upper)
+        there, derivative = look(moved)
+        looks += 1
+        if np.isfinite(there).all() and there @ there < error @ error:
+            q, error, D, damping = moved, there, derivative, max(damping / 10, 1e-12)
+        else:
+            damping *= 10
+            if damping > 1e12:
+                break
+    return _Search(q, float(np.abs(error).max()), stationary, looks)

@@ -12,7 +12,7 @@ from ..trajectory import Status, Trajectory
 from .figures import margins, tool_points
 from .plots import CLOCKWISE, COUNTER, GREY, best_azimuth, frame_robot, robot_stick, style, tool_path
 from .result import JobResult, StrategyResult
-from .words import away, stopped, ways_end
+from .words import away, on_figure, stopped, ways_end
 
 FRAMES = 60
 """Frames of a moving picture, before the last one is held."""
@@ -46,9 +46,9 @@ def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> Non
 
     def caption(share: float, walk: Trajectory, title: str) -> str:
         if share < 1.0:
-            return f"{strategy.name}, {title}\n"
+            return f"{on_figure(strategy.name)}, {title}\n"
         ending = ways_end((clockwise, counter)) if complete else stopped(walk) or "followed to the end"
-        return f"{strategy.name}, {title}\n{ending}"
+        return f"{on_figure(strategy.name)}, {title}\n{ending}"
 
     ghosts = [counter.q[-1], clockwise.q[-1]] if complete else [None, None]
     _write(result, [(t, w, s["color"]) for t, w, s in panels], caption, ghosts, file, late_ghosts=True)
@@ -57,7 +57,7 @@ def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> Non
 def cycles_gif(result: JobResult, strategies: list[StrategyResult], file: FilePath) -> None:
     """One panel a strategy, the start posture in grey: who comes home?"""
     colors = {True: CLOCKWISE["color"], False: COUNTER["color"]}
-    panels = [(s.name, s.cycles, colors[s.verdict.holonomic]) for s in strategies]
+    panels = [(on_figure(s.name), s.cycles, colors[s.verdict.holonomic]) for s in strategies]
 
     def caption(share: float, walk: Trajectory, title: str) -> str:
         done = sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])

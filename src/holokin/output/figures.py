@@ -22,7 +22,7 @@ from .plots import (
     tool_path,
 )  # fmt: skip
 from .result import JobResult, StrategyResult
-from .words import away, joint_unit, stopped, ways_end
+from .words import away, joint_unit, on_figure, stopped, ways_end
 
 COLUMNS = 3
 """Panels side by side, at most: more would be too small to read in a page."""
@@ -63,7 +63,7 @@ def ways_figure(strategy: StrategyResult) -> Any:
     columns = min(n, 2 if n == 4 else COLUMNS)
     rows = -(-n // columns)
     word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
-    title = f"{strategy.name} ({word})"
+    title = f"{on_figure(strategy.name)} ({word})"
     if Status.COMPLETE not in (clockwise.status, counter.status) or clockwise.status is not counter.status:
         title += "\n" + ways_end(strategy.ways)
     top = 0.45 + 0.2 * (1 + title.count("\n"))
@@ -110,7 +110,7 @@ def cycles_figure(result: JobResult) -> Any:
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
     for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
         joint_cycles(axes, strategy.cycles)
-        axes.set_title(f"{strategy.name}\n{_drift(strategy.cycles)}", loc="left", fontsize=10)
+        axes.set_title(f"{on_figure(strategy.name)}\n{_drift(strategy.cycles)}", loc="left", fontsize=10)
         below = k + columns < count
         axes.tick_params(labelbottom=not below)
         axes.set_xlabel("" if below else "time [s]")
@@ -126,7 +126,7 @@ def drift_figure(result: JobResult) -> Any:
 
     figure = Figure(figsize=(6.4, 4.0))
     margins(figure, left=0.85, right=0.15, bottom=0.6, top=0.2)
-    walks = {s.name: s.cycles for s in result.drawn if s.cycles.cycles}
+    walks = {on_figure(s.name): s.cycles for s in result.drawn if s.cycles.cycles}
     axes = drift_per_cycle(figure.subplots(), walks)
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.72))
     return figure
@@ -156,7 +156,7 @@ def robot_figure(result: JobResult) -> Any:
     ends = [(s.ways or (s.cycles,) * 2) for s in result.drawn]
     azimuth = best_azimuth([(np.vstack(robot.skeleton(a.q[-1])), np.vstack(robot.skeleton(b.q[-1]))) for a, b in ends])
     for axes, strategy in panels:
-        frame_robot(axes, robot, clouds, f"{strategy.name}\n{_ending(strategy)}", azimuth=azimuth)
+        frame_robot(axes, robot, clouds, f"{on_figure(strategy.name)}\n{_ending(strategy)}", azimuth=azimuth)
     return figure
 
 

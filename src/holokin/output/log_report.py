@@ -12,6 +12,7 @@ from ..analysis import Homecoming, LogAudit
 from ..errors import ArgumentError
 from .figures import margins
 from .plots import INK, PALETTE, frame_robot, robot_stick, style, thin, tool_path
+from .words import on_figure
 
 MOST_JOINTS = 4
 """Joints in the figure: those that move most."""
@@ -64,7 +65,7 @@ def log_figure(audit: LogAudit) -> Any:
     tool_cycles(figure.add_subplot(1, 2, 2, **kind), audit)
     word = audit.verdict.name.lower().replace("_", " ")
     figure.suptitle(
-        f"{FilePath(audit.recording.source).name}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
+        f"{on_figure(FilePath(audit.recording.source).name)}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
     )
     return figure
 
@@ -78,7 +79,7 @@ def joints_at_home(axes: Any, audit: LogAudit) -> Any:
     axes.axhspan(-allowed, allowed, color="#eceef1", zorder=0, label=f"tolerance {allowed:.2g}")
     marker = "o-" if len(shift) <= 60 else "-"
     for i, joint in enumerate(sorted(order)):
-        name = audit.robot.joint_names[joint]
+        name = on_figure(audit.robot.joint_names[joint])
         axes.plot(numbers, shift[:, joint], marker, color=PALETTE[i], linewidth=1.6, markersize=3.5, label=name)
     most = max(float(np.abs(shift).max()), 2 * allowed)
     axes.set_ylim(-1.15 * most, 1.15 * most)

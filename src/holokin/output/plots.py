@@ -13,6 +13,7 @@ import numpy as np
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
 from ..types import Indices, Matrix, Vector
+from .words import on_figure
 
 CLOCKWISE = {"color": "#1f5fbf", "linestyle": "-", "linewidth": 1.8}
 COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
@@ -68,7 +69,7 @@ def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int
     if high - low < least:
         axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
     ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
-    axes.set_title(f"{clockwise.joint_names[joint]}: {ending}", loc="left", color=INK, fontsize=10)
+    axes.set_title(f"{on_figure(clockwise.joint_names[joint], 30)}: {ending}", loc="left", color=INK, fontsize=10)
     axes.set_ylabel(unit)
     return axes
 
@@ -78,7 +79,8 @@ def joint_cycles(axes: Any, walk: Trajectory, colors: Sequence[str] = PALETTE) -
     keep = thin(len(walk), 1500)
     shift = walk.q - walk.q[0]
     for joint, name in enumerate(walk.joint_names):
-        axes.plot(walk.t[keep], shift[keep, joint], color=colors[joint % len(colors)], linewidth=1.4, label=name)
+        shown, color = on_figure(name, 30), colors[joint % len(colors)]
+        axes.plot(walk.t[keep], shift[keep, joint], color=color, linewidth=1.4, label=shown)
     for mark in walk.marks[1:]:
         axes.axvline(walk.t[mark], color="#e5e7eb", linewidth=0.8, zorder=0)
     axes.set_xlabel("time [s]")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -38,6 +39,9 @@ figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: 
 </body></html>
 """
 
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+"""Control characters, which HTML has no use for."""
 
 _TERMS = (
     "Defect: the curvature F of a strategy, how far a small loop of the tool carries the joints, per area of the "
@@ -179,7 +183,8 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         "<h2>Expectations</h2>",
         _expectations(result),
     ]
-    return _PAGE.format(title=escape(result.title), body="\n".join(parts))
+    page = _PAGE.format(title=escape(result.title), body="\n".join(parts))
+    return _CONTROL.sub("\ufffd", page)
 
 
 def _cell(text: str) -> str:

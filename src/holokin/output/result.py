@@ -127,7 +127,8 @@ class JobResult:
         stems: dict[str, str] = {}
         taken: set[str] = set()
         for strategy in self.strategies:
-            base = re.sub(r"[\W_]+", "-", strategy.name).strip("-")[:80] or "strategy"
+            word = re.sub(r"[\W_]+", "-", strategy.name).strip("-")
+            base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
             stem, number = base, 1
             while taken & (files := {f"{stem}-{key}".casefold() for key in strategy.trajectories()}):
                 number += 1

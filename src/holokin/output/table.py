@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..errors import brief
 from .result import JobResult, StrategyResult
 from .words import joint_unit, speed_warning
 
@@ -63,17 +64,17 @@ def print_result(result: JobResult, console: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=result.title, title_justify="left", title_style="bold", header_style="dim")
+    table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in columns(result):
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"holonomic": "green", "NOT holonomic": "red", "FAILED": "bold red", "ok": "green"}
     for strategy in result.strategies:
-        table.add_row(*(Text(cell, style=colors.get(cell, "")) for cell in row(strategy)))
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in row(strategy)))
     console.print(table)
     for name, text in remarks(result):
-        console.print(f"  {name}: {text}", style="yellow", markup=False, highlight=False)
+        console.print(f"  {brief(name)}: {text}", style="yellow", markup=False, highlight=False)
     for strategy in result.strategies:
         for check in strategy.checks:
             if not check.passed:
-                text = f"  {strategy.name}: expected {check.figure} {check.wanted}, found {check.found}"
+                text = f"  {brief(strategy.name)}: expected {check.figure} {check.wanted}, found {check.found}"
                 console.print(text, style="red", markup=False, highlight=False)

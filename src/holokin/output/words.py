@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import brief
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
 from ..types import Vector
@@ -11,6 +12,15 @@ from .result import JobResult, StrategyResult
 
 ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""
+
+
+def on_figure(name: str, most: int = 60) -> str:
+    """A name as matplotlib shows it: short, without control characters, which SVG forbids, and never a formula.
+
+    Names that begin with _ are left out of legends, so they get a blank before.
+    """
+    text = brief(name, most).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
 
 
 def joint_unit(robot: Robot) -> str:

@@ -5,10 +5,11 @@ from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
 from .hessian import hessian, hessian_expression
 from .inertia import mass_matrix, mass_matrix_expression, potential_expression
-from .model import Body, Coordinate, Joint, Kinematics, Robot, Tip
+from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .urdf import from_urdf, urdf_tips
 
 __all__ = [
+    "FARTHEST",
     "Body",
     "Coordinate",
     "DHRow",

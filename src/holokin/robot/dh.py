@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
-from ..types import ArrayLike, Matrix
-from .model import Coordinate, Joint, Robot, Tip
+from ..types import ArrayLike, Matrix, number, numbers
+from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
 
 CONVENTIONS = ("standard", "modified")
 
@@ -57,8 +57,15 @@ def from_dh(
         UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind.
         NotFiniteError: a figure that is not finite.
     """
+    for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
+        if not isinstance(text, str):
+            raise ArgumentError(f"{what} of a robot", text, "give a text")
     if convention not in CONVENTIONS:
         raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    if not isinstance(rows, Sequence):
+        raise ArgumentError("a DH table", rows, "give a list of rows")
+    if len(rows) > MOST_MOVING:
+        raise ArgumentError(f"the number of joints of {name!r}", len(rows), f"give at most {MOST_MOVING:,}")
     before = np.eye(4) if base is None else _pose("base", base)
     joints: list[Joint] = []
     coordinates: list[Coordinate] = []
@@ -82,12 +89,20 @@ def from_dh(
 
 def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     if isinstance(row, DHRow):
-        return row
+        row = vars(row)
+    if not isinstance(row, Mapping):
+        raise ArgumentError("a DH row", row, "give a DHRow, or a mapping with its fields")
     known = tuple(DHRow.__dataclass_fields__)
     for key in row:
         if key not in known:
-            raise UnknownNameError("field of a DH row", key, known)
-    return DHRow(**row)
+            raise UnknownNameError("field of a DH row", str(key), known)
+    texts, label = {key: row[key] for key in ("joint", "kind") if key in row}, row.get("joint", "")
+    for key, value in texts.items():
+        if not isinstance(value, str):
+            raise ArgumentError(f"{key} of a DH row", value, "give a text")
+    figures = {key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts}
+    values: dict[str, Any] = texts | figures
+    return DHRow(**values)
 
 
 def _screw(axis: str, angle: float, length: float) -> Matrix:
@@ -98,8 +113,8 @@ def _screw(axis: str, angle: float, length: float) -> Matrix:
 
 
 def _pose(what: str, value: ArrayLike) -> Matrix:
-    T = np.asarray(value, dtype=float)
-    right = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1])
+    T = numbers(what, value)
+    right = T.shape == (4, 4) and bool((np.abs(T) <= FARTHEST).all()) and np.allclose(T[3], [0, 0, 0, 1])
     if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
         raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
     return T

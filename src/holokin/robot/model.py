@@ -14,6 +14,12 @@ from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector
 
+FARTHEST = 1e6
+"""Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
+
+MOST_MOVING = 1_000
+"""Joints of a robot. 500 take half a second for a pose and its Jacobian, and each is looked up by name."""
+
 
 @dataclass(frozen=True)
 class Coordinate:
@@ -26,7 +32,7 @@ class Coordinate:
     max_velocity: float = np.inf
 
     def __post_init__(self) -> None:
-        if not self.lower <= self.upper:  # NaN included
+        if not self.lower <= self.upper or self.lower == np.inf or self.upper == -np.inf:  # NaN included
             raise ArgumentError(f"the range of joint {self.name!r}", (self.lower, self.upper), "give lower <= upper")
         if not self.max_velocity > 0:
             raise ArgumentError(f"the speed limit of joint {self.name!r}", self.max_velocity, "give a positive one")
@@ -103,9 +109,22 @@ class Robot:
     def __post_init__(self) -> None:
         if not self.coordinates:
             raise ArgumentError(f"the number of moving joints of {self.name!r}", 0, "choose a tip behind a joint")
+        if len(self.joints) > MOST_MOVING:
+            cure = f"give at most {MOST_MOVING:,}, or choose base= and tip= nearer to each other"
+            raise ArgumentError(f"the number of moving joints of {self.name!r}", len(self.joints), cure)
+        for joint in self.joints:
+            figures = np.abs([*joint.placement[:3, 3], joint.multiplier, joint.offset])
+            if not figures.max() <= FARTHEST:  # NaN included
+                cure = f"keep lengths, angles and gear ratios within {FARTHEST:g} m or rad"
+                raise ArgumentError(f"the placement or gear of joint {joint.name!r}", figures.max(), cure)
+        for tip in self.tips:
+            if not np.abs(tip.placement[:3, 3]).max() <= FARTHEST:
+                raise ArgumentError(f"the place of tip {tip.name!r}", tip.placement[:3, 3].tolist(), "bring it nearer")
         for name in self.joint_names:
             if self.joint_names.count(name) > 1:
                 raise ArgumentError(f"the name of two joints of {self.name!r}", name, "give each a name of its own")
+            if not name.isprintable():
+                raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, n={self.n}, tip={self.tips[0].name!r})"

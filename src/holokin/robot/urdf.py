@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ..tolerances import TOLERANCES
 from ..types import Matrix
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .reroot import rerooted
+from .urdf_xml import essentials
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -190,7 +191,7 @@ class _Builder:
                 raise RobotFileError(
                     self.path,
                     f"joint {joint.name!r} mimics {joint.mimic.joint!r}, {flaw}",
-                    f"mend its <mimic>, or hold it still: locked={{{joint.name!r}: value}}",
+                    f"correct its <mimic>, or hold it still: locked={{{joint.name!r}: value}}",
                 )
             joint = master
             seen.add(joint.name)
@@ -198,33 +199,18 @@ class _Builder:
 
 
 def _read(path: str | Path) -> Any:
-    file = Path(path)
-    if not file.is_file():
-        raise RobotFileError(path, "there is no such file", "check the path; `holokin robots` lists the catalogue")
-    tags: list[str] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda tag, _: tags.append(tag)
-    try:  # yourdfpy reads what it can of a broken file, which may be half an arm
-        parser.Parse(file.read_bytes(), True)
-    except OSError as problem:
-        raise RobotFileError(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
-    except expat.ExpatError as problem:
-        if not tags:
-            raise RobotFileError(path, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)") from None
-        raise RobotFileError(path, f"is not XML ({problem})", "mend the line it names") from None
-    if tags[0] != "robot":
-        raise RobotFileError(path, f"is not a URDF, its root is <{tags[0]}>", "give a URDF of a robot")
+    content = essentials(path)
     import yourdfpy
 
     logger = logging.getLogger("yourdfpy")
     level = logger.level
-    logger.setLevel(logging.CRITICAL)  # it warns of every mesh, and meshes are not wanted here
+    logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too
     try:
         model = yourdfpy.URDF.load(
-            str(file), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
+            io.BytesIO(content), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
             load_collision_meshes=False,
         ).robot  # fmt: skip
-    except (SyntaxError, ValueError, AttributeError, TypeError, KeyError, IndexError, AssertionError) as e:
+    except (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError) as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
         if isinstance(e, KeyError):
             fact = f"an element lacks its {e}"
@@ -248,7 +234,7 @@ def _check_tree(path: str | Path, model: Any) -> None:
     ]:
         if (kind, name) in seen:
             fact = f"link {name!r} hangs on two joints" if kind == "child link" else f"has two {kind}s named {name!r}"
-            raise RobotFileError(path, fact, "mend the file: links and joints must form a tree")
+            raise RobotFileError(path, fact, "correct the file: links and joints must form a tree")
         seen.add((kind, name))
     for joint in model.joints:
         for link in (joint.parent, joint.child):
@@ -343,7 +329,9 @@ def _axis(path: str | Path, joint: Any) -> np.ndarray:
 def _body(joint: int, placement: Matrix, inertial: Any) -> Body:
     T = placement if inertial.origin is None else placement @ np.asarray(inertial.origin, dtype=float)
     given = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, dtype=float)
-    return Body(joint, float(inertial.mass), T[:3, 3], T[:3, :3] @ given @ T[:3, :3].T)
+    with np.errstate(all="ignore"):  # senseless masses are told by what needs them
+        inertia = T[:3, :3] @ given @ T[:3, :3].T
+    return Body(joint, float(inertial.mass), T[:3, 3], inertia)
 
 
 def _motion(kind: str, axis: np.ndarray, value: float) -> Matrix:

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import ExpressionError
+from ..errors import ExpressionError, brief, closest
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -23,6 +23,9 @@ _BINARY = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
+LONGEST_FORMULA = 10_000
+"""Characters of a formula: a page and a half. Python's own parser fails on some sums that are longer."""
+
 _CURE = "use numbers, + - * / **, pi, the joints' names or q1, q2, ..., and " + ", ".join(_FUNCTIONS)
 
 
@@ -54,38 +57,82 @@ def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
     """The expression that a formula means, for instance "q1 + sin(q3)**2"; nothing is executed.
 
     Raises:
-        ExpressionError: an unknown name or function, or anything that is not arithmetic.
+        ExpressionError: an unknown name or function, anything that is not arithmetic, a part that is no finite real
+            number whatever the joints, as (-8)**0.5 and 1/0, or a formula that is too long or nested too deep.
     """
+    formula = str(text).strip()
+    if len(formula) > LONGEST_FORMULA:
+        fact = f"it has {len(formula):,} characters"
+        raise ExpressionError(formula, fact, f"give at most {LONGEST_FORMULA:,}; several rows may share the work")
     try:
-        tree = ast.parse(str(text).strip(), mode="eval")
+        tree = ast.parse(formula, mode="eval")
     except SyntaxError as problem:
-        raise ExpressionError(str(text), problem.msg, _CURE) from None
+        raise ExpressionError(formula, problem.msg, _CURE) from None
+    except (MemoryError, RecursionError, ValueError):  # how Python's parser says so
+        raise ExpressionError(formula, "it is nested too deep", "write it in shorter parts") from None
+    values: dict[ast.expr, ca.SX] = {}
+    for node, name, parts in reversed(_outside_in(tree.body, formula)):  # no recursion: long sums are deep trees
+        try:
+            found = _apply(node, name, [values.pop(part) for part in parts], names, formula)
+            finite = not found.is_constant() or bool(np.isfinite(float(found)))
+        except ArithmeticError as problem:
+            raise ExpressionError(formula, str(problem), _CURE) from None
+        if not finite:
+            raise ExpressionError(formula, f"{_shown(node)} is no finite real number", "leave it out, or rewrite it")
+        values[node] = found
+    return values[tree.body]
 
-    def value(node: ast.expr) -> Any:
+
+def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[ast.expr]]]:
+    """(node, name of what it calls or means, operands) of all parts of a formula, none before what it is part of."""
+    found: list[tuple[ast.expr, str, list[ast.expr]]] = []
+    waiting = [root]
+    while waiting:
+        node, name, parts = waiting.pop(), "", []
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                return float(number)
-            case ast.Name(id="pi"):
-                return np.pi
-            case ast.Name(id=name) if name in names:
-                return names[name]
-            case ast.UnaryOp(op=ast.USub(), operand=inner):
-                return -value(inner)
-            case ast.UnaryOp(op=ast.UAdd(), operand=inner):
-                return value(inner)
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-                return _BINARY[type(op)](value(left), value(right))
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-                try:
-                    return _FUNCTIONS[name](*(ca.SX(value(a)) for a in arguments))
-                except (TypeError, NotImplementedError):  # the latter is CasADi's word for it
-                    raise ExpressionError(str(text), f"{name} takes another number of arguments", _CURE) from None
+                pass
             case ast.Name(id=name):
-                raise ExpressionError(str(text), f"the name {name!r} is unknown", f"known: {', '.join(names)}, pi")
+                pass
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
+                parts = [inner]
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                parts = [left, right]
+            case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]) if name in _FUNCTIONS:
+                pass
             case _:
-                raise ExpressionError(str(text), f"{ast.unparse(node)!r} is not arithmetic", _CURE)
+                raise ExpressionError(formula, f"{_shown(node)} is not arithmetic", _CURE)
+        found.append((node, name, parts))
+        waiting += parts
+    return found
 
+
+def _apply(node: ast.expr, name: str, parts: list[ca.SX], names: Mapping[str, ca.SX], formula: str) -> ca.SX:
+    """The value of a part of a formula, of those of its operands."""
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return ca.SX(float(number))
+        case ast.Name(id="pi"):
+            return ca.SX(np.pi)
+        case ast.Name():
+            if name not in names:
+                raise ExpressionError(formula, f"the name {brief(name, 60)!r} is unknown", closest("", [*names, "pi"]))
+            return names[name]
+        case ast.UnaryOp(op=op):
+            return -parts[0] if isinstance(op, ast.USub) else parts[0]
+        case ast.BinOp(op=ast.Div()) if parts[1].is_zero():
+            raise ZeroDivisionError("division by zero")
+        case ast.BinOp(op=op):
+            return _BINARY[type(op)](*parts)
     try:
-        return ca.SX(value(tree.body))
-    except ArithmeticError as problem:
-        raise ExpressionError(str(text), str(problem), _CURE) from None
+        return _FUNCTIONS[name](*parts)
+    except (TypeError, NotImplementedError):  # the latter is CasADi's word for it
+        raise ExpressionError(formula, f"{name} takes another number of arguments", _CURE) from None
+
+
+def _shown(node: ast.expr) -> str:
+    """A part of a formula as text; not of one so deep that Python does not write it."""
+    try:
+        return repr(brief(ast.unparse(node), 100))
+    except RecursionError:
+        return "a part of it"

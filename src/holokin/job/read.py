@@ -1,0 +1,137 @@
+"""Reading a job file: what is wrong with it becomes a sentence that names file, key, value and cure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from ..errors import JobError, closest, shown
+from ..robot.files import read_toml
+from .schema import (
+    Bound,
+    ExpectTable,
+    Job,
+    PathTable,
+    RobotTable,
+    StartTable,
+    StrategyTable,
+    TaskTable,
+    VerdictTable,
+    kinds_of_strategy,
+)
+
+Key = tuple[str, ...]
+"""The way to a value: the names and numbers of the tables and lists around it, and its own."""
+
+_TABLES: dict[str, type[BaseModel]] = {
+    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "strategies": StrategyTable,
+    "expect": ExpectTable, "verdict": VerdictTable, "bound": Bound,
+}  # fmt: skip
+
+_BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
+_CURES = {
+    "greater_than": "a number above {}",
+    "greater_than_equal": "at least {}",
+    "less_than_equal": "at most {}",
+    "too_short": "at least {} of them",
+    "too_long": "at most {} of them",
+    "literal_error": "one of {}",
+    "string": "a text in quotes",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "list": "a list, in [ ]",
+    "dict": "a table",
+    "model": "a table",
+}
+
+
+def read_job(path: Path) -> Job:
+    """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
+
+    def refuse(key: str, fact: str, cure: str) -> JobError:
+        if fact == "there is no such file":
+            cure = "check the path; `holokin jobs` lists the packaged ones"
+        return JobError(path, key or "file", fact, cure)
+
+    table = read_toml(path, refuse)
+    try:
+        return Job.model_validate(table)
+    except ValidationError as problem:
+        raise _named(path, problem, table) from None
+
+
+def dotted(key: Key) -> str:
+    """A key as TOML writes it: a name that is no plain word in quotes."""
+    return ".".join(part if re.fullmatch(r"[\w-]+", part) else shown(part, 100) for part in key)
+
+
+def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
+    """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
+    faults = [(_key(fault["loc"], table), fault) for fault in problem.errors()]
+    first = faults[0][0]
+    parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
+    key = dotted(parts)
+    if fault["type"] == "missing":
+        return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
+    if fault["type"] == "extra_forbidden":
+        nearest = closest(parts[-1], _known_keys(parts, table))
+        cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
+        return JobError(path, key, "is an unknown key", cure)
+    value = fault.get("input", table)
+    if isinstance(value, float) and not isfinite(value):
+        return JobError(path, key, f"is {value}", "give a finite number")
+    if fault["type"] == "value_error":
+        found = "" if isinstance(value, dict) else f"is {shown(value, 150)}: "
+        message, _, cure = fault["msg"].removeprefix("Value error, ").partition("; ")
+        if not key:  # of the whole job: the message begins with the key
+            key, _, message = message.partition(": ")
+        return JobError(path, key, f"{found}{message}", cure)
+    found = "is a table" if isinstance(value, dict) else f"is {shown(value, 150)}"
+    choices = [w for k, f in faults if k == parts for w in re.findall("'([^']+)'", _context(f, "expected"))]
+    if choices and isinstance(value, str):
+        return JobError(path, key, found, closest(value, choices))
+    cures = dict.fromkeys(_cure(f) for k, f in faults if k == parts)
+    return JobError(path, key, found, f"give {' or '.join(cures)}")
+
+
+def _cure(fault: Mapping[str, Any]) -> str:
+    """What pydantic wants, in a job writer's words."""
+    kind = fault["type"].removesuffix("_type").removesuffix("_parsing").removesuffix("_from_float")
+    bound = next((_context(fault, word) for word in _BOUNDS if _context(fault, word)), "").removesuffix(".0")
+    return _CURES.get(kind, "{}").format(bound) if kind in _CURES else f"what this asks for: {fault['msg']}"
+
+
+def _context(fault: Mapping[str, Any], word: str) -> str:
+    """A fact of a fault; empty if it has none."""
+    return str(fault.get("ctx", {}).get(word, ""))
+
+
+def _known_keys(key: Key, table: dict[str, Any]) -> list[str]:
+    """The keys that stand beside a key; of a strategy those of its kind."""
+    top, *rest = key
+    if not rest:
+        return list(Job.model_fields)
+    if top == "strategies":
+        kind, uses = table["strategies"][rest[0]].get("kind"), kinds_of_strategy()
+        if isinstance(kind, str) and kind in uses:
+            every = {word for pair in uses.values() for words in pair for word in words}
+            used = {word for words in uses[kind] for word in words}
+            return [word for word in StrategyTable.model_fields if word not in every - used]
+    return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
+
+
+def _key(loc: tuple[int | str, ...], table: Any) -> Key:
+    """The key of a fault, without pydantic's names for the types that a value may have."""
+    parts: list[str] = []
+    for part in loc:
+        if isinstance(table, dict) or (isinstance(table, list) and isinstance(part, int)):
+            parts.append(str(part))
+            table = table.get(part) if isinstance(table, dict) else table[int(part)]
+    return tuple(parts)

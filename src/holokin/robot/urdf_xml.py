@@ -1,0 +1,65 @@
+"""What kinematics and masses need of a URDF's XML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from ..errors import RobotFileError, brief
+from .files import read_whole
+
+LONGEST_URDF = 50_000_000
+"""Bytes of a URDF: a hundred times those of a humanoid."""
+
+_KEPT = {
+    "link", "link/inertial", *(f"link/inertial/{part}" for part in ("origin", "mass", "inertia")),
+    "joint", *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
+}  # fmt: skip
+"""The elements of a URDF that kinematics and masses need."""
+
+
+def essentials(path: str | Path) -> bytes:
+    """The XML of a URDF's links, masses and joints alone, in UTF-8; everything else is skipped, however deep or long.
+
+    So the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is no XML to the end it
+    would read what it can, which may be half an arm. Raises: RobotFileError.
+    """
+
+    def refuse(_key: str, fact: str, cure: str) -> RobotFileError:
+        missing = fact == "there is no such file"
+        return RobotFileError(path, fact, "check the path; `holokin robots` lists the catalogue" if missing else cure)
+
+    data = read_whole(Path(path), LONGEST_URDF, refuse)
+    root: ElementTree.Element | None = None
+    tags: list[str] = []
+    kept: list[ElementTree.Element] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal root
+        if not tags:
+            root = ElementTree.Element(tag, attributes)
+            kept.append(root)
+        elif len(kept) == len(tags) and "/".join([*tags[1:], tag]) in _KEPT:
+            kept.append(ElementTree.SubElement(kept[-1], tag, attributes))
+        tags.append(tag)
+
+    def end(_tag: str) -> None:
+        if len(kept) == len(tags):
+            kept.pop()
+        tags.pop()
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as problem:
+        if root is None:
+            raise RobotFileError(path, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)") from None
+        raise RobotFileError(path, f"is not XML ({problem})", "correct the line it names") from None
+    except (LookupError, ValueError) as problem:  # an encoding unknown to Python, or of several bytes a character
+        raise RobotFileError(path, f"declares an encoding that is not read ({problem})", "save it as UTF-8") from None
+    if root is None or root.tag != "robot":
+        found = root.tag if root is not None else "missing"
+        raise RobotFileError(path, f"is not a URDF, its root is <{brief(found, 60)}>", "give a URDF of a robot")
+    return ElementTree.tostring(root, encoding="utf-8")
