@@ -257,4 +257,4 @@ def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
             worst[here] = np.maximum(worst[here], most)
             rows = np.flatnonzero((off == worst[interval]) & np.isin(interval, over))
             at[interval[rows[::-1]]] = samples[rows[::-1]]  # the first of equals
-    return np.union1d(index, at[at >= 0])
+    return np.sort(np.concatenate([index, at[at >= 0]]))

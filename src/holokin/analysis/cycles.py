@@ -151,7 +151,9 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
         z = path.point(grid)
         ahead = np.minimum(nearest(path, z, grid + length, 0.02 * length), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
-        against = np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid)) < -0.5  # beyond a turn: the way back
+        against = (
+            np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid)) < -0.5
+        )  # beyond a turn: the way back
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
         sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
@@ -219,6 +221,7 @@ def _tracks(
         moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
         way[i:j] = np.einsum("ij,ij->i", moves, ahead[facing[i:j]])
     seeds = (distance < stray) & (np.abs(way) > 0.8)
+    walk = _Walk(path, template, length, stray, distance <= stray, facing)
     out: list[_Track] = []
     j, done = 0, 0
     while j < len(path.z):
@@ -228,8 +231,8 @@ def _tracks(
         sign, at = (1 if way[j] > 0 else -1), int(facing[j])
         if mirror is not None and sign < 0:  # the way back is the second half of the path itself
             sign, at = 1, round(2 * mirror * count - at) % count
-        later = _run(path, template, length, stray, j, at, sign, 1, len(path.z) - 1)
-        earlier = _run(path, template, length, stray, j, at, sign, -1, done)
+        later = walk.run(j, at, sign, 1, len(path.z) - 1)
+        earlier = walk.run(j, at, sign, -1, done)
         phases = np.array([*earlier[:0:-1], *later]) * sign
         anchors = np.arange(j - len(earlier) + 1, j + len(later))
         low = int(np.flatnonzero(phases == phases.min())[-1])  # what stood before a turn belongs to no track
@@ -242,25 +245,36 @@ def _tracks(
     return out
 
 
-def _run(
-    path: ToolPath, template: Matrix, length: float, stray: float, j: int, at: int, sign: int, time: int, limit: int
-) -> list[int]:
-    """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
-    count = len(template)
-    found = [at]
-    while j != limit:
-        move = abs(float(path.s[j + time] - path.s[j]))
-        j += time
-        window = int(2.0 * move / length * count) + 3
-        indices = at + sign * time * np.arange(window + 1)
-        gap = template[indices % count] - path.z[j]
-        d = np.einsum("ij,ij->i", gap, gap)
-        best = int(np.argmin(d))
-        if d[best] > stray * stray:
-            break
-        at = int(indices[best])
-        found.append(at)
-    return found
+class _Walk:
+    """Follows the template from anchor to anchor."""
+
+    def __init__(
+        self, path: ToolPath, template: Matrix, length: float, stray: float, near: Any, facing: Indices
+    ) -> None:
+        self.z, self.template, self.stray = path.z, template, stray
+        self.windows = ((2.0 * np.diff(path.s) / length * len(template)).astype(int) + 3).tolist()
+        self.near, self.facing = near.tolist(), facing.tolist()  # lists of small numbers: quick, and not large
+
+    def run(self, j: int, at: int, sign: int, time: int, limit: int) -> list[int]:
+        """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
+        count, way = len(self.template), sign * time
+        found = [at]
+        while j != limit:
+            window = self.windows[j if time > 0 else j - 1]
+            j += time
+            if not self.near[j]:
+                break
+            ahead = (self.facing[j] - at) * way % count
+            if ahead > window:  # the nearest of all points is another pass; look at those in reach
+                indices = at + way * np.arange(window + 1)
+                gap = self.template[indices % count] - self.z[j]
+                d = np.einsum("ij,ij->i", gap, gap)
+                ahead = int(np.argmin(d))
+                if d[ahead] > self.stray * self.stray:
+                    break
+            at += way * ahead
+            found.append(at)
+        return found
 
 
 def _cut(
