@@ -15,10 +15,10 @@ import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START
 from holokin import cli
 from holokin.analysis import Homecoming
+from holokin.analysis.arcs import noise_level
 from holokin.analysis.crossings import crossings
 from holokin.analysis.cycles import find_cycles
 from holokin.analysis.judge import first_limit, to_pose
-from holokin.analysis.period import noise_level
 from holokin.analysis.trend import Trend
 from holokin.errors import ArgumentError, RecordingError
 

@@ -158,7 +158,7 @@ def test_missing_joints_are_named_with_the_columns_there_are(log: Callable[..., 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "n/a", ""])
 def test_a_bad_cell_is_named_by_line_and_column(log: Callable[..., Path], cell: str) -> None:
-    refused(log(lambda _h, rows: rows[17].__setitem__(4, cell)), "line 19", "'panda_joint4'", repr(cell), "mend")
+    refused(log(lambda _h, rows: rows[17].__setitem__(4, cell)), "line 19", "'panda_joint4'", repr(cell), "correct")
     refused(log(lambda _h, rows: rows[17].__delitem__(slice(3, None))), "line 19 has 3 cells")
 
 
@@ -260,7 +260,7 @@ def test_bags_without_the_robots_joints_and_broken_ones_are_refused(tmp_path: Pa
 
 def test_without_rosbags_the_extra_is_named(panda: hk.Robot, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "a.mcap").write_bytes(b"")
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
     with pytest.raises(hk.HolokinError, match=r"holokin\[log\]"):
         hk.read_recording(tmp_path / "a.mcap", panda)
 

@@ -10,7 +10,8 @@ from ..errors import RecordingError
 from ..recording import Recording
 from ..robot import Robot
 from ..types import Array, Indices, Matrix, Vector
-from .period import NOISE_STEPS, ToolPath, find_period, noise_level, tool_path, tool_points
+from .arcs import BLOCK, NOISE_STEPS, ToolMotion, ToolPath, tool_path
+from .period import Period, find_period, repeating
 
 LENGTH_SCALE = 0.1
 """Default length [m/rad] at which a turn of the tool counts like a move: from the wrist to the tool of a usual arm."""
@@ -19,6 +20,7 @@ PHASES = 64
 """Points of equal tool pose that are compared, evenly along the path."""
 
 _TEMPLATE = 256
+_SITES = 2000  # searched at one time
 _STRAY = 0.04  # share of the loop's size by which the tool may leave the path before a cycle is lost
 _SHORT = 0.015  # share of a cycle that may lack at its ends: the tool gap there is measured and corrected
 
@@ -91,21 +93,16 @@ def find_cycles(
     Raises:
         RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
     """
-    position, rotation = robot.pose_batch(recording.q, tip)
-    z = tool_points(position, rotation if orientation else None, length_scale)
-    noise = noise_level(z)
-    extent = float(np.linalg.norm(z.max(axis=0) - z.min(axis=0)))
+    motion = ToolMotion(robot, recording.q, tip, orientation, length_scale)
+    extent, noise = motion.extent_and_noise()
     if extent < max(1e-6, 4 * NOISE_STEPS * noise):
         fact = f"the tool moves by {extent:.2g} m only, with {noise:.2g} m of noise"
         raise RecordingError(recording.source, fact, "log a motion of the arm, check tip and unit")
-    coarse = tool_path(z, recording.q, max(extent / 400, NOISE_STEPS * noise), noise)
-    period = find_period(coarse) if len(coarse.index) >= 16 else None
+    period = find_period(motion, extent, noise, max(extent / 400, NOISE_STEPS * noise))
     if period is None:
         raise _no_cycles(recording, robot, tip, orientation, length_scale)
-    step = max(period.length / _TEMPLATE, NOISE_STEPS * noise)
-    path = tool_path(z, recording.q, step, noise)
-    finer = path.length / coarse.length  # other anchors cut corners otherwise
-    home, length = _home(path, period.begin * finer, period.length * finer, noise)
+    path = tool_path(motion, max(period.length / _TEMPLATE, NOISE_STEPS * noise), noise)
+    home, length = _home(path, *_first_round(path, period), noise)
     template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
     mirror = _mirror(template)
     size = float(np.linalg.norm(template.max(axis=0) - template.min(axis=0)))
@@ -114,7 +111,7 @@ def find_cycles(
         if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
             home, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
             template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
-    tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * step), mirror)
+    tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * path.step), mirror)
     return _cut(recording, path, tracks, home, length, size, mirror)
 
 
@@ -134,6 +131,17 @@ def _no_cycles(
     return RecordingError(recording.source, fact, cure)
 
 
+def _first_round(path: ToolPath, period: Period) -> tuple[float, float]:
+    """Arc length at which the repeating begins, and that of a round."""
+    begin, end = path.arc(np.array([period.begin, period.end]))
+    length = float(end - begin)
+    if not period.whole:  # the period was found in a part of the log: the rounds before that part count too
+        unit = length / PHASES
+        run = repeating(path.point(np.asarray(np.arange(0.0, path.length, unit), dtype=float)), PHASES)
+        begin = unit * run[0] if run is not None else begin
+    return float(begin), length
+
+
 def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[float, float]:
     """Arc length at which the repeating begins, to the last anchor, and the length of the round from there."""
     first, last = max(0.0, begin - 0.2 * length), min(begin + length, path.length - length)
@@ -143,7 +151,9 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
         z = path.point(grid)
         ahead = np.minimum(nearest(path, z, grid + length, 0.02 * length), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
-        against = np.einsum("ij,ij->i", path.slope(ahead), path.slope(grid)) < -0.5  # beyond a turn: the way back
+        against = (
+            np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid)) < -0.5
+        )  # beyond a turn: the way back
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
         sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
@@ -159,6 +169,12 @@ def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[fl
 
 def nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
     """Arc lengths near the guesses (k,), at most `reach` [m] away, at which the tool is closest to targets (k, d)."""
+    rows = range(0, len(guess), _SITES)
+    parts = [_nearest(path, target[i : i + _SITES], guess[i : i + _SITES], reach) for i in rows]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
     low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length)
     count = int(np.clip(2 * reach / path.step, 8, 80)) // 2 * 2 + 1
     tries = np.clip(guess + np.linspace(-1, 1, count)[:, None] * reach, low, high)
@@ -197,10 +213,15 @@ def _tracks(
     facing = np.asarray(closest)
     ahead = np.roll(template, -2, axis=0) - np.roll(template, 2, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
-    moves = np.gradient(path.z, axis=0)
-    moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
-    way = np.einsum("ij,ij->i", moves, ahead[facing])
+    way = np.empty(len(path.z))
+    for i in range(0, len(path.z), BLOCK):
+        j = min(i + BLOCK, len(path.z))
+        early, late = max(i - 1, 0), min(j + 1, len(path.z))
+        moves = np.gradient(path.z[early:late], axis=0)[i - early : j - early]
+        moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
+        way[i:j] = np.einsum("ij,ij->i", moves, ahead[facing[i:j]])
     seeds = (distance < stray) & (np.abs(way) > 0.8)
+    walk = _Walk(path, template, length, stray, distance <= stray, facing)
     out: list[_Track] = []
     j, done = 0, 0
     while j < len(path.z):
@@ -210,8 +231,8 @@ def _tracks(
         sign, at = (1 if way[j] > 0 else -1), int(facing[j])
         if mirror is not None and sign < 0:  # the way back is the second half of the path itself
             sign, at = 1, round(2 * mirror * count - at) % count
-        later = _run(path, template, length, stray, j, at, sign, 1, len(path.z) - 1)
-        earlier = _run(path, template, length, stray, j, at, sign, -1, done)
+        later = walk.run(j, at, sign, 1, len(path.z) - 1)
+        earlier = walk.run(j, at, sign, -1, done)
         phases = np.array([*earlier[:0:-1], *later]) * sign
         anchors = np.arange(j - len(earlier) + 1, j + len(later))
         low = int(np.flatnonzero(phases == phases.min())[-1])  # what stood before a turn belongs to no track
@@ -224,25 +245,36 @@ def _tracks(
     return out
 
 
-def _run(
-    path: ToolPath, template: Matrix, length: float, stray: float, j: int, at: int, sign: int, time: int, limit: int
-) -> list[int]:
-    """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
-    count = len(template)
-    found = [at]
-    while j != limit:
-        move = abs(float(path.s[j + time] - path.s[j]))
-        j += time
-        window = int(2.0 * move / length * count) + 3
-        indices = at + sign * time * np.arange(window + 1)
-        gap = template[indices % count] - path.z[j]
-        d = np.einsum("ij,ij->i", gap, gap)
-        best = int(np.argmin(d))
-        if d[best] > stray * stray:
-            break
-        at = int(indices[best])
-        found.append(at)
-    return found
+class _Walk:
+    """Follows the template from anchor to anchor."""
+
+    def __init__(
+        self, path: ToolPath, template: Matrix, length: float, stray: float, near: Any, facing: Indices
+    ) -> None:
+        self.z, self.template, self.stray = path.z, template, stray
+        self.windows = ((2.0 * np.diff(path.s) / length * len(template)).astype(int) + 3).tolist()
+        self.near, self.facing = near.tolist(), facing.tolist()  # lists of small numbers: quick, and not large
+
+    def run(self, j: int, at: int, sign: int, time: int, limit: int) -> list[int]:
+        """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
+        count, way = len(self.template), sign * time
+        found = [at]
+        while j != limit:
+            window = self.windows[j if time > 0 else j - 1]
+            j += time
+            if not self.near[j]:
+                break
+            ahead = (self.facing[j] - at) * way % count
+            if ahead > window:  # the nearest of all points is another pass; look at those in reach
+                indices = at + way * np.arange(window + 1)
+                gap = self.template[indices % count] - self.z[j]
+                d = np.einsum("ij,ij->i", gap, gap)
+                ahead = int(np.argmin(d))
+                if d[ahead] > self.stray * self.stray:
+                    break
+            at += way * ahead
+            found.append(at)
+        return found
 
 
 def _cut(
@@ -301,4 +333,5 @@ def _broken(recording: Recording, path: ToolPath, spans: list[tuple[float, float
     """Whether a gap in time lies within each span of arc length."""
     where = path.index.astype(float)
     at = np.interp(recording.gaps + 0.5, where, path.s) if len(recording.gaps) else np.empty(0)
-    return [bool(((at > a) & (at < b)).any()) for a, b in spans]
+    begins, ends = np.array(spans).reshape(-1, 2).T
+    return (np.searchsorted(at, ends, side="left") > np.searchsorted(at, begins, side="right")).tolist()

@@ -9,11 +9,11 @@ from ..recording import Recording
 from ..robot import Robot
 from ..task import pose, position
 from ..types import Indices, Matrix, Vector
+from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .judge import Homecoming, spread, to_pose
 from .log_findings import Distance, LogAudit
-from .period import encoder_levels
 from .trend import CONFIDENCE, FEWEST, DriftTrend, Trend, judge, quantile
 from .visits import Visits, encoder_noise, spare_axes
 

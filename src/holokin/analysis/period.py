@@ -1,17 +1,13 @@
-"""The tool's path by arc length, free of pauses and encoder noise, and the length at which it repeats."""
+"""The length at which the tool's path repeats."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from ..types import Array, Indices, Matrix, Vector
-
-NOISE_STEPS = 12.0
-"""Anchors are this many noise levels apart or more, so that noise adds no length."""
+from ..types import Matrix
+from .arcs import ToolMotion, ToolPath, tool_path
 
 CLOSE = 0.05
 """Two visits closer than this share of the loop's size may be visits of one point."""
@@ -19,151 +15,83 @@ CLOSE = 0.05
 ALIKE = 0.02
 """A path repeats when the median distance between its rounds is below this share of the loop's size."""
 
+SURE = ALIKE / 8
+"""Rounds as alike as this are taken without looking for a longer stretch that is more alike."""
 
-def tool_points(position: Matrix, rotation: Array | None, length_scale: float) -> Matrix:
-    """Poses as points (k, d) whose distance is sqrt(|dp|^2 + (l 2 sin(angle/2))^2), l the length scale [m/rad].
+MOST = 60_000
+"""Anchors of one stretch of the path in which a period is looked for: the work, and what is in memory, grow with it."""
 
-    The rotation enters by its nine entries, since |R - S|_F = 2 sqrt(2) sin(angle/2); None leaves it out.
-    """
-    if rotation is None:
-        return position
-    return np.hstack([position, length_scale / np.sqrt(2) * rotation.reshape(len(position), 9)])
-
-
-def noise_level(x: Matrix) -> float:
-    """Size (rms norm) of white noise on samples (k, d) of a smooth motion: sixth differences forget the motion."""
-    if len(x) < 8:
-        return 0.0
-    sixth = np.diff(x, 6, axis=0)
-    return float(np.median(np.linalg.norm(sixth, axis=1))) / np.sqrt(924.0)
-
-
-def encoder_levels(q: Matrix) -> Vector:
-    """Standard deviation of white noise on each joint of a log q (k, n).
-
-    sigma = median |d^6 q| / (0.6745 sqrt(924)); 924 is the sum of the squared binomials, 0.6745 the median of
-    |N(0, 1)|.
-    """
-    return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
-
-
-@dataclass(frozen=True, eq=False)
-class ToolPath:
-    """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d) and postures q (k, n)."""
-
-    index: Indices
-    s: Vector
-    z: Matrix
-    q: Matrix
-    step: float
-
-    @property
-    def length(self) -> float:
-        """Distance travelled [m]."""
-        return float(self.s[-1])
-
-    @cached_property
-    def point(self) -> Any:
-        """z of s, a smooth curve through the anchors that does not swing at corners (Akima)."""
-        return _curve(self.s, self.z)
-
-    @cached_property
-    def posture(self) -> Any:
-        """q of s."""
-        return _curve(self.s, self.q)
-
-    @cached_property
-    def slope(self) -> Any:
-        """dz/ds of s."""
-        return self.point.derivative()
-
-
-def _curve(s: Vector, values: Matrix) -> Any:
-    from scipy.interpolate import Akima1DInterpolator
-
-    return Akima1DInterpolator(s, values, axis=0)
-
-
-def tool_path(z: Matrix, q: Matrix, step: float, noise: float) -> ToolPath:
-    """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out."""
-    margin = NOISE_STEPS / 2 * noise
-    index = _anchors(z, step, max(margin, 1e-3 * step))
-    for _ in range(2):
-        index = _with_corners(z, index, max(margin, 0.02 * step))
-    chords = np.linalg.norm(np.diff(z[index], axis=0), axis=1)
-    return ToolPath(index, np.concatenate([[0.0], np.cumsum(chords)]), z[index], q[index], step)
-
-
-def _anchors(z: Matrix, step: float, margin: float) -> Indices:
-    """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
-    over a margin away."""
-    kept, here, count = [0], 0, len(z)
-    far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
-    while True:
-        while here < len(far) and far[here]:
-            here += 1
-            kept.append(here)
-        start, chunk, found = here + 1, 32, -1
-        while start < count and found < 0:
-            gap = z[start : start + chunk] - z[here]
-            hit = np.einsum("ij,ij->i", gap, gap) > step * step
-            i = int(np.argmax(hit))
-            found = start + i if hit[i] else -1
-            start, chunk = start + chunk, min(2 * chunk, 8192)
-        if found < 0:
-            break
-        kept.append(found)
-        here = found
-    left = np.linalg.norm(z[here:] - z[here], axis=1)
-    if left.max() > margin:
-        kept.append(here + int(np.argmax(left)))
-    return np.array(kept)
-
-
-def _with_corners(z: Matrix, index: Indices, margin: float) -> Indices:
-    """Anchors, and between two of them the sample farthest from their chord, if over a margin [m] off it."""
-    interval = np.repeat(np.arange(len(index) - 1), np.diff(index))
-    samples = np.arange(index[0], index[-1])
-    start, chord = z[index[:-1]], np.diff(z[index], axis=0)
-    squared = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
-    lever = z[samples] - start[interval]
-    share = np.clip(np.einsum("ij,ij->i", lever, chord[interval]) / squared[interval], 0.0, 1.0)
-    off = np.linalg.norm(lever - share[:, None] * chord[interval], axis=1)
-    worst = np.maximum.reduceat(off, index[:-1] - index[0])
-    at = np.flatnonzero((off == worst[interval]) & (off > margin))
-    return np.union1d(index, samples[at])
+_VISITS = 40  # of a point, that propose lags
+_COARSER = 4  # step of a longer stretch, in steps of the one before
+_COARSEST = 25  # steps in the tool's extent below which a path is not known any more
 
 
 @dataclass(frozen=True)
 class Period:
-    """Arc length of one round, where the repeating stretch begins and ends [m], and how well it repeats.
+    """Samples between which the first whole round of a repeating stretch runs, and how well it repeats.
 
-    `residual`: median distance between successive rounds, across the path, over the loop's size.
+    `begin`, `end`: sample positions; `length` [m] of the round; `residual`: median distance between successive rounds,
+    across the path, over the loop's size; `whole`: the stretch looked at was the whole log, so nothing repeats before.
     """
 
-    length: float
     begin: float
     end: float
+    length: float
     residual: float
+    whole: bool
 
 
-def find_period(path: ToolPath, most: int = 60_000) -> Period | None:
-    """The shortest arc length after which the tool runs the same path again in the same direction, or None.
+def find_period(motion: ToolMotion, extent: float, noise: float, finest: float) -> Period | None:
+    """The shortest round after which the tool runs the same path again in the same direction, or None.
+
+    A path of many rounds is looked at in stretches, since a grid over all of it would be too coarse to show one: in the
+    middle, at the beginning and at the end, at the finest step; where none repeats surely, in stretches four times as
+    long at four times the step, up to the whole.
+
+    Args:
+        extent, noise: of the tool points [m]. finest: step of the finest stretch [m].
+    """
+    step, found = finest, []
+    while True:
+        first = tool_path(motion, step, noise, most=MOST)
+        whole = bool(first.index[-1] >= len(motion) - 1) or len(first.index) < MOST
+        paths = [first]
+        if not whole:
+            rows = int(first.index[-1])
+            starts = [(len(motion) - rows) // 2, 0, len(motion) - rows]
+            paths = (first if not at else tool_path(motion, step, noise, start=at, most=MOST) for at in starts)
+        for path in paths:
+            period = _period(path, whole) if len(path.index) >= 16 else None
+            if period is not None:
+                found.append(period)
+                if period.residual <= SURE:
+                    break
+        if whole or (found and found[-1].residual <= SURE) or step * _COARSER > extent / _COARSEST:
+            break
+        step *= _COARSER
+    if not found:
+        return None
+    best = min(period.residual for period in found)
+    return min((p for p in found if p.residual <= max(3 * best, SURE)), key=lambda p: p.length)
+
+
+def _period(path: ToolPath, whole: bool) -> Period | None:
+    """The shortest period of a path.
 
     Lags are proposed by points that are visited again, and accepted when a whole round is the same.
     """
-    count = int(np.clip(np.ceil(path.length / path.step), 16, most))
+    count = int(np.clip(np.ceil(path.length / path.step), 16, MOST))
     grid = np.linspace(0.0, path.length, count)
     z = _reduced(path.point(grid))
-    tested = [(lag, *run) for lag in _lags(z) for run in [_repeating(z, lag)] if run is not None]
+    tested = [(lag, *run) for lag in _lags(z) for run in [repeating(z, lag)] if run is not None]
     if not tested:
         return None
     best = min(residual for *_, residual in tested)
     if best > ALIKE:
         return None
-    lag, first, last, residual = next(item for item in tested if item[3] <= max(3 * best, ALIKE / 8))
-    unit = grid[1]
-    return Period(lag * unit, first * unit, last * unit, residual)
+    lag, first, _, residual = next(item for item in tested if item[3] <= max(3 * best, SURE))
+    begin, end = path.sample(grid[first]), path.sample(grid[first + lag])
+    return Period(float(begin), float(end), float(lag * grid[1]), residual, whole)
 
 
 def _reduced(z: Matrix) -> Matrix:
@@ -181,9 +109,13 @@ def _lags(z: Matrix, references: int = 64, most: int = 30) -> list[int]:
         d = np.linalg.norm(z[start:] - z[start], axis=1)
         near = d < CLOSE * np.maximum.accumulate(d)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-        for a, b in edges.reshape(-1, 2)[:40]:
-            if a > 0:
-                found.append(int(a + np.argmin(d[a:b])))
+        visits = edges.reshape(-1, 2)
+        visits = visits[visits[:, 0] > 0]
+        if len(visits) > _VISITS:  # the next ones, and the closest: beside a point run the rows of a fine raster
+            closest = np.minimum.reduceat(np.append(d, np.inf), visits.ravel())[::2]
+            order = np.argsort(closest[_VISITS // 2 :], kind="stable")[: _VISITS // 2] + _VISITS // 2
+            visits = np.vstack([visits[: _VISITS // 2], visits[order]])
+        found += [int(a + np.argmin(d[a:b])) for a, b in visits]
     groups: list[list[int]] = []
     for lag in sorted(found):
         if groups and lag <= 1.02 * groups[-1][0] + 1:
@@ -194,8 +126,9 @@ def _lags(z: Matrix, references: int = 64, most: int = 30) -> list[int]:
     return sorted(int(np.median(group)) for group in chosen)
 
 
-def _repeating(z: Matrix, lag: int) -> tuple[int, int, float] | None:
-    """(first, last, residual) of the longest stretch in which z(i + lag) = z(i), if a whole round long."""
+def repeating(z: Matrix, lag: int) -> tuple[int, int, float] | None:
+    """(first, last, residual) of the longest stretch in which points z (k, d) have z(i + lag) = z(i), if a whole round
+    long."""
     from scipy.ndimage import binary_closing, maximum_filter1d, minimum_filter1d
 
     if not 8 <= lag < len(z) - 4:

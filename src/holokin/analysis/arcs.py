@@ -1,0 +1,260 @@
+"""The tool's path by arc length, free of pauses and encoder noise; a long log is looked at a block at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..robot import Robot
+from ..types import Array, Indices, Matrix, Vector
+
+NOISE_STEPS = 12.0
+"""Anchors are this many noise levels apart or more, so that noise adds no length."""
+
+BLOCK = 50_000
+"""Samples whose tool poses are in memory at one time: five megabytes."""
+
+
+def tool_points(position: Matrix, rotation: Array | None, length_scale: float) -> Matrix:
+    """Poses as points (k, d) whose distance is sqrt(|dp|^2 + (l 2 sin(angle/2))^2), l the length scale [m/rad].
+
+    The rotation enters by its nine entries, since |R - S|_F = 2 sqrt(2) sin(angle/2); None leaves it out.
+    """
+    if rotation is None:
+        return position
+    return np.hstack([position, length_scale / np.sqrt(2) * rotation.reshape(len(position), 9)])
+
+
+def noise_level(x: Matrix) -> float:
+    """Size (rms norm) of white noise on samples (k, d) of a smooth motion: sixth differences forget the motion."""
+    return _level(_sixth(x)) if len(x) >= 8 else 0.0
+
+
+def _sixth(x: Matrix) -> Vector:
+    return np.linalg.norm(np.diff(x, 6, axis=0), axis=1)
+
+
+def _level(sixth: Vector) -> float:
+    return float(np.median(sixth)) / np.sqrt(924.0)
+
+
+def encoder_levels(q: Matrix) -> Vector:
+    """Standard deviation of white noise on each joint of a log q (k, n).
+
+    sigma = median |d^6 q| / (0.6745 sqrt(924)); 924 is the sum of the squared binomials, 0.6745 the median of
+    |N(0, 1)|.
+    """
+    return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
+
+
+@dataclass(frozen=True, eq=False)
+class ToolMotion:
+    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory."""
+
+    robot: Robot
+    q: Matrix
+    tip: str | None
+    orientation: bool
+    length_scale: float
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def _all(self) -> Matrix | None:
+        return self._points(slice(None)) if len(self.q) <= BLOCK else None
+
+    def _points(self, rows: slice | Indices) -> Matrix:
+        position, rotation = self.robot.pose_batch(self.q[rows], self.tip)
+        return tool_points(position, rotation if self.orientation else None, self.length_scale)
+
+    def at(self, rows: slice | Indices) -> Matrix:
+        """Tool points of some samples."""
+        if self._all is not None:
+            return self._all[rows]
+        if isinstance(rows, slice) or len(rows) <= BLOCK:
+            return self._points(rows)
+        return np.vstack([self._points(rows[i : i + BLOCK]) for i in range(0, len(rows), BLOCK)])
+
+    def blocks(self, start: int = 0, stop: int | None = None, before: int = 0) -> Iterator[tuple[int, Matrix]]:
+        """(first sample, points) of successive blocks; each begins `before` samples early, where there are any."""
+        end = len(self) if stop is None else stop
+        for i in range(start, end, BLOCK):
+            first = max(i - before, start)
+            yield first, self.at(slice(first, min(i + BLOCK, end)))
+
+    def extent_and_noise(self) -> tuple[float, float]:
+        """Size of the box that the tool points fill, and their noise level [m]."""
+        sixth, low, high = [], np.inf, -np.inf
+        for _, z in self.blocks(before=6):
+            low, high = np.minimum(low, z.min(axis=0)), np.maximum(high, z.max(axis=0))
+            if len(z) > 6:
+                sixth.append(_sixth(z))
+        noise = _level(np.concatenate(sixth)) if len(self) >= 8 else 0.0
+        return float(np.linalg.norm(high - low)), noise
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d); `joints`: all postures."""
+
+    index: Indices
+    s: Vector
+    z: Matrix
+    joints: Matrix
+    step: float
+
+    @property
+    def length(self) -> float:
+        """Distance travelled [m]."""
+        return float(self.s[-1])
+
+    @cached_property
+    def point(self) -> Curve:
+        """z of s, a smooth curve through the anchors that does not swing at corners (Akima)."""
+        return Curve(self.s, self.z)
+
+    @cached_property
+    def posture(self) -> Curve:
+        """q of s."""
+        return Curve(self.s, self.joints[self.index])
+
+    def sample(self, s: Vector | float) -> Vector:
+        """Sample positions at arc lengths."""
+        return np.interp(s, self.s, self.index.astype(float))
+
+    def arc(self, samples: Vector | float) -> Vector:
+        """Arc lengths at sample positions."""
+        return np.interp(samples, self.index.astype(float), self.s)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Akima's curve through values (k, d) at rising s (k,): cubic between knots, of slopes from five chords. Its slopes
+    are kept and not its coefficients, a third of the memory of SciPy's."""
+
+    s: Vector
+    values: Matrix
+
+    @cached_property
+    def slopes(self) -> Matrix:
+        """dz/ds at the knots (k, d)."""
+        count = len(self.s)
+        out = np.empty_like(self.values)
+        for i in range(0, count, BLOCK):
+            j = min(i + BLOCK, count)
+            first, last = max(i - 2, 0), min(j + 2, count)
+            chords = np.diff(self.values[first:last], axis=0) / np.diff(self.s[first:last])[:, None]
+            if count == 2:
+                chords = np.repeat(chords, 2, axis=0)
+            if first == i:  # two chords more at each end, as of a parabola
+                chords = np.vstack([3 * chords[0] - 2 * chords[1], 2 * chords[0] - chords[1], chords])
+            if last == count:
+                chords = np.vstack([chords, 2 * chords[-1] - chords[-2], 3 * chords[-1] - 2 * chords[-2]])
+            change = np.abs(np.diff(chords, axis=0))
+            before, after = change[: j - i], change[2 : 2 + j - i]
+            left, right, total = chords[1 : 1 + j - i], chords[2 : 2 + j - i], before + after
+            even = total <= 1e-9 * max(float(total.max()), 1e-300)
+            share = np.where(even, 0.5, before / np.where(even, 1.0, total))
+            out[i:j] = left + share * (right - left)
+        return out
+
+    def _local(self, s: Vector) -> tuple[Indices, Vector, Matrix]:
+        s = np.clip(s, self.s[0], self.s[-1])
+        i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        width = self.s[i + 1] - self.s[i]
+        return i, width, ((s - self.s[i]) / width)[..., None]
+
+    def __call__(self, s: Vector | float) -> Array:
+        """Values (..., d) at s (...)."""
+        i, width, u = self._local(np.asarray(s, dtype=float))
+        a, b = self.values[i], self.values[i + 1]
+        rise = b - a
+        first = self.slopes[i] * width[..., None] - rise
+        last = self.slopes[i + 1] * width[..., None] - rise
+        return a + u * (rise + (1 - u) * ((1 - u) * first - u * last))
+
+    def slope(self, s: Vector | float) -> Array:
+        """Derivatives (..., d) at s (...)."""
+        i, width, u = self._local(np.asarray(s, dtype=float))
+        w = width[..., None]
+        rise = self.values[i + 1] - self.values[i]
+        first, last = self.slopes[i] * w - rise, self.slopes[i + 1] * w - rise
+        return (rise + (1 - u) * (1 - 3 * u) * first - u * (2 - 3 * u) * last) / w
+
+
+def tool_path(
+    motion: ToolMotion, step: float, noise: float, *, start: int = 0, most: int | None = None
+) -> ToolPath:  # fmt: skip
+    """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out.
+
+    Args:
+        start: the first sample looked at. most: end after about as many anchors.
+    """
+    margin = NOISE_STEPS / 2 * noise
+    index = _anchors(motion, step, max(margin, 1e-3 * step), start, most)
+    for _ in range(2):
+        index = _with_corners(motion, index, max(margin, 0.02 * step))
+    z = motion.at(index)
+    chords = np.linalg.norm(np.diff(z, axis=0), axis=1)
+    return ToolPath(index, np.concatenate([[0.0], np.cumsum(chords)]), z, motion.q, step)
+
+
+def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> Indices:
+    """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
+    over a margin away."""
+    kept, here = [start], motion.at(slice(start, start + 1))[0]
+    farthest, tip = 0.0, -1  # since the last one kept
+    for first, z in motion.blocks(start, before=1):
+        far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
+        i, chunk = (0 if first == start else 1), 32
+        while i < len(z):
+            if i and first + i - 1 == kept[-1] and far[i - 1]:
+                kept.append(first + i)
+                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
+                continue
+            gap = z[i : i + chunk] - here
+            squares = np.einsum("ij,ij->i", gap, gap)
+            hit = squares > step * step
+            found = int(np.argmax(hit))
+            if hit[found]:
+                i += found
+                kept.append(first + i)
+                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
+                continue
+            best = int(np.argmax(squares))
+            if squares[best] > farthest:
+                farthest, tip = float(squares[best]), first + i + best
+            i, chunk = i + chunk, min(2 * chunk, 8192)
+        if most is not None and len(kept) >= most:
+            return np.array(kept)
+    if farthest > margin * margin:
+        kept.append(tip)
+    return np.array(kept)
+
+
+def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
+    """Anchors, and between two of them the sample farthest from their chord, if over a margin [m] off it."""
+    count = len(index) - 1
+    ends = motion.at(index)
+    worst, at = np.full(count, margin), np.full(count, -1)
+    for first, z in motion.blocks(int(index[0]), int(index[-1])):
+        samples = np.arange(first, first + len(z))
+        interval = np.searchsorted(index, samples, side="right") - 1
+        start, chord = ends[interval], ends[interval + 1] - ends[interval]
+        squared = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
+        lever = z - start
+        share = np.clip(np.einsum("ij,ij->i", lever, chord) / squared, 0.0, 1.0)
+        off = np.linalg.norm(lever - share[:, None] * chord, axis=1)
+        begins = np.flatnonzero(np.diff(interval, prepend=-1))
+        here = interval[begins]
+        most = np.maximum.reduceat(off, begins)
+        over = here[most > worst[here]]
+        if len(over):
+            worst[here] = np.maximum(worst[here], most)
+            rows = np.flatnonzero((off == worst[interval]) & np.isin(interval, over))
+            at[interval[rows[::-1]]] = samples[rows[::-1]]  # the first of equals
+    return np.sort(np.concatenate([index, at[at >= 0]]))

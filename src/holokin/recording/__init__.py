@@ -1,0 +1,7 @@
+"""Joint motion that a robot's own controller made, read from CSV, rosbag2 folders and MCAP files."""
+
+from .csv_log import TIMES
+from .log import GAP, Recording
+from .reading import SLACK, read_recording
+
+__all__ = ["GAP", "SLACK", "TIMES", "Recording", "read_recording"]

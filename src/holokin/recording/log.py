@@ -1,0 +1,93 @@
+"""`Recording`: the joints of a robot over time, and the raw samples that a file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
+from ..robot import Robot
+from ..types import Indices, Matrix, Vector
+
+GAP = 10.0
+"""A step longer than this many median steps is a gap: something is missing there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
+
+    `notes` says what was changed or left out in reading.
+    """
+
+    joint_names: tuple[str, ...]
+    t: Vector
+    q: Matrix
+    source: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.q.shape != (len(self.t), len(self.joint_names)):
+            raise ShapeError("q of a recording", (len(self.t), len(self.joint_names)), self.q.shape)
+        for what, values in (("t of a recording", self.t), ("q of a recording", self.q)):
+            if not np.isfinite(values).all():
+                raise NotFiniteError(what, values[~np.isfinite(values)][:3].tolist())
+        if len(self.t) > 1 and not (np.diff(self.t) > 0).all():
+            raise ArgumentError("a step of t", float(np.diff(self.t).min()), "give rising times in seconds")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def rate(self) -> float:
+        """Samples a second, of the median step [Hz]."""
+        return float(1 / np.median(np.diff(self.t)))
+
+    @cached_property
+    def gaps(self) -> Indices:
+        """Indices i at which the step from sample i to i + 1 is over `GAP` median steps."""
+        steps = np.diff(self.t)
+        return np.flatnonzero(steps > GAP * np.median(steps))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What a file holds, in its own order and units: t (k,) [s] and q (k, n); `place` and `numbers` (k,) name each
+    ('line 7'), for messages."""
+
+    t: Vector
+    q: Matrix
+    place: str
+    numbers: Indices
+    notes: list[str] = field(default_factory=list)
+
+    def where(self, i: int) -> str:
+        """The place of sample i in the file, in words."""
+        return f"{self.place} {self.numbers[i]}"
+
+
+def shown(text: str, most: int = 60) -> str:
+    """Text from a file for a message: in one line, without control characters, and not longer than `most`."""
+    plain = "".join(c if c.isprintable() else " " for c in text[: most + 1])
+    return plain if len(plain) <= most else plain[: most - 3] + "..."
+
+
+def listed(names: Sequence[str], most: int = 24) -> str:
+    """Names for a message; of many only the first."""
+    tail = f", ... ({len(names)} in all)" if len(names) > most else ""
+    return ", ".join(shown(name) for name in names[:most]) + tail
+
+
+def joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:
+    """The error that names the joints missing and what is there instead."""
+    fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
+    return RecordingError(file, fact, f"rename them or choose another robot; the {what} are {listed(there)}")

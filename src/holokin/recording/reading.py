@@ -1,0 +1,145 @@
+"""`read_recording`: from a file to a `Recording` in radians, with rising times and joints that run on."""
+
+from __future__ import annotations
+
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ArgumentError, RecordingError
+from ..robot import Robot
+from ..types import Matrix, Vector
+from .bag import read_bag
+from .csv_log import read_csv
+from .log import Recording, Samples
+
+SLACK = 0.5
+"""How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
+
+FARTHEST = 1e6
+"""Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre."""
+
+LONGEST = 1e10
+"""Longest log [s] that is believed: three centuries. A longer one has stamps in another unit, or broken ones."""
+
+FASTEST = 1e-9
+"""Shortest median step [s] that is believed: stamps have nanoseconds."""
+
+
+def read_recording(
+    path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None
+) -> Recording:
+    """Read the joints of a robot from a log.
+
+    CSV: a header with a time column (`TIMES`; seconds, or whole nanoseconds) and the robot's joints, in any order;
+    a joint may have a prefix that ends in / . _ or : ('position.panda_joint1') where only one column fits.
+    rosbag2 folder, .mcap, .db3 or ROS 1 .bag: sensor_msgs/JointState messages (needs the extra `log`).
+
+    Args:
+        degrees: True when revolute joints are logged in degrees; None refuses values that only fit as degrees.
+        topic: of the JointState messages; by default /joint_states, or the only one there is.
+
+    Raises:
+        RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
+            its line), time that runs backward or stands still with other joints, degrees where radians are due.
+        MissingExtraError: a bag, and rosbags is not installed. ArgumentError: a topic for a CSV file.
+    """
+    file = Path(path)
+    if _is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
+        samples = read_bag(file, robot, topic)
+    elif topic is not None:
+        raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
+    else:
+        samples = read_csv(file, robot)
+    notes = samples.notes
+    t, q = _in_order(file, samples, notes)
+    _to_radians(file, q, robot, degrees, notes)
+    _unwrap(q, robot, notes)
+    log = Recording(robot.joint_names, t, q, str(file))
+    if len(log.gaps):
+        longest = float(np.diff(t).max())
+        notes.append(f"{len(log.gaps)} gaps in time, the longest {longest:.3g} s (median step {1 / log.rate:.3g} s)")
+    return replace(log, notes=tuple(notes))
+
+
+def _is_folder(file: Path) -> bool:
+    """True for a folder, False for a regular file. Raises: RecordingError for what may never end, and for nothing."""
+    try:
+        mode = file.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        raise RecordingError(file, "there is no such file", "check the path") from None
+    except OSError as problem:
+        raise RecordingError(file, f"cannot be looked at ({problem.strerror})", "check the path") from None
+    if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
+        kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or socket"
+        raise RecordingError(file, f"it is {kind}, which may never end", "save the log as a file first")
+    return stat.S_ISDIR(mode)
+
+
+def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, Matrix]:
+    """Samples with rising times: identical repeated ones are dropped."""
+    t, q = samples.t, samples.q
+    if not t.max() - t.min() <= LONGEST:
+        fact = f"its times span {t.max() - t.min():.3g} s, over three centuries"
+        raise RecordingError(file, fact, "give times in seconds, or whole nanoseconds")
+    step = np.diff(t)
+    for i in np.flatnonzero(step < 0)[:1]:
+        fact = f"time runs backward at {samples.where(i + 1)}, from {t[i]:.9g} to {t[i + 1]:.9g} s"
+        raise RecordingError(file, fact, "sort the log by time, or audit its parts apart")
+    same = np.flatnonzero(step == 0) + 1
+    for i in same[(q[same] != q[same - 1]).any(axis=1)][:1]:
+        fact = f"{samples.where(i)} repeats the time {t[i]:.9g} s with other joints"
+        raise RecordingError(file, fact, "log stamps with more digits, or delete one of the two")
+    if len(t) - len(same) < 2:
+        raise RecordingError(file, "has a single sample", "log at least two cycles")
+    usual = float(np.median(step[step > 0]))
+    if usual < FASTEST:
+        fact = f"its samples are {usual:.3g} s apart, less than stamps can tell"
+        raise RecordingError(file, fact, "give times in seconds, or whole nanoseconds")
+    if len(same):
+        notes.append(f"{len(same)} repeated rows dropped")
+        t, q = np.delete(t, same), np.delete(q, same, axis=0)
+    return t, q
+
+
+def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes: list[str]) -> None:
+    """Hinges in radians, in place: columns are looked at by their extremes, since a log may be long."""
+    turning = np.array([c.kind != "prismatic" for c in robot.coordinates])
+    scale = np.where(turning, np.pi / 180, 1.0)
+    if degrees:
+        q *= scale
+    least, most = q.min(axis=0), q.max(axis=0)
+    reach = np.maximum(-least, most)
+    far = int(np.argmax(reach))
+    if reach[far] > FARTHEST:
+        fact = f"joint {robot.joint_names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
+        raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
+    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
+    over = np.maximum(lower - least, most - upper)
+    worst = int(np.argmax(over))
+    if degrees or over[worst] <= 0:
+        return
+    fits = bool((least * scale >= lower).all() and (most * scale <= upper).all())
+    name = robot.joint_names[worst]
+    value = float(least[worst] if -least[worst] > most[worst] else most[worst])
+    if degrees is None and fits and turning[worst]:
+        fact = f"joint {name} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
+        raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
+    beyond = f"{over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits"
+    notes.append(f"joint {name} is logged up to {beyond}")
+
+
+def _unwrap(q: Matrix, robot: Robot, notes: list[str]) -> None:
+    """Joints without limits are often logged modulo a turn: make them run on, in place."""
+    turned = []
+    for i, c in enumerate(robot.coordinates):
+        if c.kind != "prismatic" and np.isinf([c.lower, c.upper]).all():
+            whole = np.unwrap(q[:, i])
+            if not np.array_equal(q[:, i], whole):
+                q[:, i] = whole
+                turned.append(robot.joint_names[i])
+    if turned:
+        notes.append(f"turns of {', '.join(turned)} joined, which the log cuts at pi")
