@@ -1,0 +1,295 @@
+"""Killed, stopped, out of space, out of luck: what a command leaves behind, and with what exit code it ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.kills import KILLER, hidden, state
+from conftest import Command, assert_refused, assert_untouched, write_job
+from holokin.errors import WriteError
+from holokin.files import aside, replacing
+
+
+def command(*arguments: object, setup: str = "", **options: object) -> subprocess.CompletedProcess[str]:
+    """The command line in a process of its own, after some Python."""
+    code = f"{setup}\nimport sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\nfrom holokin.cli import main; main()"
+    return subprocess.run([sys.executable, "-c", code], text=True, timeout=120, check=False, **options)  # type: ignore[call-overload]
+
+
+# --- the disk refuses ---
+
+
+def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(tmp_path: Path, out: Path) -> None:
+    files = [write_job(tmp_path, f"{name}.toml") for name in ("first", "second")]
+    assert command("run", *files, "--out", out, capture_output=True).returncode == 0
+    before = state(out)
+    limited = command(
+        "run", *files, "--out", out, capture_output=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY)),
+    )  # fmt: skip
+    assert limited.returncode == 2
+    assert "Traceback" not in limited.stderr
+    for name, said in zip(("first", "second"), limited.stderr.splitlines(), strict=True):
+        assert said.startswith(f"error: {name}: {out / name}{os.sep}")
+        assert "cannot be written: File too large" in said
+    assert state(out) == before
+
+
+def test_a_full_standard_output_costs_the_table_and_not_the_report(tmp_path: Path, out: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = command("run", write_job(tmp_path), "--out", out, stdout=full, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: the standard output cannot be written: No space left on device")
+    assert (out / "job" / "result.json").is_file()
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path, out: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = command("run", write_job(tmp_path), "--out", out, stdout=write, stderr=subprocess.PIPE)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (out / "job" / "result.json").is_file()
+
+
+def test_what_is_no_plain_file_in_an_old_folder_moves_to_the_new_one_unread(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    file = write_job(tmp_path)
+    assert holokin("run", file, "--out", out).code == 0
+    os.mkfifo(out / "job" / "pipe")
+    (out / "job" / "locked.txt").write_text("mine")
+    (out / "job" / "locked.txt").chmod(0)
+    (out / "job" / "nowhere").symlink_to("no/such/file")
+    there = {name: (out / "job" / name).lstat().st_ino for name in ("pipe", "locked.txt", "nowhere")}
+    assert holokin("run", file, "--out", out).code == 0
+    assert {name: (out / "job" / name).lstat().st_ino for name in there} == there
+    assert hidden(out) == []
+
+
+def test_a_move_that_is_refused_leaves_the_old_folder_as_it_was(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = write_job(tmp_path)
+    assert holokin("run", file, "--out", out).code == 0
+    for name in ("a.txt", "b.txt"):
+        (out / "job" / name).write_text("mine")
+    before, rename = state(out), os.rename
+
+    def refused(source: Path, target: Path) -> None:
+        if Path(source).name == "b.txt" and "old" in Path(source).parts:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", refused)
+    assert_refused(holokin("run", file, "--out", out), "b.txt", "cannot be written", "Permission denied")
+    assert state(out) == before
+
+
+# --- one file ---
+
+
+def test_a_file_is_replaced_whole_or_stays(tmp_path: Path) -> None:
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    file.chmod(0o640)
+    with pytest.raises(KeyError), replacing(file) as part:
+        part.write_text("ha")
+        raise KeyError
+    assert file.read_text() == "old"
+    (tmp_path / "link").symlink_to(file)
+    with replacing(tmp_path / "link") as part:
+        part.write_text("new")
+        assert file.read_text() == "old"
+    assert (file.read_text(), file.stat().st_mode & 0o777, (tmp_path / "link").is_symlink()) == ("new", 0o640, True)
+    with pytest.raises(WriteError, match="File exists"), replacing(file, new=True):
+        pass
+    with pytest.raises(WriteError, match="Is a directory"), replacing(tmp_path):
+        pass
+    with replacing("/dev/null") as part:
+        assert part == Path("/dev/null")
+    assert sorted(os.listdir(tmp_path)) == ["a.txt", "link"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
+     (["audit", "log.csv", "--robot", "ppr", "--plot", "a.png"], "a.png")],
+)  # fmt: skip
+def test_a_file_that_outgrows_the_limit_leaves_nothing(tmp_path: Path, arguments: list[str], wanted: str) -> None:
+    """Where the old file had lain 2,048 of 2,894 bytes were left, or none."""
+    rows = "\n".join(f"{k / 10},{k / 100},0.1,0.2" for k in range(40))
+    (tmp_path / "log.csv").write_text(f"t,q1,q2,q3\n{rows}\n")
+    (tmp_path / "log.csv").write_text((tmp_path / "log.csv").read_text().replace("q1,q2,q3", ",".join(PPR)))
+    limit = (resource.RLIMIT_FSIZE, (512, resource.RLIM_INFINITY))
+    done = command(*arguments, cwd=tmp_path, capture_output=True, preexec_fn=lambda: resource.setrlimit(*limit))
+    assert done.returncode == 2, done.stderr
+    assert f"error: {wanted} cannot be written: File too large" in done.stderr
+    assert done.stderr.count("error: ") == 1
+    assert os.listdir(tmp_path) == ["log.csv"]
+
+
+PPR = ("q1", "q2", "q3")
+
+
+def test_two_processes_do_not_clear_each_others_unfinished_files(tmp_path: Path) -> None:
+    with aside(tmp_path) as mine:
+        (mine / "half").write_text("a half")
+        subprocess.run(
+            [sys.executable, "-c", f"from holokin.files import *; clear(Path({str(tmp_path)!r}))"], check=True
+        )
+        assert (mine / "half").read_text() == "a half"
+    assert os.listdir(tmp_path) == []
+
+
+def test_only_hidden_folders_of_our_own_form_are_cleared(holokin: Command, tmp_path: Path, out: Path) -> None:
+    for name in (".holokin-mine", ".holokin-0123456789abcdeg", ".job-abc-old"):
+        (out / name).mkdir()
+    (out / ".holokin-0123456789abcdef").write_text("a file")
+    kept = hidden(out)
+    (out / ".holokin-00000000000000ff" / "new").mkdir(parents=True)
+    assert holokin("run", write_job(tmp_path), "--out", out).code == 0
+    assert hidden(out) == kept
+
+
+# --- kill -9 at every rename ---
+
+
+@pytest.mark.parametrize("after", [False, True])
+def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(
+    holokin: Command, tmp_path: Path, out: Path, after: bool
+) -> None:
+    """The process kills itself before or after its k-th rename, for every k, until it comes through."""
+    file = write_job(tmp_path)
+    assert holokin("run", file, "--out", out).code == 0
+    whole = state(out)["job"]
+    for k in range(1, 30):
+        (out / "job" / "notes.txt").write_text("mine")
+        (out / "job" / "photos").mkdir(exist_ok=True)
+        (out / "job" / "photos" / "arm.jpg").write_text("mine")
+        done = command("run", file, "--out", out, setup=KILLER.format(k=k, after=after), capture_output=True)
+        assert done.returncode in (0, -9), done.stderr
+        found = {path.name for path in out.rglob("*") if path.is_file()}
+        assert {"notes.txt", "arm.jpg"} <= found
+        if (out / "job").exists():
+            assert whole <= state(out)["job"]
+        if done.returncode == 0:
+            break
+        other = write_job(tmp_path, "other.toml")  # any run in that folder repairs all of it
+        assert holokin("run", file if k % 2 else other, "--out", out).code == 0
+        assert state(out)["job"] == whole | {"notes.txt", "photos/arm.jpg"}
+        assert hidden(out) == []
+    assert done.returncode == 0
+    assert k > 5
+
+
+def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, tmp_path: Path, out: Path) -> None:
+    """One process has moved the old folder away and waits; another does the same job, and then the first ends."""
+    file = write_job(tmp_path)
+    assert holokin("run", file, "--out", out).code == 0
+    (out / "job" / "notes.txt").write_text("mine")
+    setup = (
+        "import os, sys\nrename = os.rename\n"
+        "def slow(a, b):\n    rename(a, b)\n    if 'old' in str(b): print('gap', flush=True); sys.stdin.readline()\n"
+        "os.rename = slow\n"
+    )
+    code = f"{setup}\nsys.argv[1:] = ['run', {str(file)!r}, '--out', {str(out)!r}]\nfrom holokin.cli import main; main()"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
+        assert one.stdin is not None and one.stdout is not None
+        assert one.stdout.readline() == "gap\n"
+        other = command("run", file, "--out", out, setup="import holokin.files as f; f.PATIENCE = 0.2", capture_output=True)
+        assert other.returncode == 2
+        assert "another process is putting its results there" in other.stderr
+        one.stdin.write("\n" * 9)
+        one.stdin.close()
+        assert one.wait(60) == 0
+    assert (out / "job" / "notes.txt").read_text() == "mine"
+    assert hidden(out) == []
+
+
+# --- exit codes ---
+
+
+def test_an_unexpected_error_has_its_own_exit_code_and_one_sentence(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import holokin.output.report as report
+
+    page, calls = report._page, []
+
+    def broken(*arguments: object) -> str:
+        calls.append(arguments)
+        return str(1 // 0) if len(calls) in (1, 3) else page(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(report, "_page", broken)
+    files = [write_job(tmp_path, f"{name}.toml") for name in ("first", "second")]
+    outcome = holokin("run", *files, "--out", out)
+    assert outcome.code == 3
+    assert outcome.err.startswith("error: first: ") and outcome.err.count("\n") == 1
+    for word in ("ZeroDivisionError", "--traceback", "authors"):
+        assert word in outcome.err
+    assert "second" in outcome.out and sorted(os.listdir(out)) == ["mine.txt", "second"]
+    told = holokin("run", files[0], "--out", out, "--traceback")
+    assert told.code == 3
+    assert "Traceback (most recent call last)" in told.err and "in broken" in told.err
+
+
+@pytest.mark.parametrize("error", [EOFError("e"), RecursionError("r"), BrokenPipeError(32, "b"), OSError(5, "disk")])
+def test_no_error_ends_with_the_code_of_a_failed_expectation(
+    holokin: Command, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def broken() -> tuple[str, ...]:
+        raise error
+
+    monkeypatch.setattr("holokin.job.packaged_jobs", broken)
+    outcome = holokin("jobs")
+    assert outcome.code == (2 if isinstance(error, OSError) and error.errno == 5 else 3)
+    assert outcome.err.startswith("error: ") and outcome.err.count("\n") == 1
+    assert "Traceback (most" in holokin("--traceback", "jobs").err
+
+
+def test_bad_input_shows_where_it_was_met_only_when_asked(holokin: Command) -> None:
+    assert_refused(holokin("run", "no.toml"), "no such file")
+    told = holokin("run", "no.toml", "--traceback")
+    assert told.code == 2 and "Traceback (most" in told.err and told.err.splitlines()[-1].startswith("error: no.toml")
+
+
+def test_a_pipe_as_a_job_is_refused_and_not_waited_for(holokin: Command, tmp_path: Path, out: Path) -> None:
+    os.mkfifo(tmp_path / "job.toml")
+    assert_refused(holokin("run", tmp_path / "job.toml", "--out", out), "no regular file")
+    for name in ("..toml", "...toml"):
+        write_job(tmp_path, name)
+        assert_refused(holokin("run", tmp_path / name, "--out", out), "has no name")
+    assert_untouched(out)
+
+
+@pytest.mark.parametrize("lost", ["", "raise ImportError", "raise NotImplementedError('Wrong number of arguments')"])
+def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, lost: str
+) -> None:
+    """A library may drop the KeyboardInterrupt, or make another error of it."""
+    import signal
+
+    import holokin.output.report as report
+
+    fill = report._fill
+
+    def loses(*arguments: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            exec(lost)
+        fill(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(report, "_fill", loses)
+    outcome = holokin("run", write_job(tmp_path), "--out", out)
+    assert outcome.code == 130
+    assert outcome.err.startswith("stopped") and outcome.err.count("\n") == 1
+    assert hidden(out) == []
