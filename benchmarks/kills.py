@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 JOB = """title = "{title}"
 [robot]
@@ -34,28 +35,29 @@ samples = 20
 kind = "moore-penrose"
 """
 
-KILLER = """
-import os, signal
-calls = 0
-def deadly(call):
-    def wrapped(*arguments, **options):
-        global calls
-        calls += 1
-        if calls == {k} and not {after}:
-            os.kill(os.getpid(), signal.SIGKILL)
-        answer = call(*arguments, **options)
-        if calls == {k} and {after}:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return answer
-    return wrapped
-import holokin.cli, matplotlib.figure
-for name in ("rename", "replace", "link"):
-    setattr(os, name, deadly(getattr(os, name)))
-"""
-"""Python after which a process kills itself at its k-th rename."""
-
 MINE = {"notes.txt": "mine", "photos/arm.jpg": "mine too"}
 """What the user keeps in the folder of results."""
+
+
+def deadly(k: int, after: bool) -> None:
+    """Let this process kill itself at its k-th rename (or link), before or after it."""
+    calls = 0
+
+    def wrapped(call: Any) -> Any:
+        def renames(*arguments: Any, **options: Any) -> Any:
+            nonlocal calls
+            calls += 1
+            if calls == k and not after:
+                os.kill(os.getpid(), signal.SIGKILL)
+            answer = call(*arguments, **options)
+            if calls == k and after:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return answer
+
+        return renames
+
+    for name in ("rename", "replace", "link"):
+        setattr(os, name, wrapped(getattr(os, name)))
 
 
 def hidden(out: Path) -> list[str]:
@@ -83,9 +85,10 @@ def whole(folder: Path) -> str:
     return facts["title"]
 
 
-def _start(file: Path, out: Path) -> subprocess.Popen[str]:
+def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
+    code = f"{setup}from holokin.cli import main; main()"
     return subprocess.Popen(
-        [sys.executable, "-m", "holokin", "run", str(file), "--out", str(out)],
+        [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
@@ -118,16 +121,39 @@ def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path) -> tup
             faults.append(f"exit code {code} after SIGINT: {said[-300:]}")
         elif code == 130 and (not said.startswith("stopped") or said.count("\n") != 1):
             faults.append(f"said after SIGINT: {said[-300:]}")
-    title = whole(out / "job")
     gap = code == -signal.SIGKILL and not (out / "job").exists()
-    ended += ": between the two renames" if gap else f": the {title} result"
+    title = "no" if gap else whole(out / "job")
     if title not in ("old", "new") and not gap:
         faults.append(f"after the signal: {title}")
     if code == 0 and title != "new":
         faults.append("exit code 0 without the new result")
     if kind is signal.SIGINT and sent and code != -signal.SIGINT and hidden(out):
         faults.append(f"after Ctrl-C: {hidden(out)}")
-    faults += [f"{name} is nowhere" for name in MINE if not any(out.rglob(Path(name).name))]
+    return f"{ended}: {title} result", [*faults, *repaired(out, file)]
+
+
+def renames(folder: Path) -> tuple[collections.Counter[str], list[str]]:
+    """SIGKILL before and after every rename of a run."""
+    ends: collections.Counter[str] = collections.Counter()
+    out, file, faults = folder / "out", folder / "job.toml", []
+    for after in (False, True):
+        for k in range(1, 100):
+            file.write_text(JOB.format(title="new"), "utf-8")
+            setup = f"from benchmarks.kills import deadly\nimport matplotlib.figure\ndeadly({k}, {after})\n"
+            process = _start(file, out, setup)
+            process.communicate(timeout=120)
+            title = whole(out / "job") if (out / "job").exists() else "no"
+            faults += [f"rename {k}, after={after}: {title}"] if title.startswith("broken") else []
+            faults += [f"rename {k}, after={after}: {fault}" for fault in repaired(out, file)]
+            if process.returncode == 0:
+                break
+            ends[f"{'after' if after else 'before'} a rename: {title} result"] += 1
+    return ends, faults
+
+
+def repaired(out: Path, file: Path) -> list[str]:
+    """What is lost, and what is wrong after the next run."""
+    faults = [f"{name} is nowhere" for name in MINE if not any(out.rglob(Path(name).name))]
     again = _start(write_old(file), out)
     _, said = again.communicate(timeout=120)
     if again.returncode != 0:
@@ -139,7 +165,7 @@ def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path) -> tup
     kept = {name: (out / "job" / name).read_text() if (out / "job" / name).exists() else "" for name in MINE}
     if kept != MINE:
         faults.append(f"the user's files after the next run: {kept}")
-    return ended, faults
+    return faults
 
 
 def write_old(file: Path) -> Path:
@@ -149,15 +175,14 @@ def write_old(file: Path) -> Path:
 
 
 def prepare(folder: Path) -> float:
-    """An older result, the user's files in it; returns how long a run takes [s]."""
+    """An older result, the user's files in it; returns how long that run took [s]."""
     out = folder / "out"
-    out.mkdir()
-    for _ in range(2):  # the first warms the caches
-        begin = time.perf_counter()
-        process = _start(write_old(folder / "job.toml"), out)
-        _, said = process.communicate(timeout=120)
-        if process.returncode != 0:
-            raise RuntimeError(said)
+    out.mkdir(exist_ok=True)
+    begin = time.perf_counter()
+    process = _start(write_old(folder / "job.toml"), out)
+    _, said = process.communicate(timeout=120)
+    if process.returncode != 0:
+        raise RuntimeError(said)
     for name, text in MINE.items():
         (out / "job" / name).parent.mkdir(exist_ok=True)
         (out / "job" / name).write_text(text)
@@ -171,7 +196,7 @@ def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counte
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         folder = Path(name)
-        seconds = prepare(folder)
+        seconds = min(prepare(folder) for _ in range(3))  # the first warms the caches
         for k in range(count):
             moment = (k % 2 == 1, rng.uniform(0, 0.4 * seconds if k % 2 else seconds))
             ended, wrong = trial(kind, moment, folder)
@@ -180,20 +205,31 @@ def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counte
     return ends, faults
 
 
+def report(what: str, ends: collections.Counter[str], faults: list[str]) -> None:
+    """Print the counts."""
+    print(f"{what}: {ends.total()}, {len(faults)} faults", flush=True)
+    for ended, times in sorted(ends.items()):
+        print(f"  {times:4} {ended}", flush=True)
+
+
 def main() -> int:
     """Print how the processes ended, and each fault."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=["SIGKILL", "SIGINT"])
+    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "renames"])
     args = parser.parse_args()
     faults = []
+    if args.only in (None, "renames"):
+        with tempfile.TemporaryDirectory(prefix="kills-") as name:
+            prepare(Path(name))
+            ends, found = renames(Path(name))
+        report("kill at every rename", ends, found)
+        faults += found
     for kind in (signal.SIGKILL, signal.SIGINT):
         if args.only in (None, kind.name):
             ends, found = run(args.count, kind, args.seed)
-            print(f"{kind.name}: {args.count} sent, {len(found)} faults", flush=True)
-            for ended, times in sorted(ends.items()):
-                print(f"  {times:4} {ended}", flush=True)
+            report(kind.name, ends, found)
             faults += found
     print("\n".join(faults[:40]))
     return 1 if faults else 0

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from benchmarks import kills
+from benchmarks.kills import deadly, hidden, state
 
-from benchmarks.kills import KILLER, hidden, state
-from conftest import Command, assert_refused, assert_untouched, write_job
+import holokin as hk
+from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, write_job
 from holokin.errors import WriteError
 from holokin.files import aside, replacing
+from holokin.output.folder import check_folder, renewed
 
 
 def command(*arguments: object, setup: str = "", **options: object) -> subprocess.CompletedProcess[str]:
@@ -26,9 +31,11 @@ def command(*arguments: object, setup: str = "", **options: object) -> subproces
 # --- the disk refuses ---
 
 
-def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(tmp_path: Path, out: Path) -> None:
+def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
     files = [write_job(tmp_path, f"{name}.toml") for name in ("first", "second")]
-    assert command("run", *files, "--out", out, capture_output=True).returncode == 0
+    assert holokin("run", *files, "--out", out).code == 0
     before = state(out)
     limited = command(
         "run", *files, "--out", out, capture_output=True,
@@ -125,18 +132,16 @@ def test_a_file_is_replaced_whole_or_stays(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_file_that_outgrows_the_limit_leaves_nothing(tmp_path: Path, arguments: list[str], wanted: str) -> None:
     """Where the old file had lain 2,048 of 2,894 bytes were left, or none."""
-    rows = "\n".join(f"{k / 10},{k / 100},0.1,0.2" for k in range(40))
-    (tmp_path / "log.csv").write_text(f"t,q1,q2,q3\n{rows}\n")
-    (tmp_path / "log.csv").write_text((tmp_path / "log.csv").read_text().replace("q1,q2,q3", ",".join(PPR)))
+    circle = hk.circle(hk.load("ppr").pose(PPR_START)[:3, 3], PPR_CENTER)
+    hk.follow(hk.moore_penrose(hk.position(hk.load("ppr"))), circle, PPR_START, samples=40, cycles=3).save(
+        tmp_path / "log.csv"
+    )
     limit = (resource.RLIMIT_FSIZE, (512, resource.RLIM_INFINITY))
     done = command(*arguments, cwd=tmp_path, capture_output=True, preexec_fn=lambda: resource.setrlimit(*limit))
     assert done.returncode == 2, done.stderr
     assert f"error: {wanted} cannot be written: File too large" in done.stderr
     assert done.stderr.count("error: ") == 1
     assert os.listdir(tmp_path) == ["log.csv"]
-
-
-PPR = ("q1", "q2", "q3")
 
 
 def test_two_processes_do_not_clear_each_others_unfinished_files(tmp_path: Path) -> None:
@@ -162,32 +167,63 @@ def test_only_hidden_folders_of_our_own_form_are_cleared(holokin: Command, tmp_p
 # --- kill -9 at every rename ---
 
 
+def filled(out: Path, files: dict[str, str]) -> None:
+    """What a run does with its folder."""
+    with renewed(out, "job") as work:
+        for name, text in (files | {"result.json": json.dumps({"files": ["result.json", *files]})}).items():
+            with replacing(work / name) as part:
+                part.write_text(text)
+
+
+def dies(out: Path, files: dict[str, str], k: int, after: bool) -> bool:
+    """True when a child that does it was killed by itself at its k-th rename, before or after it."""
+    child = os.fork()
+    if child == 0:
+        deadly(k, after)
+        try:
+            filled(out, files)
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -9
+
+
 @pytest.mark.parametrize("after", [False, True])
-def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(
-    holokin: Command, tmp_path: Path, out: Path, after: bool
-) -> None:
-    """The process kills itself before or after its k-th rename, for every k, until it comes through."""
-    file = write_job(tmp_path)
-    assert holokin("run", file, "--out", out).code == 0
-    whole = state(out)["job"]
+@pytest.mark.parametrize("repair", ["the same job", "another job", "killed, too"])
+def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(out: Path, after: bool, repair: str) -> None:
+    old, new = {"report.html": "old", "old.csv": "old"}, {"report.html": "new", "new.csv": "new"}
+    mine = {"notes.txt": "mine", "arm.jpg": "mine too"}
+    filled(out, old)
+    for name, text in mine.items():
+        (out / "job" / name).write_text(text)
     for k in range(1, 30):
-        (out / "job" / "notes.txt").write_text("mine")
-        (out / "job" / "photos").mkdir(exist_ok=True)
-        (out / "job" / "photos" / "arm.jpg").write_text("mine")
-        done = command("run", file, "--out", out, setup=KILLER.format(k=k, after=after), capture_output=True)
-        assert done.returncode in (0, -9), done.stderr
-        found = {path.name for path in out.rglob("*") if path.is_file()}
-        assert {"notes.txt", "arm.jpg"} <= found
-        if (out / "job").exists():
-            assert whole <= state(out)["job"]
-        if done.returncode == 0:
+        if not dies(out, new, k, after):
             break
-        other = write_job(tmp_path, "other.toml")  # any run in that folder repairs all of it
-        assert holokin("run", file if k % 2 else other, "--out", out).code == 0
-        assert state(out)["job"] == whole | {"notes.txt", "photos/arm.jpg"}
+        found = {path.name: path.read_text() for path in out.rglob("*") if path.is_file()}
+        assert mine.items() <= found.items()
+        if (out / "job").exists():
+            assert {n: t for n, t in contents(out).items() if n not in (*mine, "result.json")} in (old, new)
+        if repair == "killed, too":
+            for again in range(1, 4):  # while it brings back what the other left
+                dies(out, new, again, after)
+        check_folder(out, "job" if repair == "the same job" else "other")
         assert hidden(out) == []
-    assert done.returncode == 0
-    assert k > 5
+        assert {n: t for n, t in contents(out).items() if n != "result.json"} in (old | mine, new | mine)
+        filled(out, old)
+        assert {n: t for n, t in contents(out).items() if n != "result.json"} == old | mine
+    assert 6 <= k < 29
+    assert hidden(out) == []
+
+
+def contents(out: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in (out / "job").iterdir()}
+
+
+def test_a_signal_at_a_random_moment_loses_nothing(tmp_path: Path) -> None:
+    """Two; `python -m benchmarks.kills` sends hundreds."""
+    kills.prepare(tmp_path)
+    for kind, moment in ((signal.SIGKILL, 0.3), (signal.SIGINT, 0.1)):
+        ended, faults = kills.trial(kind, (True, moment), tmp_path)
+        assert faults == [], ended
 
 
 def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, tmp_path: Path, out: Path) -> None:
@@ -200,11 +236,12 @@ def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, t
         "def slow(a, b):\n    rename(a, b)\n    if 'old' in str(b): print('gap', flush=True); sys.stdin.readline()\n"
         "os.rename = slow\n"
     )
-    code = f"{setup}\nsys.argv[1:] = ['run', {str(file)!r}, '--out', {str(out)!r}]\nfrom holokin.cli import main; main()"
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
+    run = [sys.executable, "-c", f"{setup}from holokin.cli import main; main()", "run", str(file), "--out", str(out)]
+    with subprocess.Popen(run, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
         assert one.stdin is not None and one.stdout is not None
         assert one.stdout.readline() == "gap\n"
-        other = command("run", file, "--out", out, setup="import holokin.files as f; f.PATIENCE = 0.2", capture_output=True)
+        hasty = "import holokin.files as f; f.PATIENCE = 0.2"
+        other = command("run", file, "--out", out, setup=hasty, capture_output=True)
         assert other.returncode == 2
         assert "another process is putting its results there" in other.stderr
         one.stdin.write("\n" * 9)
@@ -275,8 +312,6 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, lost: str
 ) -> None:
     """A library may drop the KeyboardInterrupt, or make another error of it."""
-    import signal
-
     import holokin.output.report as report
 
     fill = report._fill

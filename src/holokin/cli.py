@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -24,13 +24,12 @@ if TYPE_CHECKING:
     from .job import Job
 
 
-
 class _EscapedError(Exception):
     """Carries, as its cause, an exception that typer would answer in its own way, out to `main`."""
 
 
 class _Commands(TyperGroup):
-    def invoke(self, ctx: typer.Context) -> object:
+    def invoke(self, ctx: Any) -> Any:
         """Run the subcommand; what typer would answer in its own way goes out as `_EscapedError`."""
         try:
             return super().invoke(ctx)
@@ -261,7 +260,7 @@ def export_c(
 
 def main() -> None:
     """Entry point: runs the command line and ends the process; every error becomes one sentence and an exit code."""
-    global _ending  # noqa: PLW0603
+    global _ending
     arguments = sys.argv[1:]
     options = arguments[: arguments.index("--")] if "--" in arguments else arguments
     whole = "--traceback" in options

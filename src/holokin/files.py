@@ -144,14 +144,13 @@ def _remove(place: Path, settle: Callable[[Path], None] | None) -> None:
 
 def _made(folder: Path) -> tuple[Path, int | None]:
     """A new hidden folder, and the lock on it; None where there are no locks."""
-    for _ in range(8):
+    while True:
         place = folder / f".holokin-{secrets.token_hex(8)}"
         place.mkdir()
         lock = _locked(place)
-        if lock is not None or not _locks(folder):
-            break
+        if lock is not None or not _locks(folder) or not os.access(place, os.R_OK):
+            return place, lock
         # another process took it for left over before it was locked: it is gone, or will be
-    return place, lock
 
 
 def _locks(folder: Path) -> bool:
@@ -238,7 +237,7 @@ def put(work: Path, target: Path, ours: set[str]) -> None:
     done: list[tuple[Path, Path]] = []
 
     def move(source: Path, place: Path) -> None:
-        with writing(target if source == work or source == target else target / source.name):
+        with writing(target if source in (work, target) else target / source.name):
             os.rename(source, place)
         done.append((source, place))
 
