@@ -174,7 +174,12 @@ def test_the_text_is_the_golden_one(tmp_path: Path) -> None:
         if name == "ppr_vectors.h":  # its digits are the machine's mathematical library's
             assert ours.read_text().count("\n") == golden.read_text().count("\n")
         else:
-            assert ours.read_text() == golden.read_text().replace("0.1.0", hk.__version__), name
+            assert unstamped(ours.read_text()) == unstamped(golden.read_text()).replace("0.1.0", hk.__version__), name
+
+
+def unstamped(text: str) -> str:
+    """Without the number of the whole export, which depends on the machine's digits, too."""
+    return re.sub(r"0x[0-9a-f]{16}U", "0x0U", text)
 
 
 # --- in a controller ---

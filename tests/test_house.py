@@ -14,7 +14,7 @@ import holokin as hk
 ROOT = Path(hk.__file__).parent
 LAYERS = [
     {"errors"},
-    {"types", "tolerances"},
+    {"types", "tolerances", "files"},
     {"symbolic"},
     {"robot"},
     {"task"},
@@ -28,7 +28,9 @@ LAYERS = [
     {"output", "export"},
     {"job"},
     {"studio"},
+    {"outcome"},
     {"cli"},
+    {"__main__"},
 ]
 HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
 MODULES = sorted(ROOT.rglob("*.py"))

@@ -1,21 +1,48 @@
-"""The command line: one subcommand a verb. Exit codes: 0 as expected, 1 an expectation failed, 2 bad input."""
+"""The command line: one subcommand a verb.
+
+Exit codes: 0 as expected, 1 an expectation failed, 2 bad input or a file that cannot be written, 3 a fault of holokin
+itself, 130 stopped by Ctrl-C.
+"""
 
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from . import __version__
-from .errors import ArgumentError, HolokinError, UnknownNameError
+from .errors import ArgumentError
+from .outcome import Ending, finish, prepare_streams, show, show_rich
 
 if TYPE_CHECKING:
+    from rich.status import Status
+
     from .job import Job
+
+
+class _EscapedError(Exception):
+    """Carries, as its cause, an exception that typer would answer in its own way, out to `main`."""
+
+
+class _Commands(TyperGroup):
+    def invoke(self, ctx: Any) -> Any:
+        """Run the subcommand; what typer would answer in its own way goes out as `_EscapedError`."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, EOFError, OSError) as problem:
+            raise _EscapedError from problem
+
+
+_ending = Ending()
+"""Of the command that runs: set by `main`."""
 
 app = typer.Typer(
     name="holokin",
+    cls=_Commands,
     help="Makes redundant robots repeatable, and proves it.",
     no_args_is_help=True,
     add_completion=False,
@@ -27,7 +54,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from .symbolic import engine
 
-        typer.echo(f"holokin {__version__}, {engine()}")
+        show(f"holokin {__version__}, {engine()}")
         raise typer.Exit
 
 
@@ -38,6 +65,9 @@ def _options(
         typer.Option(
             "--version", callback=_version, is_eager=True, help="Say the version, and what runs: native code or not."
         ),
+    ] = False,
+    _whole: Annotated[
+        bool, typer.Option("--traceback", help="Of an error show where it arose, too; with any subcommand.")
     ] = False,
 ) -> None:
     """Makes redundant robots repeatable, and proves it."""
@@ -54,50 +84,43 @@ def run(
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
 
     Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input: of the command or of a job
-    file before anything runs, else of the jobs that cannot be done, after the others have been.
+    file before anything runs, else of the jobs that cannot be done or written, after the others have been; 3 where
+    holokin itself failed at one.
     """
     from rich.console import Console
     from rich.markup import escape
 
     from .job import run_job
     from .output.animate import animate as draw
-    from .output.report import check_folder, write_report
+    from .output.folder import check_folder
+    from .output.report import write_report
     from .output.table import print_result
 
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=120)
     progress = Console(stderr=True)
-    passed, sound = True, True
+    code = 0
     opened = _opened(jobs)
     for name, _, _ in opened:
         check_folder(out, name)
-    try:
-        for name, job, file in opened:
-            with progress.status(f"{escape(name)} ...") if progress.is_terminal else _silence() as status:
+    for name, job, file in opened:
+        with progress.status(f"{escape(name)} ...") if progress.is_terminal else nullcontext() as status:
 
-                def say(text: str, name: str = name, status: object = status) -> None:
-                    if hasattr(status, "update"):
-                        status.update(escape(f"{name}: {text}"))  # type: ignore[union-attr]
+            def say(text: str, name: str = name, status: Status | None = status) -> None:
+                _ending.check()
+                if status is not None:
+                    status.update(escape(f"{name}: {text}"))
 
-                try:
-                    result = run_job(name, job, file, say)
-                    say("drawing")
-                    extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
-                    folder = write_report(result, out, __version__, extra)
-                except HolokinError as problem:
-                    typer.echo(_sentence(problem, name if len(opened) > 1 else ""), err=True)
-                    sound = False
-                    continue
-            print_result(result, console)
-            console.print(
-                f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n", highlight=False, markup=False
-            )
-            passed = passed and result.passed
-    except KeyboardInterrupt:
-        typer.echo("stopped; reports already named above are complete", err=True)
-        raise typer.Exit(130) from None
-    raise typer.Exit(2 if not sound else 0 if passed else 1)
+            try:
+                result = run_job(name, job, file, say)
+                say("drawing")
+                extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
+                folder = write_report(result, out, __version__, extra)
+                show_rich(lambda console, result=result: print_result(result, console))
+                show(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n")
+                code = max(code, 0 if result.passed else 1)
+            except Exception as problem:  # noqa: BLE001  whatever happens to one job, the others are done
+                _ending.check()
+                code = max(code, _ending.tell(problem, name if len(opened) > 1 else ""))
+    raise typer.Exit(code)
 
 
 def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
@@ -113,21 +136,6 @@ def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
     return list(found.values())
 
 
-def _sentence(problem: HolokinError, job: str = "") -> str:
-    """What a user reads of an error."""
-    listed = isinstance(problem, UnknownNameError) and problem.kind in ("job", "robot")
-    hint = " (`holokin jobs` and `holokin robots` list what there is)" if listed else ""
-    return f"error: {f'{job}: ' if job else ''}{problem}{hint}"
-
-
-class _silence:
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, *_details: object) -> None:
-        return None
-
-
 @app.command()
 def jobs(
     kinds: Annotated[
@@ -140,11 +148,11 @@ def jobs(
     if kinds:
         for kind, (needed, optional) in kinds_of_strategy().items():
             more = f"   may have {', '.join(optional)}" if optional else ""
-            typer.echo(f"{kind:16} {'needs ' + ', '.join(needed) if needed else ''}{more}".rstrip())
+            show(f"{kind:16} {'needs ' + ', '.join(needed) if needed else ''}{more}".rstrip())
         return
     for name in packaged_jobs():
-        typer.echo(f"{name:22} {open_job(name)[1].title}")
-    typer.echo(f"{'paper':22} {', '.join(PAPER)}")
+        show(f"{name:22} {open_job(name)[1].title}")
+    show(f"{'paper':22} {', '.join(PAPER)}")
 
 
 @app.command()
@@ -156,7 +164,7 @@ def new(
     from .job import new_job
 
     new_job(file, template)
-    typer.echo(f"wrote {file}; edit it, then: holokin run {file}")
+    show(f"wrote {file}; edit it, then: holokin run {file}")
 
 
 @app.command()
@@ -168,10 +176,10 @@ def robots(
 
     if urdf is not None:
         for tip, joints in urdf_tips(urdf).items():
-            typer.echo(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
+            show(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
         return
     for name, source in catalogue().items():
-        typer.echo(f"{name:12} {load(name).n} joints   {source}")
+        show(f"{name:12} {load(name).n} joints   {source}")
 
 
 @app.command()
@@ -195,8 +203,6 @@ def audit(
     Exits 0 when it comes home in all that the log tests, 1 when it does not, 2 when the log does not decide, and on
     bad input.
     """
-    from rich.console import Console
-
     from .analysis import audit_recording
     from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
     from .recording import read_recording
@@ -212,8 +218,7 @@ def audit(
         save_log_audit(found, json)
     if plot is not None:
         plot_log_audit(found, plot)
-    console = Console()
-    print_log_audit(found, console if console.is_terminal else Console(width=120))
+    show_rich(lambda console: print_log_audit(found, console))
     raise typer.Exit(found.exit_code)
 
 
@@ -248,19 +253,35 @@ def export_c(
         raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
     written = export_job(*open_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
     for file in written.files:
-        typer.echo(f"wrote {out / file}")
+        show(f"wrote {out / file}")
     if check:
         for line in build_and_run(written):
-            typer.echo(line)
+            show(line)
 
 
 def main() -> None:
-    """Entry point: runs the command line; a HolokinError becomes one sentence and exit code 2."""
+    """Entry point: runs the command line and ends the process; every error becomes one sentence and an exit code."""
+    global _ending
+    arguments = sys.argv[1:]
+    options = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    whole = "--traceback" in options
+    if whole:  # at any place
+        arguments.remove("--traceback")
+    _ending = Ending(whole)
+    prepare_streams()
     try:
-        app()
-    except HolokinError as problem:
-        typer.echo(_sentence(problem), err=True)
-        sys.exit(2)
+        _ending.listen()
+        try:
+            app(args=arguments)
+            code = 0
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1
+            _ending.check()
+        except _EscapedError as escaped:
+            code = _ending.tell(escaped.__cause__ or escaped)
+    except BaseException as problem:  # noqa: BLE001
+        code = _ending.tell(problem)
+    sys.exit(finish(code))
 
 
 if __name__ == "__main__":

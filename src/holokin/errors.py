@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
@@ -338,3 +339,21 @@ class MissingExtraError(HolokinError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")
+
+
+class WriteError(HolokinError):
+    """A file that the system does not let us write; what stood there before is as it was."""
+
+    _cures: ClassVar[dict[int, str]] = {
+        errno.ENOSPC: "make room on that disk, or choose another place",
+        errno.EDQUOT: "make room within your quota, or choose another place",
+        errno.EFBIG: "raise the limit on the size of files (ulimit -f), or choose another place",
+        errno.ENOENT: "make the folder first, or choose another place",
+        errno.EEXIST: "choose another name",
+        errno.ENAMETOOLONG: "choose a shorter name",
+    }
+
+    def __init__(self, file: object, problem: OSError) -> None:
+        self.file, self.problem = file, problem
+        cure = self._cures.get(problem.errno or 0, "choose another place")
+        super().__init__(f"{file} cannot be written: {problem.strerror or problem}; {cure}")

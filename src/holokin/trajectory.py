@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from .errors import ArgumentError
+from .files import replacing
 from .types import Indices, Matrix, Vector
 
 
@@ -127,13 +128,13 @@ class Trajectory:
         """Write CSV: t, the joints (names as in the robot), their rates as d_NAME, the task rows as x_NAME.
 
         Full precision, one line a sample, complete or not at all.
+
+        Raises:
+            WriteError: the system refuses the file.
         """
-        file = FilePath(path)
         header = ["t", *self.joint_names, *(f"d_{name}" for name in self.joint_names)]
         header += [f"x_{name}" for name in self.row_names]
-        partial = file.with_name(file.name + ".partial")
-        with partial.open("w", newline="", encoding="utf-8") as stream:
+        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
             writer.writerow(header)
             writer.writerows(np.column_stack([self.t, self.q, self.dq, self.x]).tolist())
-        partial.replace(file)

@@ -12,6 +12,9 @@
 #ifndef PPR_H
 #define PPR_H
 
+/* Of this export: its files go together, and others do not compile with them. */
+#define PPR_EXPORT 0x3587139808bb18b5U
+
 #ifdef __cplusplus
 extern "C" {
 #endif

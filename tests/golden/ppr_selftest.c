@@ -5,6 +5,12 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
+#if PPR_EXPORT != 0x3587139808bb18b5U
+#error "these files are of different exports: export again"
+#endif
+#if PPR_VECTORS != 0x3587139808bb18b5U
+#error "these files are of different exports: export again"
+#endif
 
 #ifdef PPR_FLOAT
 #define TOLERANCE 1e-4

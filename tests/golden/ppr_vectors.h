@@ -1,4 +1,6 @@
 /* Test vectors of ppr, in double precision. Written by holokin 0.1.0. */
+#define PPR_VECTORS 0x3587139808bb18b5U
+
 typedef struct {
   double q[3];
   double target[3];

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
+import hashlib
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import ArgumentError
+from ..files import alone, aside, replace_files, uninterrupted, writing
 from ..strategy import Strategy
 from ..types import ArrayLike, number, whole
 from .code import Source, header, library, line, text
@@ -18,6 +18,9 @@ from .vectors import selftest, vectors, vectors_header
 
 MARK = re.compile(r"ritten by holokin \d")
 """What every file written here says in its first lines; others are never overwritten."""
+
+STAMP = "0123456789abcdef"
+"""Stands in the texts where the number of the whole export goes."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ def export_c(
         "CMakeLists.txt": text("CMakeLists.txt", words),
         "README.md": text("README.md", words),
     }
-    _write(Path(folder), texts, short)
+    _write(Path(folder), _stamped(texts), short)
     return Exported(Path(folder), short, tuple(texts), operations)
 
 
@@ -130,8 +133,14 @@ def _look(source: Source) -> int:
     return once + (change.function.program.instructions if change is not None else once * (4 + strategy.task.n))
 
 
+def _stamped(texts: dict[str, str]) -> dict[str, str]:
+    """With one number of all texts in the header, which each C file compares: files of two exports do not compile."""
+    digest = hashlib.sha256("\0".join(texts.values()).encode()).hexdigest()[:16]
+    return {file: content.replace(STAMP, digest) for file, content in texts.items()}
+
+
 def _write(folder: Path, texts: dict[str, str], name: str) -> None:
-    """All files or none. Raises: ArgumentError."""
+    """All files or, where the system refuses one, none. Raises: ArgumentError, WriteError."""
     try:
         for file in texts:
             there = folder / file
@@ -141,11 +150,13 @@ def _write(folder: Path, texts: dict[str, str], name: str) -> None:
         if build.exists() and f"project({name} C)" not in build.read_text("utf-8", "replace"):
             raise ArgumentError("the output folder", str(folder), "it holds another export: give each its own")
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".holokin-") as aside:
-            for file, content in texts.items():
-                (Path(aside) / file).write_text(content, "utf-8")
-            for file in texts:
-                os.replace(Path(aside) / file, folder / file)
     except (OSError, ValueError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else str(problem)
         raise ArgumentError("the output folder", str(folder), f"cannot be written: {why}") from None
+    with writing(folder), aside(folder) as place:
+        (place / "new").mkdir()
+        for file, content in texts.items():
+            with writing(folder / file):
+                (place / "new" / file).write_text(content, "utf-8")
+        with alone(folder), uninterrupted():
+            replace_files(place / "new", folder, list(texts))

@@ -128,6 +128,7 @@ def vectors_header(source: Source, found: list[TestVector], words: Mapping[str, 
         rows.append("  {" + ",\n   ".join([*parts, str(one.status), str(int(one.precise)), repr(one.loss)]) + "},\n")
     return (
         f"/* Test vectors of {words['name']}, in double precision. Written by holokin {words['version']}. */\n"
+        f"#define {words['NAME']}_VECTORS 0x0123456789abcdefU\n\n"
         f"typedef struct {{\n{members}  int status, precise;\n  double loss;\n}} vector;\n\n"
         f"static const vector vectors[] = {{\n{''.join(rows)}}};\n"
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..analysis import around, involutivity
 from ..errors import JobError, OutOfReachError, PathError, UnknownNameError
+from ..files import replacing
 from ..motion import follow
 from ..output.result import Check, JobResult, StrategyResult
 from ..path import Path
@@ -64,8 +65,10 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
     """(short name, job, file) of a packaged job or a TOML file. Raises: UnknownNameError, JobError."""
     if name.lower().endswith(".toml"):
         path = FilePath(name)
-        if path.stem in (".", ".."):  # its results would go into the folder of all results, or above it
-            raise JobError(path, "file", f"has no name but {path.stem!r} before .toml", "rename it, like my-job.toml")
+        if os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device might never end
+            raise JobError(path, "file", "cannot be read: it is no regular file", "give a TOML text file")
+        if path.stem in (".", ".."):
+            raise JobError(path, "file", "has no name before .toml", "rename it: its results go into a folder so named")
         return path.stem, read_job(path), path
     if name not in packaged_jobs():
         beside = [file for file in (f"{name}.toml", f"{name}.TOML") if os.path.isfile(file)]  # False for any odd name
@@ -212,14 +215,15 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
 
 
 def new_job(path: FilePath, template: str) -> None:
-    """Write a copy of a packaged job to a new file. Raises: UnknownNameError, JobError if the file exists."""
+    """Write a copy of a packaged job to a new file.
+
+    Raises:
+        UnknownNameError: of the template. JobError: the file exists. WriteError: the system refuses it.
+    """
     text = packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1)
     if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
-    try:
-        with path.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise JobError(path, "file", "exists already", "choose another name, or delete it first") from None
-    except OSError as problem:
-        raise JobError(path, "file", f"cannot be written ({problem.strerror})", "choose another folder") from None
+    if os.path.lexists(path):
+        raise JobError(path, "file", "exists already", "choose another name, or delete it first")
+    with replacing(path, new=True) as part:
+        part.write_text(text, "utf-8")

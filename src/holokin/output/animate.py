@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..files import writing
 from ..trajectory import Status, Trajectory
 from .figures import margins, tool_points
 from .plots import CLOCKWISE, COUNTER, GREY, best_azimuth, frame_robot, robot_stick, style, tool_path
@@ -117,4 +118,5 @@ def _write(
     palette = images[-1].quantize(64)
     quantised = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     quantised += [quantised[-1]] * HOLD
-    quantised[0].save(file, save_all=True, append_images=quantised[1:], duration=60, loop=0, optimize=True)
+    with writing(file):
+        quantised[0].save(file, save_all=True, append_images=quantised[1:], duration=60, loop=0, optimize=True)

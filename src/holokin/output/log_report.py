@@ -10,6 +10,7 @@ import numpy as np
 
 from ..analysis import Homecoming, LogAudit
 from ..errors import ArgumentError
+from ..files import replacing
 from .figures import margins
 from .plots import INK, PALETTE, frame_robot, robot_stick, style, thin, tool_path
 from .words import on_figure
@@ -34,24 +35,26 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
 
 
 def save_log_audit(audit: LogAudit, file: FilePath) -> None:
-    """Write `LogAudit.summary` as JSON. Raises: ArgumentError when the file cannot be written."""
-    _write(file, lambda: file.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8"))
+    """Write `LogAudit.summary` as JSON. Raises: WriteError."""
+    with replacing(file) as part:
+        part.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def plot_log_audit(audit: LogAudit, file: FilePath) -> None:
-    """Write `log_figure` as an image of the file's type. Raises: ArgumentError when it cannot be written."""
+    """Write `log_figure` as an image of the file's type, PNG where its name has no ending.
+
+    Raises:
+        ArgumentError: there is no such type. WriteError: the system refuses the file.
+    """
     from matplotlib import rc_context
+    from matplotlib.backend_bases import FigureCanvasBase
 
-    with rc_context(style()):
-        figure = log_figure(audit)
-        _write(file, lambda: figure.savefig(file, dpi=130, facecolor="white"))
-
-
-def _write(file: FilePath, action: Any) -> None:
-    try:
-        action()
-    except (OSError, ValueError) as problem:
-        raise ArgumentError("the file to write", str(file), f"it cannot be written: {problem}") from None
+    kind = file.suffix[1:].lower() or "png"
+    known = FigureCanvasBase.get_supported_filetypes()
+    if kind not in known:
+        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
+    with rc_context(style()), replacing(file) as part:
+        log_figure(audit).savefig(part, format=kind, dpi=130, facecolor="white")
 
 
 def log_figure(audit: LogAudit) -> Any:

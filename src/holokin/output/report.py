@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
-import shutil
-import tempfile
 from collections.abc import Callable
 from html import escape
 from pathlib import Path as FilePath
@@ -15,14 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError
+from ..files import writing
 from .figures import figures
+from .folder import FACTS, renewed
 from .result import FIGURES, JobResult
 from .table import columns, remarks, row
 from .words import joint_unit
-
-FACTS = "result.json"
-"""The file by which a folder is known as holokin's."""
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -54,93 +49,38 @@ _TERMS = (
 """Terms of the table and the verdicts."""
 
 
-def check_folder(out: FilePath, name: str) -> FilePath:
-    """`out/<name>`, where a job's results go. Raises: ArgumentError if they cannot; nothing is made or touched."""
-    target = out / name
-    if target.is_symlink() or (target.exists() and _written(target) is None):
-        raise ArgumentError("the output folder", str(target), "it is not one of holokin's; choose another --out")
-    above = next(p for p in (out, *out.absolute().parents) if p.exists())
-    fault = "" if above.is_dir() else f"{above} is not a folder"
-    if above.is_dir() and not os.access(above, os.W_OK):
-        fault = f"{above} may not be written"
-    if fault:
-        raise ArgumentError("the output folder", str(out), f"cannot be made: {fault}; choose another --out")
-    return target
-
-
 def write_report(
     result: JobResult, out: FilePath, version: str, extra: Callable[[FilePath], None] | None = None
 ) -> FilePath:
     """Write `out/<job>/` and return it; `extra` may add files before it is put in place.
 
-    A folder of an earlier run is replaced whole; what others have put into it stays. A file of theirs under a name
-    that holokin needs gets ".kept" at its end.
+    A folder of an earlier run is replaced whole; what others have put into it stays, see `renewed`.
 
     Raises:
         ArgumentError: the folder exists and was not written by holokin, or cannot be made.
+        WriteError: the system refuses a file, which it names; an earlier run's folder stands as it was.
     """
-    target = check_folder(out, result.name)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        work = FilePath(tempfile.mkdtemp(prefix=f".{result.name}-", dir=out))
-    except OSError as problem:
-        raise ArgumentError("the output folder", str(out), f"cannot be made: {problem.strerror}") from None
-    try:
+    with renewed(out, result.name) as work:
         _fill(result, work, version)
         if extra is not None:
             extra(work)
         _write_facts(result, work, version)
-        work.chmod(0o755)
-        _put(work, target)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-    return target
-
-
-def _written(folder: FilePath) -> set[str] | None:
-    """Names that holokin wrote into a folder, as its result.json says; None if the folder is not holokin's."""
-    try:
-        names = json.loads((folder / FACTS).read_text("utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return {str(name) for name in names} if isinstance(names, list) else None
-
-
-def _put(work: FilePath, target: FilePath) -> None:
-    """Swap a finished folder in, with a copy of what is not holokin's in the old one."""
-    if not target.exists():
-        work.rename(target)
-        return
-    ours = _written(target) or set()
-    for entry in target.iterdir():
-        if entry.name not in ours:
-            place = work / entry.name
-            while place.exists():
-                place = place.with_name(f"{place.name}.kept")
-            if entry.is_dir() and not entry.is_symlink():
-                shutil.copytree(entry, place, symlinks=True)
-            else:
-                shutil.copy2(entry, place, follow_symlinks=False)
-    old = work.with_name(f"{work.name}-old")
-    try:
-        target.rename(old)
-        work.rename(target)
-    finally:  # whatever stops it, Ctrl-C included: the old folder or the new one stands there, whole
-        if not target.exists() and old.exists():
-            old.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
+    return out / result.name
 
 
 def _fill(result: JobResult, folder: FilePath, version: str) -> None:
     shown: list[tuple[str, str]] = []
     for stem, caption, figure in figures(result):
-        figure.savefig(folder / f"{stem}.png", dpi=130, facecolor="white")
-        figure.savefig(folder / f"{stem}.svg", facecolor="white", metadata={"Date": None})
+        with writing(folder / f"{stem}.png"):
+            figure.savefig(folder / f"{stem}.png", dpi=130, facecolor="white")
+        with writing(folder / f"{stem}.svg"):
+            figure.savefig(folder / f"{stem}.svg", facecolor="white", metadata={"Date": None})
         shown.append((stem, caption))
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
             walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv")
-    (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
+    with writing(folder / "report.html"):
+        (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
 
 
 def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
@@ -153,7 +93,8 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
         "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
-    (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
+    with writing(folder / FACTS):
+        (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:

@@ -1,5 +1,8 @@
 /* $title. Written by holokin $version; see $name.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "$name.h"
+#if ${NAME}_EXPORT != 0x0123456789abcdefU
+#error "these files are of different exports: export again"
+#endif
 
 #ifdef ${NAME}_FLOAT
 #define HK_FLOAT

@@ -12,6 +12,9 @@
 #ifndef ${NAME}_H
 #define ${NAME}_H
 
+/* Of this export: its files go together, and others do not compile with them. */
+#define ${NAME}_EXPORT 0x0123456789abcdefU
+
 #ifdef __cplusplus
 extern "C" {
 #endif

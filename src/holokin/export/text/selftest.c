@@ -5,6 +5,12 @@
 
 #include "$name.h"
 #include "${name}_vectors.h"
+#if ${NAME}_EXPORT != 0x0123456789abcdefU
+#error "these files are of different exports: export again"
+#endif
+#if ${NAME}_VECTORS != 0x0123456789abcdefU
+#error "these files are of different exports: export again"
+#endif
 
 #ifdef ${NAME}_FLOAT
 #define TOLERANCE 1e-4

@@ -1,0 +1,239 @@
+"""Kills and interrupts at random moments of `holokin run`: is anything lost, half-written, or left behind?
+
+    python -m benchmarks.kills --count 200
+
+Each trial starts a run of a small job over an older result, in whose folder a user keeps files; sends SIGKILL or SIGINT
+at a random moment of the process's life; looks at the folder; runs the job again, and looks again. Half of the moments
+lie in the time in which files are written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+JOB = """title = "{title}"
+[robot]
+name = "ppr"
+[start]
+q = [0.9022932188134525, -0.3035067811865475, 0.7853981633974483]
+[path]
+kind = "circle"
+center = [1.2070, 0.4036]
+samples = 20
+[strategies.moore-penrose]
+kind = "moore-penrose"
+"""
+
+MINE = {"notes.txt": "mine", "photos/arm.jpg": "mine too"}
+"""What the user keeps in the folder of results."""
+
+
+def deadly(k: int, after: bool) -> None:
+    """Let this process kill itself at its k-th rename (or link), before or after it."""
+    calls = 0
+
+    def wrapped(call: Any) -> Any:
+        def renames(*arguments: Any, **options: Any) -> Any:
+            nonlocal calls
+            calls += 1
+            if calls == k and not after:
+                os.kill(os.getpid(), signal.SIGKILL)
+            answer = call(*arguments, **options)
+            if calls == k and after:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return answer
+
+        return renames
+
+    for name in ("rename", "replace", "link"):
+        setattr(os, name, wrapped(getattr(os, name)))
+
+
+def hidden(out: Path) -> list[str]:
+    """The hidden entries of a folder."""
+    return sorted(name for name in os.listdir(out) if name.startswith("."))
+
+
+def state(out: Path) -> dict[str, set[str]]:
+    """The files of each folder in a folder of results, hidden ones too."""
+    return {
+        d.name: {str(f.relative_to(d)) for f in d.rglob("*") if not f.is_dir()} for d in out.iterdir() if d.is_dir()
+    }
+
+
+def whole(folder: Path) -> str:
+    """The title of a result that has every file it names, all of one run; else what is wrong with it."""
+    try:
+        facts = json.loads((folder / "result.json").read_text("utf-8"))
+        lacking = [name for name in facts["files"] if not (folder / name).is_file()]
+        page = (folder / "report.html").read_text("utf-8")
+    except (OSError, ValueError) as problem:
+        return f"broken: {problem}"
+    if lacking or f"<h1>{facts['title']}</h1>" not in page or not page.rstrip().endswith("</html>"):
+        return f"broken: {lacking or 'the page is of another run'}"
+    return facts["title"]
+
+
+def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
+    code = f"{setup}from holokin.cli import main; main()"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path) -> tuple[str, list[str]]:
+    """One signal: how the process ended, and what is wrong.
+
+    Args:
+        moment: (True, s): s seconds after the first unfinished file appears; (False, s): after the start.
+    """
+    out, file = folder / "out", folder / "job.toml"
+    faults = []
+    file.write_text(JOB.format(title="new"), "utf-8")
+    process = _start(file, out)
+    writing, delay = moment
+    while writing and process.poll() is None and not hidden(out):
+        time.sleep(0.002)
+    time.sleep(delay)
+    sent = process.poll() is None
+    process.send_signal(kind)
+    _, said = process.communicate(timeout=120)
+    code = process.returncode
+    ended = f"{kind.name} -> {code}" if sent else "had ended"
+    if not sent and code != 0:
+        faults.append(f"exit code {code} without a signal: {said[-300:]}")
+    if sent and kind is signal.SIGINT:
+        if code == -signal.SIGINT:
+            ended += " (Python was still loading)"
+        elif code not in (130, 0):
+            faults.append(f"exit code {code} after SIGINT: {said[-300:]}")
+        elif code == 130 and (not said.startswith("stopped") or said.count("\n") != 1):
+            faults.append(f"said after SIGINT: {said[-300:]}")
+    gap = code == -signal.SIGKILL and not (out / "job").exists()
+    title = "no" if gap else whole(out / "job")
+    if title not in ("old", "new") and not gap:
+        faults.append(f"after the signal: {title}")
+    if code == 0 and title != "new":
+        faults.append("exit code 0 without the new result")
+    if kind is signal.SIGINT and sent and code != -signal.SIGINT and hidden(out):
+        faults.append(f"after Ctrl-C: {hidden(out)}")
+    return f"{ended}: {title} result", [*faults, *repaired(out, file)]
+
+
+def renames(folder: Path) -> tuple[collections.Counter[str], list[str]]:
+    """SIGKILL before and after every rename of a run."""
+    ends: collections.Counter[str] = collections.Counter()
+    out, file, faults = folder / "out", folder / "job.toml", []
+    for after in (False, True):
+        for k in range(1, 100):
+            file.write_text(JOB.format(title="new"), "utf-8")
+            setup = f"from benchmarks.kills import deadly\nimport matplotlib.figure\ndeadly({k}, {after})\n"
+            process = _start(file, out, setup)
+            process.communicate(timeout=120)
+            title = whole(out / "job") if (out / "job").exists() else "no"
+            faults += [f"rename {k}, after={after}: {title}"] if title.startswith("broken") else []
+            faults += [f"rename {k}, after={after}: {fault}" for fault in repaired(out, file)]
+            if process.returncode == 0:
+                break
+            ends[f"{'after' if after else 'before'} a rename: {title} result"] += 1
+    return ends, faults
+
+
+def repaired(out: Path, file: Path) -> list[str]:
+    """What is lost, and what is wrong after the next run."""
+    faults = [f"{name} is nowhere" for name in MINE if not any(out.rglob(Path(name).name))]
+    again = _start(write_old(file), out)
+    _, said = again.communicate(timeout=120)
+    if again.returncode != 0:
+        faults.append(f"the next run: {said[-300:]}")
+    if hidden(out):
+        faults.append(f"litter after the next run: {hidden(out)}")
+    if whole(out / "job") != "old":
+        faults.append(f"after the next run: {whole(out / 'job')}")
+    kept = {name: (out / "job" / name).read_text() if (out / "job" / name).exists() else "" for name in MINE}
+    if kept != MINE:
+        faults.append(f"the user's files after the next run: {kept}")
+    return faults
+
+
+def write_old(file: Path) -> Path:
+    """The job of the older result."""
+    file.write_text(JOB.format(title="old"), "utf-8")
+    return file
+
+
+def prepare(folder: Path) -> float:
+    """An older result, the user's files in it; returns how long that run took [s]."""
+    out = folder / "out"
+    out.mkdir(exist_ok=True)
+    begin = time.perf_counter()
+    process = _start(write_old(folder / "job.toml"), out)
+    _, said = process.communicate(timeout=120)
+    if process.returncode != 0:
+        raise RuntimeError(said)
+    for name, text in MINE.items():
+        (out / "job" / name).parent.mkdir(exist_ok=True)
+        (out / "job" / name).write_text(text)
+    return time.perf_counter() - begin
+
+
+def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counter[str], list[str]]:
+    """`count` signals: how often which end, and all faults."""
+    ends: collections.Counter[str] = collections.Counter()
+    faults = []
+    rng = random.Random(seed)
+    with tempfile.TemporaryDirectory(prefix="kills-") as name:
+        folder = Path(name)
+        seconds = min(prepare(folder) for _ in range(3))  # the first warms the caches
+        for k in range(count):
+            moment = (k % 2 == 1, rng.uniform(0, 0.4 * seconds if k % 2 else seconds))
+            ended, wrong = trial(kind, moment, folder)
+            ends[ended] += 1
+            faults += [f"{kind.name} {k} at {moment}: {fault}" for fault in wrong]
+    return ends, faults
+
+
+def report(what: str, ends: collections.Counter[str], faults: list[str]) -> None:
+    """Print the counts."""
+    print(f"{what}: {ends.total()}, {len(faults)} faults", flush=True)
+    for ended, times in sorted(ends.items()):
+        print(f"  {times:4} {ended}", flush=True)
+
+
+def main() -> int:
+    """Print how the processes ended, and each fault."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "renames"])
+    args = parser.parse_args()
+    faults = []
+    if args.only in (None, "renames"):
+        with tempfile.TemporaryDirectory(prefix="kills-") as name:
+            prepare(Path(name))
+            ends, found = renames(Path(name))
+        report("kill at every rename", ends, found)
+        faults += found
+    for kind in (signal.SIGKILL, signal.SIGINT):
+        if args.only in (None, kind.name):
+            ends, found = run(args.count, kind, args.seed)
+            report(kind.name, ends, found)
+            faults += found
+    print("\n".join(faults[:40]))
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
