@@ -231,7 +231,7 @@ def _residual(y: Matrix) -> tuple[Matrix, float]:
         curves = curves - np.outer(curves @ line, line)
         return curves / np.linalg.norm(curves, axis=1, keepdims=True)
 
-    tries = np.sort(_RATIOS[_RATIOS < _BENT])
+    tries, ratio = np.sort(_RATIOS[_RATIOS < _BENT]), 0.0
     for _ in range(4):  # a coarse ratio would leave more than noise does
         held = across(tries) @ rest
         best = int(np.argmax((held**2).sum(axis=1)))
