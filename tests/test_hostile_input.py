@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, write_job
 from holokin.analysis import MOST_JOINTS
 from holokin.control import make_plan
-from holokin.errors import ArgumentError, ExpressionError, JobError, RobotFileError
+from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
 from holokin.job import open_job, read_job
 from holokin.motion.reach import out_of_reach
 from holokin.symbolic import parse, symbol
@@ -194,6 +194,22 @@ def test_the_search_for_reach_takes_a_second_and_finds_what_can_be_reached(panda
     begin = time.perf_counter()
     assert out_of_reach(make_plan(task, circle, 30, T[:3, :3]), PANDA_START, 0, True) is None
     assert time.perf_counter() - begin < 2
+
+
+def test_a_leaf_that_ends_is_not_told_to_be_the_end_of_reach(panda: hk.Robot) -> None:
+    """A least-squares search of another make finds a posture for the pose that is farthest along."""
+    from scipy.optimize import least_squares
+
+    task, T = hk.pose(panda), panda.pose(PANDA_START)
+    circle = hk.circle(T[:3, 3], center=T[:3, 3] - [0.35, 0, 0])
+    target = make_plan(task, circle, 30, T[:3, :3]).target(24, 1.0)
+    rng = np.random.default_rng(5)
+    starts = rng.uniform(panda.lower, panda.upper, (30, 7))
+    bounds = (panda.lower, panda.upper)
+    gaps = (np.abs(least_squares(lambda q: task.error(q, *target), q, bounds=bounds).fun).max() for q in starts)
+    assert any(gap < 1e-6 for gap in gaps)
+    with pytest.raises(BranchError):
+        hk.follow(hk.holonomic(task, hk.height("panda_joint4")), circle, PANDA_START, samples=30)
 
 
 @pytest.mark.parametrize(("beyond", "missing"), [(0.2, 0.2), (0.01, 0.01), (-0.01, None)])

@@ -16,8 +16,9 @@ from ..types import Matrix, Vector
 TARGETS = 24
 """Targets of the rest of the path that are tried."""
 
-RESTARTS = 8
-"""Random postures tried besides the last one before a target is called out of reach."""
+RESTARTS = 64
+"""Random postures tried besides the last one before a target is called out of reach, 5 ms each. At eleven poses far
+out on a Panda's circle of 0.35 m, one start in three got there; with 8 starts one of them was missed."""
 
 LOOKS = 200
 """Postures that one search for a target looks at. A target that is reached takes some six."""
@@ -78,16 +79,17 @@ def _errors(task: Task) -> Callable[[Vector, Vector, Matrix], tuple[Vector, Matr
 
 
 def _nearest(task: Task, look: Look, q: Vector, limits: bool, budget: int) -> _Search:
-    """The best of a search from q and, where it does not reach the target, of some from random postures near q."""
+    """The best of a search from q and, where it does not reach the target, of some from random postures."""
     robot = task.robot
     lower = robot.lower if limits else np.full(robot.n, -np.inf)
     upper = robot.upper if limits else np.full(robot.n, np.inf)
     best = _search(look, np.clip(q, lower, upper), lower, upper, min(budget, LOOKS))
     looks, rng = best.looks, np.random.default_rng(0)
+    low, high = np.where(np.isfinite(lower), lower, q - np.pi), np.where(np.isfinite(upper), upper, q + np.pi)
     for _ in range(RESTARTS):
         if best.missing <= REACHED or looks >= budget:
             break
-        begin = rng.uniform(np.clip(q - np.pi, lower, upper), np.clip(q + np.pi, lower, upper))
+        begin = np.clip(rng.uniform(np.minimum(low, high), np.maximum(low, high)), lower, upper)
         found = _search(look, begin, lower, upper, min(budget - looks, LOOKS))
         looks += found.looks
         best = found if found.missing < best.missing else best
