@@ -19,7 +19,8 @@ from .csv_logs import base as csv_base
 SAMPLES = 30
 VALUES = [
     "0", "-1", "9", "10", "1e400", "9" * 400, "9" * 5000, "~", "[]", "{}", "[[[]]]", "'a'", '"', "&a [1]", "*a", ".nan",
-    "zstd", "message", "file", "FILE", "mcap", "sqlite3", "cdr", "json", "sensor_msgs/msg/JointState", "2020-01-01", "!!",
+    "zstd", "message", "file", "FILE", "mcap", "sqlite3", "cdr", "json", "sensor_msgs/msg/JointState", "2020-01-01",
+    "!!",
     "!!python/object:os.system",
     "[" * 3000, "{a: " * 500, "\x00", "../../etc/passwd",
     "/dev/zero", ".", "true", "99999999999",
@@ -60,10 +61,8 @@ def bases() -> dict[str, dict[str, bytes]]:
 
 
 def _fill(writer: Any, store: Any, robot: hk.Robot, table: np.ndarray, *, new: bool) -> None:
-    types = [
-        store.types[name] for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
-    ]  # fmt: skip
-    state, header, time = types
+    names = ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    state, header, time = (store.types[name] for name in names)
     link = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
     none = np.zeros(0)
     for k, row in enumerate(table[::3][:SAMPLES]):
