@@ -62,8 +62,7 @@ def bases() -> dict[str, dict[str, bytes]]:
 
 def _fill(writer: Any, store: Any, robot: hk.Robot, table: np.ndarray, *, new: bool) -> None:
     names = ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
-    types = [store.types[name] for name in names]
-    state, header, time = types
+    state, header, time = (store.types[name] for name in names)
     link = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
     none = np.zeros(0)
     for k, row in enumerate(table[::3][:SAMPLES]):

@@ -99,13 +99,15 @@ class ToolMotion:
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d); `joints`: all postures."""
+    """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d); `joints`: all postures; `ends`:
+    whether the path goes on to the end of the log."""
 
     index: Indices
     s: Vector
     z: Matrix
     joints: Matrix
     step: float
+    ends: bool = True
 
     @property
     def length(self) -> float:
@@ -192,20 +194,23 @@ def tool_path(
     """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out.
 
     Args:
-        start: the first sample looked at. most: end after about as many anchors.
+        start: the first sample looked at. most: end after so many anchors, and so many steps of length.
     """
     margin = NOISE_STEPS / 2 * noise
-    index = _anchors(motion, step, max(margin, 1e-3 * step), start, most)
+    index, ends = _anchors(motion, step, max(margin, 1e-3 * step), start, most)
     for _ in range(2):
         index = _with_corners(motion, index, max(margin, 0.02 * step))
     z = motion.at(index)
-    chords = np.linalg.norm(np.diff(z, axis=0), axis=1)
-    return ToolPath(index, np.concatenate([[0.0], np.cumsum(chords)]), z, motion.q, step)
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(z, axis=0), axis=1))])
+    if most is not None and s[-1] > most * step:
+        ends, keep = False, max(int(np.searchsorted(s, most * step)), 2)
+        index, s, z = index[:keep], s[:keep], z[:keep]
+    return ToolPath(index, s, z, motion.q, step, ends)
 
 
-def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> Indices:
+def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> tuple[Indices, bool]:
     """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
-    over a margin away."""
+    over a margin away. And whether that end was reached."""
     kept, here = [start], motion.at(slice(start, start + 1))[0]
     farthest, tip = 0.0, -1  # since the last one kept
     for first, z in motion.blocks(start, before=1):
@@ -230,10 +235,10 @@ def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: i
                 farthest, tip = float(squares[best]), first + i + best
             i, chunk = i + chunk, min(2 * chunk, 8192)
         if most is not None and len(kept) >= most:
-            return np.array(kept)
+            return np.array(kept), False
     if farthest > margin * margin:
         kept.append(tip)
-    return np.array(kept)
+    return np.array(kept), True
 
 
 def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:

@@ -20,7 +20,9 @@ LENGTH_SCALE = 0.1
 PHASES = 64
 """Points of equal tool pose that are compared, evenly along the path."""
 
-_TEMPLATE = 256
+_TEMPLATE = 256  # points of a template, at least
+_FINE = 80  # of them in the loop's extent: a long loop, such as a raster, needs more than a circle
+_MOST_TEMPLATE = 20_000
 _SITES = 2000  # searched at one time
 _STRAY = 0.04  # share of the loop's size by which the tool may leave the path before a cycle is lost
 _SHORT = 0.015  # share of a cycle that may lack at its ends: the tool gap there is measured and corrected
@@ -99,21 +101,22 @@ def find_cycles(
     if extent < max(1e-6, 4 * NOISE_STEPS * noise):
         fact = f"the tool moves by {extent:.2g} m only, with {noise:.2g} m of noise"
         raise RecordingError(recording.source, fact, "log a motion of the arm, check tip and unit")
-    period = find_period(motion, extent, noise, max(extent / 400, NOISE_STEPS * noise))
+    period = find_period(motion, noise, max(extent / 400, NOISE_STEPS * noise))
     if period is None:
         raise _no_cycles(recording, robot, tip, orientation, length_scale)
-    path = tool_path(motion, max(period.length / _TEMPLATE, NOISE_STEPS * noise), noise)
-    home, length = _home(path, *_first_round(path, period), noise)
-    template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
+    points = int(np.clip(_FINE * period.length / extent, _TEMPLATE, _MOST_TEMPLATE))
+    path = tool_path(motion, max(period.length / points, NOISE_STEPS * noise), noise)
+    home, length = _home(path, *_first_round(path, period), noise, 0.1 * extent)
+    template = path.point(home + length * np.arange(points) / points)
     mirror = _mirror(template)
     size = float(np.linalg.norm(template.max(axis=0) - template.min(axis=0)))
     if mirror is not None:
         turn = home + mirror * length
         if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
             home, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
-            template = path.point(home + length * np.arange(_TEMPLATE) / _TEMPLATE)
+            template = path.point(home + length * np.arange(points) / points)
     tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * path.step), mirror)
-    return _cut(recording, path, tracks, home, length, size, mirror)
+    return _cut(recording, path, tracks, home, length, size, mirror, points)
 
 
 def _no_cycles(
@@ -143,28 +146,32 @@ def _first_round(path: ToolPath, period: Period) -> tuple[float, float]:
     return float(begin), length
 
 
-def _home(path: ToolPath, begin: float, length: float, noise: float) -> tuple[float, float]:
-    """Arc length at which the repeating begins, to the last anchor, and the length of the round from there."""
+def _home(path: ToolPath, begin: float, length: float, noise: float, most: float) -> tuple[float, float]:
+    """Arc length at which the repeating begins, to the last anchor, and the length of the round from there; points that
+    correspond are looked for within `most` [m]."""
+    from scipy.ndimage import binary_closing
+
     first, last = max(0.0, begin - 0.2 * length), min(begin + length, path.length - length)
     grid = np.asarray(np.arange(first, last, path.step / 2), dtype=float)
     lag = length
     if len(grid) > 4:
         z = path.point(grid)
-        ahead = np.minimum(nearest(path, z, grid + length, 0.02 * length), path.length)
+        ahead = np.minimum(nearest(path, z, grid + length, min(0.02 * length, most)), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
-        against = (
-            np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid)) < -0.5
-        )  # beyond a turn: the way back
+        along = np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid))
+        against = along < -0.5  # beyond a turn: the way back
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
         sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
+        patch = np.ones(2 * max(1, round(0.01 * length / path.step)) + 1, dtype=bool)  # a corner does not end it
+        sound = binary_closing(np.pad(sound, len(patch)), patch)[len(patch) : -len(patch)]
         edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(int))).reshape(-1, 2)
         runs = edges[edges[:, 1] - edges[:, 0] >= 0.1 * length / (path.step / 2)]
         begin = float(grid[runs[0, 0]]) if len(runs) else begin
         lag = float(np.median(ahead - grid))
     begin = 0.0 if begin < path.step else begin
     there = path.point(np.array([begin]))
-    stop = nearest(path, there, np.array([min(begin + lag, path.length)]), 0.02 * lag)
+    stop = nearest(path, there, np.array([min(begin + lag, path.length)]), min(0.02 * lag, most))
     return begin, float(stop[0]) - begin
 
 
@@ -250,7 +257,7 @@ class _Walk:
     """Follows the template from anchor to anchor."""
 
     def __init__(
-        self, path: ToolPath, template: Matrix, length: float, stray: float, near: Any, facing: Indices
+        self, path: ToolPath, template: Matrix, length: float, stray: float, near: Array, facing: Indices
     ) -> None:
         self.z, self.template, self.stray = path.z, template, stray
         self.windows = ((2.0 * np.diff(path.s) / length * len(template)).astype(int) + 3).tolist()
@@ -280,7 +287,7 @@ class _Walk:
 
 def _cut(
     recording: Recording, path: ToolPath, tracks: list[_Track], home: float, length: float, size: float,
-    mirror: float | None,
+    mirror: float | None, points: int,
 ) -> Cycles:  # fmt: skip
     """Whole rounds of the tracks, at `PHASES` equal tool poses."""
     phase = np.arange(PHASES + 1) / PHASES
@@ -305,7 +312,7 @@ def _cut(
         )  # fmt: skip
     ways = np.array([direction[i] for i in whole])
     targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])
-    s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / _TEMPLATE)
+    s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / points)
     residual = np.linalg.norm(path.point(s) - targets, axis=1).reshape(len(whole), -1).max(axis=1)
     s = s.reshape(len(whole), -1)
     q = path.posture(s)

@@ -18,12 +18,13 @@ ALIKE = 0.02
 SURE = ALIKE / 8
 """Rounds as alike as this are taken without looking for a longer stretch that is more alike."""
 
-MOST = 60_000
-"""Anchors of one stretch of the path in which a period is looked for: the work, and what is in memory, grow with it."""
+STRETCHES = ((1, 60_000), (1, 240_000), (4, 240_000), (16, 240_000))
+"""Stretches of the path in which a period is looked for, one kind after the other: their step, in the finest ones, and
+how many steps they have at most. The work, and what is in memory, grow with that. With steps of a 25th of the tool's
+extent, the longest, a path is just known."""
 
 _VISITS = 40  # of a point, that propose lags
-_COARSER = 4  # step of a longer stretch, in steps of the one before
-_COARSEST = 25  # steps in the tool's extent below which a path is not known any more
+_FEW = 8  # visits that make a close lag worth a look
 
 
 @dataclass(frozen=True)
@@ -41,46 +42,39 @@ class Period:
     whole: bool
 
 
-def find_period(motion: ToolMotion, extent: float, noise: float, finest: float) -> Period | None:
+def find_period(motion: ToolMotion, noise: float, finest: float) -> Period | None:
     """The shortest round after which the tool runs the same path again in the same direction, or None.
 
-    A path of many rounds is looked at in stretches, since a grid over all of it would be too coarse to show one: in the
-    middle, at the beginning and at the end, at the finest step; where none repeats surely, in stretches four times as
-    long at four times the step, up to the whole.
+    A path of many rounds is looked at in stretches, since a grid over all of it would be too coarse: in the middle, at
+    the beginning and at the end, at the finest step; where none surely repeats, in longer ones (`STRETCHES`).
 
     Args:
-        extent, noise: of the tool points [m]. finest: step of the finest stretch [m].
+        noise: of the tool points [m]. finest: step of the finest stretch [m].
     """
-    step, found = finest, []
-    while True:
-        first = tool_path(motion, step, noise, most=MOST)
-        whole = bool(first.index[-1] >= len(motion) - 1) or len(first.index) < MOST
-        paths = [first]
-        if not whole:
-            rows = int(first.index[-1])
-            starts = [(len(motion) - rows) // 2, 0, len(motion) - rows]
-            paths = (first if not at else tool_path(motion, step, noise, start=at, most=MOST) for at in starts)
-        for path in paths:
-            period = _period(path, whole) if len(path.index) >= 16 else None
-            if period is not None:
-                found.append(period)
-                if period.residual <= SURE:
-                    break
-        if whole or (found and found[-1].residual <= SURE) or step * _COARSER > extent / _COARSEST:
+    found: list[Period] = []
+    for coarser, most in STRETCHES:
+        first = tool_path(motion, finest * coarser, noise, most=most)
+        rows = int(first.index[-1])
+        for start in [0] if first.ends else [(len(motion) - rows) // 2, 0, len(motion) - rows]:
+            path = tool_path(motion, finest * coarser, noise, start=start, most=most) if start else first
+            period = _period(path, most, first.ends) if len(path.index) >= 16 else None
+            found += [period] if period is not None else []
+            if period is not None and period.residual <= SURE:
+                break
+        if first.ends or (found and found[-1].residual <= SURE):
             break
-        step *= _COARSER
     if not found:
         return None
     best = min(period.residual for period in found)
     return min((p for p in found if p.residual <= max(3 * best, SURE)), key=lambda p: p.length)
 
 
-def _period(path: ToolPath, whole: bool) -> Period | None:
+def _period(path: ToolPath, most: int, whole: bool) -> Period | None:
     """The shortest period of a path.
 
     Lags are proposed by points that are visited again, and accepted when a whole round is the same.
     """
-    count = int(np.clip(np.ceil(path.length / path.step), 16, MOST))
+    count = int(np.clip(np.ceil(path.length / path.step), 16, most))
     grid = np.linspace(0.0, path.length, count)
     z = _reduced(path.point(grid))
     tested = [(lag, *run) for lag in _lags(z) for run in [repeating(z, lag)] if run is not None]
@@ -102,9 +96,9 @@ def _reduced(z: Matrix) -> Matrix:
     return centered @ axes[keep].T
 
 
-def _lags(z: Matrix, references: int = 64, most: int = 30) -> list[int]:
-    """Lags at which many of the reference points are visited again, shortest first."""
-    found: list[int] = []
+def _lags(z: Matrix, references: int = 64, most: int = 20) -> list[int]:
+    """Lags at which many of the reference points are visited again, or some most closely, shortest first."""
+    found: list[tuple[int, float]] = []
     for start in np.unique(np.linspace(0, 0.97 * len(z), references).astype(int)):
         d = np.linalg.norm(z[start:] - z[start], axis=1)
         near = d < CLOSE * np.maximum.accumulate(d)
@@ -115,15 +109,29 @@ def _lags(z: Matrix, references: int = 64, most: int = 30) -> list[int]:
             closest = np.minimum.reduceat(np.append(d, np.inf), visits.ravel())[::2]
             order = np.argsort(closest[_VISITS // 2 :], kind="stable")[: _VISITS // 2] + _VISITS // 2
             visits = np.vstack([visits[: _VISITS // 2], visits[order]])
-        found += [int(a + np.argmin(d[a:b])) for a, b in visits]
-    groups: list[list[int]] = []
+        for a, b in visits:
+            lag = int(a + np.argmin(d[a:b]))
+            found.append((lag, float(d[lag])))
+    groups: list[list[tuple[int, float]]] = []
     for lag in sorted(found):
-        if groups and lag <= 1.02 * groups[-1][0] + 1:
+        if groups and lag[0] <= 1.02 * groups[-1][0][0] + 1:
             groups[-1].append(lag)
         else:
             groups.append([lag])
-    chosen = sorted(groups, key=len, reverse=True)[:most]
-    return sorted(int(np.median(group)) for group in chosen)
+    best = [_densest(np.array(group)) for group in groups]
+    often = sorted(best, key=lambda item: -item[0])[:most]
+    closely = sorted((item for item in best if item[0] >= _FEW), key=lambda item: item[1])[: most // 2]
+    return sorted({lag for _, _, lag in (*often, *closely)})
+
+
+def _densest(visits: Matrix) -> tuple[int, float, int]:
+    """(number, median distance, median lag) of those of the visits (k, 2), by rising lag, whose lags agree: a round
+    has one lag from all its points, a row of a raster and its neighbour another one from each."""
+    lags = visits[:, 0]
+    last = np.searchsorted(lags, lags + 2 + lags[0] // 1000, side="right")
+    i = int(np.argmax(last - np.arange(len(lags))))
+    lag, distance = np.median(visits[i : last[i]], axis=0)
+    return int(last[i] - i), float(distance), int(lag)
 
 
 def repeating(z: Matrix, lag: int) -> tuple[int, int, float] | None:

@@ -44,6 +44,9 @@ def read_bag(file: Path, robot: Robot, topic: str | None) -> Samples:
         reader: Any = Reader1(file) if old else Reader2(file)
         reader.open()
     try:
+        for c in reader.connections:
+            if not (isinstance(c.topic, str) and isinstance(c.msgtype, str) and isinstance(c.msgcount, int)):
+                raise broken(file, f"a topic is {c.topic!r} of type {c.msgtype!r} with {c.msgcount!r} messages")
         # The definition of a message that a bag brings along is not used: a JointState has been the same in all
         # releases, and another one could declare arrays of any size.
         parse = store.deserialize_ros1 if old else store.deserialize_cdr

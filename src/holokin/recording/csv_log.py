@@ -105,6 +105,8 @@ def _pieces(
 
 def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) -> Matrix | None:
     """Columns of lines without quotes, several times as fast as cell by cell; None where one is not a finite number."""
+    if not all(map(str.strip, lines)):
+        return None
     try:
         table = np.loadtxt(lines, delimiter=delimiter, usecols=wanted, comments=None, ndmin=2)
     except ValueError:
