@@ -3,8 +3,9 @@
     python -m benchmarks.kills --count 200
 
 Each trial starts a run of a small job over an older result, in whose folder a user keeps files; sends SIGKILL or SIGINT
-at a random moment of the process's life; looks at the folder; runs the job again, and looks again. Half of the moments
-lie in the time in which files are written.
+at a random moment of the process's life; looks at the folder; lets holokin repair it as the next run does at its
+beginning, in every tenth trial by a whole run; and looks again. Half of the moments lie in the time in which files are
+written. First a run is killed before and after each of its renames.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
+
+from holokin.output.folder import check_folder
 
 JOB = """title = "{title}"
 [robot]
@@ -90,19 +93,20 @@ def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # shells ignore it in the background
     )  # fmt: skip
 
 
-def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path) -> tuple[str, list[str]]:
+def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path, number: int) -> tuple[str, list[str]]:
     """One signal: how the process ended, and what is wrong.
 
     Args:
         moment: (True, s): s seconds after the first unfinished file appears; (False, s): after the start.
+        number: of the trial, by which its result is known.
     """
-    out, file = folder / "out", folder / "job.toml"
-    faults = []
-    file.write_text(JOB.format(title="new"), "utf-8")
-    process = _start(file, out)
+    out = folder / "out"
+    old, new = whole(out / "job"), f"trial {number}"
+    process = _start(job(folder, new), out)
     writing, delay = moment
     while writing and process.poll() is None and not hidden(out):
         time.sleep(0.002)
@@ -110,68 +114,80 @@ def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path) -> tup
     sent = process.poll() is None
     process.send_signal(kind)
     _, said = process.communicate(timeout=120)
-    code = process.returncode
+    code, faults = process.returncode, []
     ended = f"{kind.name} -> {code}" if sent else "had ended"
     if not sent and code != 0:
         faults.append(f"exit code {code} without a signal: {said[-300:]}")
     if sent and kind is signal.SIGINT:
-        if code == -signal.SIGINT:
-            ended += " (Python was still loading)"
-        elif code not in (130, 0):
+        if code not in (130, 0, -signal.SIGINT):  # the last while Python is still loading
             faults.append(f"exit code {code} after SIGINT: {said[-300:]}")
         elif code == 130 and (not said.startswith("stopped") or said.count("\n") != 1):
             faults.append(f"said after SIGINT: {said[-300:]}")
-    gap = code == -signal.SIGKILL and not (out / "job").exists()
-    title = "no" if gap else whole(out / "job")
-    if title not in ("old", "new") and not gap:
-        faults.append(f"after the signal: {title}")
-    if code == 0 and title != "new":
+        elif code != -signal.SIGINT and hidden(out):
+            faults.append(f"after Ctrl-C: {hidden(out)}")
+    found, wrong = looked_at(out, (old, new), gap=code == -signal.SIGKILL)
+    if code == 0 and found != "new":
         faults.append("exit code 0 without the new result")
-    if kind is signal.SIGINT and sent and code != -signal.SIGINT and hidden(out):
-        faults.append(f"after Ctrl-C: {hidden(out)}")
-    return f"{ended}: {title} result", [*faults, *repaired(out, file)]
+    return f"{ended}: {found} result", [*faults, *wrong, *repaired(folder, (old, new), number)]
 
 
 def renames(folder: Path) -> tuple[collections.Counter[str], list[str]]:
     """SIGKILL before and after every rename of a run."""
     ends: collections.Counter[str] = collections.Counter()
-    out, file, faults = folder / "out", folder / "job.toml", []
+    out, faults = folder / "out", []
     for after in (False, True):
         for k in range(1, 100):
-            file.write_text(JOB.format(title="new"), "utf-8")
+            titles = whole(out / "job"), f"rename {k} {after}"
             setup = f"from benchmarks.kills import deadly\nimport matplotlib.figure\ndeadly({k}, {after})\n"
-            process = _start(file, out, setup)
+            process = _start(job(folder, titles[1]), out, setup)
             process.communicate(timeout=120)
-            title = whole(out / "job") if (out / "job").exists() else "no"
-            faults += [f"rename {k}, after={after}: {title}"] if title.startswith("broken") else []
-            faults += [f"rename {k}, after={after}: {fault}" for fault in repaired(out, file)]
+            found, wrong = looked_at(out, titles, gap=True)
+            wrong += repaired(folder, titles, k)
+            faults += [f"rename {k}, after={after}: {fault}" for fault in wrong]
             if process.returncode == 0:
                 break
-            ends[f"{'after' if after else 'before'} a rename: {title} result"] += 1
+            ends[f"{'after' if after else 'before'} a rename: {found} result"] += 1
     return ends, faults
 
 
-def repaired(out: Path, file: Path) -> list[str]:
-    """What is lost, and what is wrong after the next run."""
+def looked_at(out: Path, titles: tuple[str, str], *, gap: bool) -> tuple[str, list[str]]:
+    """Which result stands there (old, new, or no), and what is wrong.
+
+    Args:
+        titles: of the old and of the new result.
+        gap: it may have none, between two renames.
+    """
     faults = [f"{name} is nowhere" for name in MINE if not any(out.rglob(Path(name).name))]
-    again = _start(write_old(file), out)
-    _, said = again.communicate(timeout=120)
-    if again.returncode != 0:
-        faults.append(f"the next run: {said[-300:]}")
+    if gap and not (out / "job").exists():
+        return "no", faults
+    title = whole(out / "job")
+    if title not in titles:
+        return "a broken", [*faults, f"the result: {title}"]
+    return ("old", "new")[titles.index(title)], faults
+
+
+def repaired(folder: Path, titles: tuple[str, str], number: int) -> list[str]:
+    """What is wrong after the beginning of the next run, or in every tenth trial after its end."""
+    out = folder / "out"
+    check_folder(out, "job")
+    _, faults = looked_at(out, titles, gap=False)
+    if number % 10 == 0:
+        again = _start(job(folder, "again"), out)
+        _, said = again.communicate(timeout=120)
+        if again.returncode != 0 or whole(out / "job") != "again":
+            faults.append(f"the next run: {said[-300:]}, {whole(out / 'job')}")
     if hidden(out):
         faults.append(f"litter after the next run: {hidden(out)}")
-    if whole(out / "job") != "old":
-        faults.append(f"after the next run: {whole(out / 'job')}")
     kept = {name: (out / "job" / name).read_text() if (out / "job" / name).exists() else "" for name in MINE}
     if kept != MINE:
         faults.append(f"the user's files after the next run: {kept}")
     return faults
 
 
-def write_old(file: Path) -> Path:
-    """The job of the older result."""
-    file.write_text(JOB.format(title="old"), "utf-8")
-    return file
+def job(folder: Path, title: str) -> Path:
+    """A job file."""
+    (folder / "job.toml").write_text(JOB.format(title=title), "utf-8")
+    return folder / "job.toml"
 
 
 def prepare(folder: Path) -> float:
@@ -179,7 +195,7 @@ def prepare(folder: Path) -> float:
     out = folder / "out"
     out.mkdir(exist_ok=True)
     begin = time.perf_counter()
-    process = _start(write_old(folder / "job.toml"), out)
+    process = _start(job(folder, "first"), out)
     _, said = process.communicate(timeout=120)
     if process.returncode != 0:
         raise RuntimeError(said)
@@ -199,7 +215,7 @@ def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counte
         seconds = min(prepare(folder) for _ in range(3))  # the first warms the caches
         for k in range(count):
             moment = (k % 2 == 1, rng.uniform(0, 0.4 * seconds if k % 2 else seconds))
-            ended, wrong = trial(kind, moment, folder)
+            ended, wrong = trial(kind, moment, folder, k)
             ends[ended] += 1
             faults += [f"{kind.name} {k} at {moment}: {fault}" for fault in wrong]
     return ends, faults

@@ -221,8 +221,8 @@ def contents(out: Path) -> dict[str, str]:
 def test_a_signal_at_a_random_moment_loses_nothing(tmp_path: Path) -> None:
     """Two; `python -m benchmarks.kills` sends hundreds."""
     kills.prepare(tmp_path)
-    for kind, moment in ((signal.SIGKILL, 0.3), (signal.SIGINT, 0.1)):
-        ended, faults = kills.trial(kind, (True, moment), tmp_path)
+    for number, (kind, moment) in enumerate(((signal.SIGKILL, 0.3), (signal.SIGINT, 0.1)), 1):
+        ended, faults = kills.trial(kind, (True, moment), tmp_path, number)
         assert faults == [], ended
 
 
