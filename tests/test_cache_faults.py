@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from conftest import Command
@@ -233,6 +234,24 @@ def test_a_poisoned_file_is_never_loaded(
     if expected == NATIVE:  # and now it is whole again
         files = list((tmp_path / "cache").glob(f"*{native.SUFFIX}"))
         assert len(files) == 3 and all(native.kept(file) is not None for file in files)
+
+
+def test_no_mutant_of_a_file_passes(built: Path, tmp_path: Path) -> None:
+    """500 of them: bytes changed, cut, inserted, doubled, taken from another library of the cache."""
+    first, second = sorted(built.iterdir())[:2]
+    data, other, rng = first.read_bytes(), second.read_bytes(), np.random.default_rng(0)
+    mutant = tmp_path / first.name
+    mutant.write_bytes(data)
+    mutant.chmod(0o600)
+    assert native.kept(mutant) == data[:-64]
+    for _ in range(500):
+        a, b = sorted(rng.integers(0, len(data), 2))
+        piece = [rng.bytes(int(rng.integers(1, 9))), b"", other[a:b], data[a:b] * 2][rng.integers(4)]
+        changed = data[:a] + piece + data[[a, b, len(data)][rng.integers(3)] :]
+        mutant.write_bytes(changed)
+        assert native.kept(mutant) is None or changed == data
+    mutant.write_bytes(other)  # whole, under another's name
+    assert native.kept(mutant) is None
 
 
 def test_a_file_swapped_after_the_check_is_not_loaded(tmp_path: Path, monkeypatch: Patch) -> None:

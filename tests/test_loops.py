@@ -158,6 +158,7 @@ def test_batches_of_nothing_and_into_what_is_given(monkeypatch: Patch) -> None:
 def test_a_kernel_that_cannot_be_made_is_tried_once(monkeypatch: Patch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr(function_module, "NATIVE_FROM", 100)
     monkeypatch.setattr(native, "PATIENCE", 1e-6)
+    monkeypatch.setattr(native, "_told", set())  # what this process has warned of already
     strategy = hk.holonomic(hk.position(hk.from_dh([{"a": 0.2}] * 3)), hk.linear([1, 1, 0.3]))
     Q = np.random.default_rng(0).uniform(0.5, 1.0, (500, 3))
     for _ in range(3):

@@ -22,15 +22,17 @@ from functools import cache
 from pathlib import Path
 
 from ..errors import NativeError
-from . import toolchain
 from .cache import FORMAT, SUFFIX, cache_folder, keep, kept, load, read_regular
-from .toolchain import Compiler, compiler, plain
+from .toolchain import Compiler, call, compiler, plain
 
 PROBE = "double holokin_probe(double x) { return 2 * x; }"
 """What is built first: the smallest library that shows that all of it works."""
 
+PATIENCE = 300.0
+"""Seconds that a compiler may take for one source."""
+
 PROBING = 60.0
-"""Seconds that a compiler may take for it: some build a library of their own at their first call."""
+"""Seconds that a compiler may take for PROBE: some build a library of their own at their first call."""
 
 _troubles: dict[tuple[Compiler, Path], NativeError | None] = {}
 _told: set[str] = set()
@@ -93,7 +95,7 @@ def library(
     long: bool = False,
     includes: tuple[str, ...] = (),
     needs: tuple[str, ...] = (),
-    patience: float = toolchain.PATIENCE,
+    patience: float | None = None,
 ) -> ctypes.CDLL:
     """The shared library of a C source, from the cache or built now.
 
@@ -101,7 +103,7 @@ def library(
         fast: let products and sums be fused, for vector code; scalar code keeps to the C standard's rounding.
         long: thousands of lines without a branch, on which compilers' cleverest passes take minutes.
         needs: the functions that it must have.
-        patience: how long the compiler may take [s].
+        patience: how long the compiler may take [s], PATIENCE by default.
 
     Raises:
         NativeError: no compiler, or it refuses the source, or the result cannot be kept or loaded.
@@ -120,7 +122,7 @@ def library(
     if known is not None:
         raise NativeError(known.fact, known.cause)
     try:
-        built = _built(chosen, source, flags, patience)
+        built = _built(chosen, source, flags, PATIENCE if patience is None else patience)
         keep(path, built)
     except NativeError as problem:
         if problem.cause in ("cache", "patience"):  # it would fail again, after as long a time
@@ -185,7 +187,7 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
             file, made = Path(private) / "source.c", Path(private) / f"library{SUFFIX}"
             file.write_text(source, "utf-8")
             command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
-            status, said = toolchain.call(command, patience, "stderr")
+            status, said = call(command, patience, "stderr")
             if status == 0:
                 return read_regular(made)[0]
     except subprocess.TimeoutExpired:

@@ -18,9 +18,6 @@ from functools import cache
 ASKING = 10.0
 """Seconds that a compiler may take to say its version."""
 
-PATIENCE = 300.0
-"""Seconds that a compiler may take for one source."""
-
 HEARD = 65_536
 """Bytes of what a compiler says that are kept: enough for the first error. The rest is read and dropped."""
 
