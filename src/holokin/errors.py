@@ -2,31 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from enum import Enum
 from typing import Any, ClassVar
 
+LONGEST_PART = 400
+"""Characters that a fact, a value or a cure may have in a message: more, nobody reads in one sentence."""
+
+LONGEST = 1_600
+"""Characters of a whole message: a fact, a cure and some names; files and keys are at its beginning."""
+
+MOST_NAMES = 40
+"""Names that a message lists of those that are known: those of any job, robot or table of this library."""
+
+LONGEST_NAME = 200
+"""Characters up to which a name is compared with the known ones; the comparison takes the product of the lengths."""
+
+
+def brief(value: object, most: int = LONGEST_PART) -> str:
+    """A text on one line without control characters, with its middle left out where it is longer than `most`."""
+    text = value if isinstance(value, str) else _written(value, str)
+    if len(text) > most:
+        left_out = f" ... ({len(text) - most} characters left out) ... "
+        text = text[: most - most // 3] + left_out + text[len(text) - most // 3 :]
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def shown(value: object, most: int = LONGEST_PART) -> str:
+    """`repr` of a value, cut; only its type where it has none, as a whole number of 5,000 digits or a deep list."""
+    return brief(_written(value, repr), most)
+
+
+def _written(value: object, write: Callable[[Any], str]) -> str:
+    try:
+        return write(value)
+    except (RecursionError, ValueError):
+        return f"a value of type {type(value).__name__} that is too long to show"
+
 
 def _posture(q: Iterable[float]) -> str:
-    return "[" + ", ".join(f"{float(value):.6g}" for value in q) + "]"
+    return brief("[" + ", ".join(f"{float(value):.6g}" for value in q) + "]", 2 * LONGEST_PART)
 
 
 def _near(word: str, known: Sequence[str]) -> list[str]:
     """The known name most like a word, whatever the case; none if none is like it."""
+    if len(word) > LONGEST_NAME:
+        return []
     found = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
     return [k for k in known if k.lower() in found]
 
 
-def closest(word: str, known: Sequence[str]) -> str:
+def closest(word: object, known: Sequence[str]) -> str:
     """The known name nearest to a word, as a question, and all that are known."""
+    word = brief(word, LONGEST_NAME + 1)
     close = [k for k in known if k.partition(".")[0] == word] or _near(word, known)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}known: {', '.join(known) if known else 'none'}"
+    hint = f"did you mean {shown(close[0], 80)}? " if close else ""
+    names = ", ".join(brief(name, 60) for name in known[:MOST_NAMES]) or "none"
+    return f"{hint}known: {names}{f' and {len(known) - MOST_NAMES} more' if len(known) > MOST_NAMES else ''}"
 
 
 class HolokinError(Exception):
-    """The parent of every error that holokin raises on purpose."""
+    """The parent of every error that holokin raises on purpose. Its message is one line of 1,600 characters at most."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(brief(message, LONGEST))
 
 
 class UnknownNameError(HolokinError):
@@ -34,7 +74,7 @@ class UnknownNameError(HolokinError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        super().__init__(f"unknown {kind} {name!r}; {closest(name, self.known)}")
+        super().__init__(f"unknown {brief(kind)} {shown(name, 100)}; {closest(name, self.known)}")
 
 
 class ShapeError(HolokinError):
@@ -43,7 +83,7 @@ class ShapeError(HolokinError):
     def __init__(self, what: str, expected: object, found: object, cure: str = "") -> None:
         self.what, self.expected, self.found = what, expected, found
         tail = f"; {cure}" if cure else ""
-        super().__init__(f"{what} has shape {found}, expected {expected}{tail}")
+        super().__init__(f"{brief(what)} has shape {brief(found, 100)}, expected {brief(expected, 100)}{brief(tail)}")
 
 
 class NotFiniteError(HolokinError):
@@ -51,7 +91,7 @@ class NotFiniteError(HolokinError):
 
     def __init__(self, what: str, value: object) -> None:
         self.what, self.value = what, value
-        super().__init__(f"{what} holds NaN or infinite numbers: {value}; give finite SI values")
+        super().__init__(f"{brief(what)} holds NaN or infinite numbers: {brief(value)}; give finite SI values")
 
 
 class RobotFileError(HolokinError):
@@ -59,7 +99,7 @@ class RobotFileError(HolokinError):
 
     def __init__(self, path: object, fact: str, cure: str) -> None:
         self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{path}: {fact}; {cure}")
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class JobError(HolokinError):
@@ -67,7 +107,7 @@ class JobError(HolokinError):
 
     def __init__(self, path: object, key: str, fact: str, cure: str) -> None:
         self.path, self.key, self.fact, self.cure = path, key, fact, cure
-        super().__init__(f"{path}: [{key}] {fact}; {cure}")
+        super().__init__(f"{brief(path)}: [{brief(key, 200)}] {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class RecordingError(HolokinError):
@@ -75,7 +115,7 @@ class RecordingError(HolokinError):
 
     def __init__(self, path: object, fact: str, cure: str) -> None:
         self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{path}: {fact}; {cure}")
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class ExpressionError(HolokinError):
@@ -83,7 +123,8 @@ class ExpressionError(HolokinError):
 
     def __init__(self, text: str, fact: str, cure: str) -> None:
         self.text = text
-        super().__init__(f"cannot read the formula {text!r}: {fact}; {cure}")
+        self.fact, self.cure = f"cannot read the formula {shown(text, 150)}: {brief(fact)}", cure
+        super().__init__(f"{self.fact}; {brief(cure, LONGEST)}")
 
 
 class MassError(HolokinError):
@@ -98,7 +139,7 @@ class ArgumentError(HolokinError):
 
     def __init__(self, what: str, value: object, cure: str) -> None:
         self.what, self.value, self.cure = what, value, cure
-        super().__init__(f"{what} is {value!r}; {cure}")
+        super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
 
 
 class TaskTooLargeError(HolokinError):
@@ -297,3 +338,10 @@ class MissingExtraError(HolokinError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")
+
+
+class PickleError(HolokinError):
+    """A value that holds functions which cannot be pickled."""
+
+    def __init__(self, what: str, fact: str) -> None:
+        super().__init__(f"{what} cannot be pickled: {brief(fact)}; pickle what you made it from, and make it again")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
+from ..arguments import check, typed
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
-from ..types import ArrayLike, Matrix
+from ..types import ArrayLike, Matrix, numbers
 from .model import Coordinate, Joint, Robot, Tip
 
 CONVENTIONS = ("standard", "modified")
@@ -34,7 +35,12 @@ class DHRow:
     upper: float = np.inf
     max_velocity: float = np.inf
 
+    def __post_init__(self) -> None:
+        for name, kind in get_type_hints(DHRow).items():
+            check(f"{name} of a DH row", kind, getattr(self, name))
 
+
+@typed
 def from_dh(
     rows: Sequence[DHRow | Mapping[str, Any]],
     convention: str = "standard",
@@ -98,7 +104,7 @@ def _screw(axis: str, angle: float, length: float) -> Matrix:
 
 
 def _pose(what: str, value: ArrayLike) -> Matrix:
-    T = np.asarray(value, dtype=float)
+    T = numbers(what, value)
     right = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], [0, 0, 0, 1])
     if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
         raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
