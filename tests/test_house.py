@@ -15,6 +15,7 @@ ROOT = Path(hk.__file__).parent
 LAYERS = [
     {"errors"},
     {"types", "tolerances", "files"},
+    {"arguments"},
     {"symbolic"},
     {"robot"},
     {"task"},

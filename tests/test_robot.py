@@ -192,7 +192,7 @@ def test_more_rows_than_joints_are_refused() -> None:
         (lambda r: r.pose([0.0, 0.0]), ShapeError),
         (lambda r: r.pose(np.zeros((3, 1))), ShapeError),
         (lambda r: r.pose(0.0), ShapeError),
-        (lambda r: r.pose(None), ShapeError),
+        (lambda r: r.pose(None), ArgumentError),
         (lambda r: r.pose("abc"), ArgumentError),
         (lambda r: r.jacobian([[0.0], [0.0, 0.0]]), ArgumentError),
         (lambda r: r.skeleton([0.0, np.nan, 0.0]), NotFiniteError),

@@ -357,3 +357,10 @@ class WriteError(HolokinError):
         self.file, self.problem = file, problem
         cure = self._cures.get(problem.errno or 0, "choose another place")
         super().__init__(f"{file} cannot be written: {problem.strerror or problem}; {cure}")
+
+
+class PickleError(HolokinError):
+    """A value that holds functions which cannot be pickled."""
+
+    def __init__(self, what: str, fact: str) -> None:
+        super().__init__(f"{what} cannot be pickled: {brief(fact)}; pickle what you made it from, and make it again")

@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from .errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
-from .types import Array, ArrayLike, Indices, Matrix, Vector, numbers, whole
+from .arguments import typed
+from .errors import ArgumentError, OpenPathError
+from .types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
@@ -23,7 +24,7 @@ ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class Segment(Value):
     """p(u) = center + cos(a u) x + sin(a u) y + u v for u in [0, 1], turning by the rotation vector `turn`.
 
     A line has a = 0, x = 0 and v its direction; an arc has v = 0 and x, y perpendicular radii.
@@ -73,7 +74,7 @@ class Samples:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Path(Value):
     """Segments, one after the other, at `speed` [m/s] (and `angular_speed` [rad/s] where the tool turns on the spot).
 
     A segment takes max(length / speed, turn / angular_speed) seconds.
@@ -84,14 +85,17 @@ class Path:
     angular_speed: float = 0.5
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.segments:
             raise ArgumentError("the number of segments of a path", 0, "give at least two points")
         for name, value in (("speed", self.speed), ("angular_speed", self.angular_speed)):
-            if not (np.isfinite(value) and value > 0):
-                raise ArgumentError(name, value, "give a positive speed in m/s or rad/s")
-        if not (self._durations > 0).all():
-            raise ArgumentError("a segment's length", 0.0, "leave out repeated points")
+            positive(name, value, "give a positive speed in m/s or rad/s")
+        for duration in self._durations.tolist():
+            if not 0 < duration < np.inf:
+                cure = "leave out repeated points, and give points and speeds that a robot can have"
+                raise ArgumentError("the seconds that a segment takes", duration, cure)
 
+    @typed
     def __add__(self, other: Path) -> Path:
         """This path, then the other, moved to start where this one ends; speeds are kept from this one."""
         return join(self, other)
@@ -100,11 +104,12 @@ class Path:
     def _durations(self) -> Vector:
         lengths = np.array([s.length for s in self.segments])
         turns = np.array([float(np.linalg.norm(s.turn)) for s in self.segments])
-        return np.maximum(lengths / self.speed, turns / self.angular_speed)
+        with np.errstate(over="ignore"):
+            return frozen(np.maximum(lengths / self.speed, turns / self.angular_speed))
 
     @cached_property
     def _starts(self) -> Vector:
-        return np.concatenate([[0.0], np.cumsum(self._durations)])
+        return frozen(np.concatenate([[0.0], np.cumsum(self._durations)]))
 
     @cached_property
     def _rotations(self) -> Array:
@@ -112,7 +117,7 @@ class Path:
         out = [np.eye(3)]
         for segment in self.segments:
             out.append(_rotations(segment.turn) @ out[-1])
-        return np.array(out)
+        return frozen(out)
 
     def table(self, start_rotation: Matrix) -> Matrix:
         """One row a segment (26): center, x, y, angle, v, turn, rotation at its start (of a tool at first), seconds."""
@@ -179,15 +184,14 @@ class Path:
         """True when the path ends in the pose it starts from."""
         return self.gap <= CLOSED
 
+    @typed
     def at(self, t: ArrayLike) -> Samples:
         """The path at times t (k,) in [0, duration]; at a corner the segment that begins there.
 
         Raises:
             ArgumentError, NotFiniteError: no such times. Round-off beyond the ends is forgiven.
         """
-        t = np.atleast_1d(numbers("t", t))
-        if not np.isfinite(t).all():
-            raise NotFiniteError("t", t.tolist())
+        t = finite("t", np.atleast_1d(numbers("t", t)), ("k",))
         outside = np.maximum(-t, t - self.duration)
         if t.size and outside.max() > ROUND_OFF * self.duration:
             worst = float(t.flat[np.argmax(outside)])
@@ -239,6 +243,7 @@ class Path:
         within, total = step - (ends - counts)[segment], counts[segment]
         return segment, within / total, (within + 1) / total
 
+    @typed
     def part(self, start: float, stop: float) -> Path:
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
         if not 0.0 <= start < stop <= 1.0:
@@ -267,11 +272,13 @@ class Path:
         shift = as_point(point) - self.start
         return replace(self, segments=tuple(replace(s, center=s.center + shift) for s in self.segments))
 
+    @typed
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
         """The same curve at another speed [m/s], and angular speed [rad/s]."""
-        return replace(self, speed=speed, angular_speed=angular_speed or self.angular_speed)
+        return replace(self, speed=speed, angular_speed=self.angular_speed if angular_speed is None else angular_speed)
 
 
+@typed
 def line(start: ArrayLike, end: ArrayLike, *, turn: ArrayLike = (0.0, 0.0, 0.0), speed: float = 0.1) -> Path:
     """A straight line between two points [m], turning the tool by a rotation vector [rad] in the base frame."""
     a, b = as_point(start), as_point(end)
@@ -279,6 +286,7 @@ def line(start: ArrayLike, end: ArrayLike, *, turn: ArrayLike = (0.0, 0.0, 0.0),
     return Path((Segment(a, zero, zero, 0.0, b - a, _vector("turn", turn)),), speed)
 
 
+@typed
 def arc(
     start: ArrayLike,
     center: ArrayLike,
@@ -306,6 +314,7 @@ def arc(
     return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
 
 
+@typed
 def circle(
     start: ArrayLike,
     center: ArrayLike,
@@ -318,6 +327,7 @@ def circle(
     return arc(start, center, -2 * np.pi if clockwise else 2 * np.pi, normal, speed=speed)
 
 
+@typed
 def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1) -> Path:
     """Straight lines through points (k, 3) or (k, 2) [m].
 
@@ -333,14 +343,14 @@ def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool 
         corners.append(corners[0])
     if len(corners) < 2:
         raise ArgumentError("the number of points of a polyline", len(corners), "give at least two")
-    spins = np.zeros((len(corners) - 1, 3)) if turns is None else numbers("turns", turns)
-    if spins.shape != (len(corners) - 1, 3):
-        raise ShapeError("turns", (len(corners) - 1, 3), spins.shape, "one rotation vector a line")
+    shape = (len(corners) - 1, 3)
+    spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
     zero = np.zeros(3)
     pairs = zip(corners, corners[1:], spins, strict=False)
-    return Path(tuple(Segment(a, zero, zero, 0.0, b - a, _vector("turn", s)) for a, b, s in pairs), speed)
+    return Path(tuple(Segment(a, zero, zero, 0.0, b - a, s) for a, b, s in pairs), speed)
 
 
+@typed
 def join(*paths: Path) -> Path:
     """Paths one after the other, each moved to start where the one before ends; the first one's speeds hold."""
     if not paths:
@@ -364,13 +374,8 @@ def _rotations(vectors: Array) -> Array:
     """exp of rotation vectors (..., 3) -> (..., 3, 3)."""
     from scipy.spatial.transform import Rotation  # here, because it doubles the time to import holokin
 
-    return Rotation.from_rotvec(vectors).as_matrix()
+    return Rotation.from_rotvec(np.array(vectors)).as_matrix()  # a copy: it refuses what nobody can write to
 
 
 def _vector(what: str, value: ArrayLike) -> Vector:
-    v = numbers(what, value)
-    if v.shape != (3,):
-        raise ShapeError(what, (3,), v.shape)
-    if not np.isfinite(v).all():
-        raise NotFiniteError(what, v.tolist())
-    return v
+    return finite(what, value, (3,))

@@ -12,12 +12,21 @@ from functools import cached_property
 
 import numpy as np
 
-from .errors import ArgumentError, SingularityError, SingularityKind, TaskTooLargeError, UnknownNameError
+from .arguments import check, typed
+from .errors import (
+    ArgumentError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    TaskTooLargeError,
+    UnknownNameError,
+    shown,
+)
 from .robot import Kinematics, Robot
 from .symbolic import SX, Function, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, symbol, vec, vertcat
 from .symbolic.geometry import log_so3, rpy_angles, skew, wrapped, zyz_angles
 from .tolerances import TOLERANCES
-from .types import Array, ArrayLike, Matrix, Vector
+from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
 ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector")
 _ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3}
@@ -30,7 +39,7 @@ _ROW_NAMES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class Task(Value):
     """x = f(q), of m rows chosen from (x, y, z) and three orientation rows.
 
     `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", or None for position only.
@@ -45,6 +54,7 @@ class Task:
     tip: str | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
         angular = sum(i > 2 for i in self.rows)
@@ -55,6 +65,7 @@ class Task:
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
 
+    @typed
     def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
         """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
         return replace(self, rows=_chosen(self.rows, index))
@@ -137,19 +148,23 @@ class Task:
 
         Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi].
         """
-        return np.atleast_1d(self.error_function(self.robot.checked(q), position, rotation))
+        p, R = finite("the position", position, (3,)), finite("the rotation", rotation, (3, 3))
+        return np.atleast_1d(self.error_function(self.robot.checked(q), p, R))
 
     def value_batch(self, Q: Matrix) -> Matrix:
         """f at postures (k, n) -> (k, m)."""
+        Q = self.robot.postures(Q)
         return self._value.batch(Q).reshape(len(Q), self.m)
 
     def jacobian_batch(self, Q: Matrix) -> tuple[Array, Vector]:
         """J at postures (k, n) -> (k, m, n), unchecked, with the representation's margins (k,)."""
+        Q = self.robot.postures(Q)
         J, margin = self._jacobian.batch(Q)
         return J.reshape(len(Q), self.m, self.n), margin
 
     def error_batch(self, Q: Matrix, position: Matrix, rotation: Array) -> Matrix:
         """`error` at postures (k, n) to targets (k, 3), (k, 3, 3) -> (k, m)."""
+        Q = self.robot.postures(Q)
         return self.error_function.batch(Q, position, rotation).reshape(len(Q), self.m)
 
     def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> Matrix:
@@ -159,12 +174,15 @@ class Task:
             SingularityError: the representation is singular at one of the rotations.
         """
         out, margins = self.rates_batch(rotation, velocity, angular)
-        self.check_representation(np.full(self.n, np.nan), margins.min())
+        self.check_representation(np.full(self.n, np.nan), margins.min(initial=np.inf))
         return out
 
     def rates_batch(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
         """`rates`, unchecked, with the representation's margins (k,)."""
-        out, margins = self._rates.batch(rotation, velocity, angular)
+        R = numbers("the rotations", rotation)
+        if R.shape[1:] != (3, 3):
+            raise ShapeError("the rotations", ("k", 3, 3), R.shape)
+        out, margins = self._rates.batch(R, velocity, angular)
         return out.reshape(-1, self.m), margins
 
     def check_representation(self, q: Vector, margin: float) -> None:
@@ -265,6 +283,7 @@ def representation_margin(kind: str, angles: SX) -> SX:
     return {"zyz": sin(angles[1]), "rpy": cos(angles[1]), "rotation-vector": np.pi - norm_2(angles)}[kind]
 
 
+@typed
 def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None = None) -> Task:
     """The tool's position: m = 3, or m = 2 for a planar robot; or some `rows` of it.
 
@@ -275,6 +294,7 @@ def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None
     return Task(robot, None, every if rows is None else _chosen(every, rows), np.eye(3), tip)
 
 
+@typed
 def pose(
     robot: Robot,
     orientation: str = "twist",
@@ -295,8 +315,8 @@ def pose(
     if orientation not in ORIENTATIONS:
         raise UnknownNameError("orientation", orientation, ORIENTATIONS)
     robot.pose(np.zeros(robot.n), tip)
-    base = _upright(robot, tip) if reference is None else np.asarray(reference, dtype=float)
-    if base.shape != (3, 3) or not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
+    base = _upright(robot, tip) if reference is None else finite("reference", reference, (3, 3))
+    if not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
         raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
     if robot.planar and orientation == "zyz":
         raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
@@ -312,10 +332,15 @@ def _upright(robot: Robot, tip: str | None) -> Matrix:
 
 def _chosen(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:
     count = len(rows)
-    wanted = list(range(count)[index]) if isinstance(index, slice) else [int(i) for i in np.atleast_1d(index)]
+    if isinstance(index, slice):
+        for part in (index.start, index.stop, index.step):
+            check("the slice of task rows", int | None, part)
+        wanted = list(range(count)[index])
+    else:
+        wanted = [index] if isinstance(index, int | np.integer) else [*index]
     for i in wanted:
         if not -count <= i < count:
-            raise UnknownNameError("task row", str(i), [str(k) for k in range(count)])
+            raise UnknownNameError("task row", shown(i), [str(k) for k in range(count)])
     if not wanted or len({i % count for i in wanted}) != len(wanted):
         raise ArgumentError("the choice of task rows", index, "name each row once, and at least one")
     return tuple(rows[i] for i in wanted)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
+from .arguments import typed
 from .errors import ArgumentError
 from .files import replacing
-from .types import Indices, Matrix, Vector
+from .types import Indices, Matrix, Value, Vector, frozen
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:
@@ -51,8 +53,12 @@ class Measures:
     residual: Callable[[], Vector]
 
 
+def _known(values: Matrix) -> Matrix:
+    return values
+
+
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Value):
     """Joint motion at k instants.
 
     t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends.
@@ -68,30 +74,35 @@ class Trajectory:
     status: Status
     measures: Measures
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All figures as plain data, measured now."""
+        names = (field.name for field in fields(Measures))
+        return super().__getstate__() | {"measures": Measures(**{n: partial(_known, getattr(self, n)) for n in names})}
+
     @cached_property
     def dq(self) -> Matrix:
         """Joint rates (k, n) [joint units per s]."""
-        return self.measures.dq()
+        return frozen(self.measures.dq())
 
     @cached_property
     def x(self) -> Matrix:
         """Task values (k, m)."""
-        return self.measures.x()
+        return frozen(self.measures.x())
 
     @cached_property
     def error(self) -> Matrix:
         """Wanted minus reached (k, m) [m, rad]."""
-        return self.measures.error()
+        return frozen(self.measures.error())
 
     @cached_property
     def sigma(self) -> Vector:
         """Smallest singular value of J (k,)."""
-        return self.measures.sigma()
+        return frozen(self.measures.sigma())
 
     @cached_property
     def residual(self) -> Vector:
         """Largest |g - c| (k,); zero for a strategy without constraint."""
-        return self.measures.residual()
+        return frozen(self.measures.residual())
 
     def __len__(self) -> int:
         return len(self.t)
@@ -113,6 +124,7 @@ class Trajectory:
         """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): what `whole_turns` of the drift says."""
         return whole_turns(self.drift_since_start(), self.joint_units)
 
+    @typed
     def tracking_error(self, unit: str = "m") -> float:
         """Largest task error over all samples: norm of the rows in "m", or of those in "rad".
 
@@ -124,6 +136,7 @@ class Trajectory:
         rows = [i for i, u in enumerate(self.row_units) if u == unit]
         return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows and len(self) else 0.0
 
+    @typed
     def save(self, path: str | FilePath) -> None:
         """Write CSV: t, the joints (names as in the robot), their rates as d_NAME, the task rows as x_NAME.
 

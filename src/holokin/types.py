@@ -1,18 +1,20 @@
-"""Array aliases. Units are SI and radians; twist rows are linear first, in the base frame.
+"""Array aliases, checks of numbers, and what all values of the library have in common.
 
-The shapes stand in the names' docstrings, since NumPy's types do not carry them:
-`Vector` is (k,), `Matrix` is (rows, columns), `Array` is any shape. A batch axis comes first.
+Units are SI and radians; twist rows are linear first, in the base frame. The shapes stand in the names' docstrings,
+since NumPy's types do not carry them: `Vector` is (k,), `Matrix` is (rows, columns), `Array` is any shape. A batch axis
+comes first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ArgumentError
+from .errors import ArgumentError, NotFiniteError, ShapeError
 
 Array = NDArray[np.float64]
 """A float64 array of any shape."""
@@ -32,27 +34,93 @@ Flags = NDArray[np.bool_]
 ArrayLike = NDArray[Any] | Sequence[Any] | float
 """What a caller may pass where an array is wanted."""
 
+MOST = 10**9
+"""Largest count: a thousand times what takes minutes, so that a larger one is a mistake."""
 
-def whole(what: str, value: Any) -> int:
-    """A whole number of at least 1. Raises: ArgumentError for anything else, True and 2.0 included."""
-    if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= 1):
-        raise ArgumentError(what, value, "give a whole number, at least 1")
+
+def whole(what: str, value: Any, least: int = 1) -> int:
+    """A whole number from `least` to 1e9. Raises: ArgumentError for anything else, True and 2.0 included."""
+    fits = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not fits or not least <= value <= MOST:
+        raise ArgumentError(what, value, f"give a whole number, at least {least}, at most {MOST:g}")
     return int(value)
 
 
 def number(what: str, value: Any) -> float:
-    """A number as a float. Raises: ArgumentError for anything else, True included."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ArgumentError(what, value, "give a number")
+    """A number as a float. Raises: ArgumentError for anything else, True and what no float can hold included."""
     try:
-        return float(value)
+        if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
+            return float(value)
     except OverflowError:  # a whole number beyond all floats
         raise ArgumentError(what, value, "give a number below 1e308") from None
+    raise ArgumentError(what, value, "give a number")
+
+
+def positive(what: str, value: Any, cure: str = "give a positive number") -> float:
+    """A finite number above 0. Raises: ArgumentError."""
+    found = number(what, value)
+    if not 0 < found < np.inf:
+        raise ArgumentError(what, found, cure)
+    return found
 
 
 def numbers(what: str, value: Any) -> Array:
-    """An array of floats. Raises: ArgumentError for what is no array of numbers, ragged lists included."""
+    """An array of floats. Raises: ArgumentError for what is no array of numbers: text, ragged lists, None."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+        return np.asarray(value)
     try:
-        return np.asarray(value, dtype=float)
+        given = np.asarray(value)
+        if given.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions, or no numbers at all
+            given = np.array([number(what, v) for v in given.ravel()]).reshape(given.shape)
+        if given.dtype.kind in "iuf":
+            return given.astype(float)
     except (TypeError, ValueError, OverflowError, RecursionError):
-        raise ArgumentError(what, value, "give numbers, in rows of one length") from None
+        pass
+    raise ArgumentError(what, value, "give numbers, in rows of one length")
+
+
+def finite(what: str, value: Any, shape: tuple[int | str, ...] | None = None, cure: str = "") -> Array:
+    """An array of finite floats, of a shape if one is given; a name in it ("k") stands for any length.
+
+    Raises: ArgumentError, ShapeError, NotFiniteError.
+    """
+    array = numbers(what, value)
+    if shape is not None and not (
+        array.ndim == len(shape)
+        and all(isinstance(n, str) or n == found for n, found in zip(shape, array.shape, strict=True))
+    ):
+        raise ShapeError(what, shape, array.shape, cure)
+    if not np.isfinite(array).all():
+        raise NotFiniteError(what, array.tolist())
+    return array
+
+
+def frozen(array: Any) -> Any:
+    """The array, if nobody can write to it, else a copy to which nobody can."""
+    if isinstance(array, np.ndarray):
+        owner = array if array.base is None else array.base
+        if not array.flags.writeable and isinstance(owner, np.ndarray) and not owner.flags.writeable:
+            return array
+    copy = np.array(array)
+    copy.flags.writeable = False
+    return copy
+
+
+class Value:
+    """The parent of frozen dataclasses: they keep copies of arrays, which nobody can write to.
+
+    They are pickled as their fields; what was computed from these is computed again.
+    """
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]  children are dataclasses
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, field.name, frozen(value))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)

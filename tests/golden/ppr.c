@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.1.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x3587139808bb18b5U
+#if PPR_EXPORT != 0x78505865a7dbac5cU
 #error "these files are of different exports: export again"
 #endif
 

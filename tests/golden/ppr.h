@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x3587139808bb18b5U
+#define PPR_EXPORT 0x78505865a7dbac5cU
 
 #ifdef __cplusplus
 extern "C" {

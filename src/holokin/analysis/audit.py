@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import typed
 from ..control import as_controller
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..path import Path, circle, polyline
@@ -112,6 +113,7 @@ class Audit:
         }  # fmt: skip
 
 
+@typed
 def audit(
     controller: object,
     robot: Robot,

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError
 from ..robot import hessian_expression
 from ..strategy import Expressions, Strategy
@@ -29,6 +30,7 @@ and 1.3 GB."""
 _CACHE: WeakKeyDictionary[Strategy, dict[str, Function]] = WeakKeyDictionary()
 
 
+@typed
 def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> Array:
     """F (n, m, m) at q (n,): F[:, i, j] = F_ij = -F_ji [joint unit / (task unit i * task unit j)].
 

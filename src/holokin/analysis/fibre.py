@@ -7,14 +7,15 @@ from typing import cast
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError
 from ..strategy import Strategy, correction, self_motion, unit_null
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Value, Vector
 from .curvature import curvature, curvature_function, pairs
 
 
 @dataclass(frozen=True, eq=False)
-class DriftFree:
+class DriftFree(Value):
     """A posture q (n,) whose curvature vanishes in a task plane, so that small loops in it do not drift.
 
     `slope` [1 / (task unit i * task unit j)]: d kappa / ds along the self-motion. Near it, small loops of one
@@ -31,6 +32,7 @@ class DriftFree:
         return "counter-clockwise" if self.slope < 0 else "clockwise"
 
 
+@typed
 def drift_free(
     strategy: Strategy, q0: ArrayLike, plane: tuple[int, int] = (0, 1), *, step: float = 0.02, limits: bool = True
 ) -> tuple[DriftFree, ...]:

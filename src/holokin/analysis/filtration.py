@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategy import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
@@ -66,6 +67,7 @@ class Filtration:
         return f"{' -> '.join(map(str, self.dimensions))} of {self.n}: {self.holonomy.value}"
 
 
+@typed
 def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration:
     """The growth of the strategy's planes under brackets with themselves near q (n,).
 

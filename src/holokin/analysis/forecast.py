@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import typed
 from ..control import make_plan
 from ..errors import OpenPathError
 from ..path import Path
 from ..strategy import Strategy
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Value, Vector
 from .curvature import curvature
 from .transport import transport
 
@@ -27,7 +28,7 @@ AREA = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class Forecast(Value):
     """drift (n,) of one cycle at the start [joint units].
 
     area (m, m): area_ij that the loop encloses in the task plane (i, j), counter-clockwise positive, antisymmetric;
@@ -46,6 +47,7 @@ class Forecast:
         return float(np.abs(self.drift).max())
 
 
+@typed
 def forecast(strategy: Strategy, path: Path, q0: ArrayLike) -> Forecast:
     """The drift of one cycle of a closed path, without following it: T sum over i < j of area_ij F_ij(q_center).
 

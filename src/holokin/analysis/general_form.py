@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import typed
 from ..strategy import Strategy
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Value, Vector
 from .leaf_function import leaf_function
 
 
 @dataclass(frozen=True, eq=False)
-class GeneralForm:
+class GeneralForm(Value):
     """The paper's general form of a holonomic strategy at q: G = H H^T J^T (J H H^T J^T)^-1, H = [N_G N].
 
     J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) a basis of ker J_G, N (n, r) one of ker J.
@@ -53,6 +54,7 @@ class GeneralForm:
         }
 
 
+@typed
 def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None = None) -> GeneralForm:
     """Theorem III.2, 1 => 2: the general form of a holonomic strategy at q (n,). [ZR11]
 

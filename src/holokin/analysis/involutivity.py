@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
 from ..strategy import Strategy
 from ..symbolic import (
@@ -53,6 +54,7 @@ class _Subject:
             return F / scale[:, None, :], figure
 
 
+@typed
 def involutivity(
     strategy: Strategy,
     region: Region,
@@ -87,6 +89,7 @@ def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERAN
     return _verdict(subject, look(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
 
 
+@typed
 def involutivity_of(
     distribution: Callable[[Any], Any],
     n: int,

@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import NotHolonomicError
 from ..robot import Robot
 from ..strategy import Strategy
 from ..symbolic import Function, jacobian, symbol
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Value, Vector, frozen
 from .involutivity import involutivity, involutivity_at
 from .region import around
 from .transport import STEPS, transport, way
@@ -22,7 +23,7 @@ AGREE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class LeafFunction:
+class LeafFunction(Value):
     """g(q) (r,) = Z^T (q_b - q_ref), zero on the leaf of the reference; q_b is where the strategy leads from q when
     the tool goes straight back to the reference pose, Z (n, r) spans the self-motions there."""
 
@@ -80,11 +81,11 @@ class LeafFunction:
 
     @cached_property
     def _pose(self) -> Matrix:
-        return self.strategy.task.robot.pose(self.reference, self.strategy.task.tip)
+        return frozen(self.strategy.task.robot.pose(self.reference, self.strategy.task.tip))
 
     @cached_property
     def _Z(self) -> Matrix:
-        return np.linalg.svd(self.strategy.task.jacobian(self.reference))[2][self.strategy.task.m :].T
+        return frozen(np.linalg.svd(self.strategy.task.jacobian(self.reference))[2][self.strategy.task.m :].T)
 
     @cached_property
     def _error_slope(self) -> Function:
@@ -117,6 +118,7 @@ class LeafFunction:
         _refuse_curved(self.strategy, involutivity_at(self.strategy, way(self.strategy, q, self._back(q))))
 
 
+@typed
 def leaf_function(
     strategy: Strategy, reference: ArrayLike, *, radius: float = 0.1, samples: int = 8, seed: int = 0
 ) -> LeafFunction:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
 from ..recording import Recording
 from ..robot import Robot
@@ -26,6 +27,7 @@ SPEEDS = 1.2
 """Cycles whose moving times differ by more than this factor count as fast and slow."""
 
 
+@typed
 def audit_recording(
     recording: Recording,
     robot: Robot,

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError
 from ..strategy import Strategy, radial, self_motion
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Value, Vector
 from .curvature import curvature, curvature_function, pairs
 from .region import Ball
 from .transport import transport
@@ -33,6 +34,7 @@ class Deviation:
         return f"{self.rms:.2%} rms, {self.largest:.2%} at most, squared joint speed {self.extra_speed:+.2%}"
 
 
+@typed
 def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | None = None) -> Deviation:
     """The deviation of `other` from `given` over postures Q (k, n).
 
@@ -51,7 +53,7 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 
 
 @dataclass(frozen=True)
-class Price:
+class Price(Value):
     """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
 
     bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
@@ -85,6 +87,7 @@ class Price:
         )
 
 
+@typed
 def price(
     strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
 ) -> Price:
@@ -134,6 +137,7 @@ def price(
     )
 
 
+@typed
 def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0) -> Matrix:
     """Postures (samples, n) whose tool positions fill a ball evenly, reached from its start straight by the strategy.
 

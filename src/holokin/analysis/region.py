@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError, NotFiniteError, ShapeError
-from ..types import ArrayLike, Matrix, Vector, whole
+from ..arguments import typed
+from ..errors import ArgumentError, ShapeError
+from ..types import ArrayLike, Matrix, Value, Vector, finite, whole
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class Region(Value):
     """All q with lower <= q <= upper, (n,) each."""
 
     lower: Vector
@@ -33,12 +34,13 @@ class Region:
         about = ", ".join(f"{v:.4g}" for v in self.center)
         return f"[{about}] +- {sides[0] if len(set(sides)) == 1 else '[' + ', '.join(sides) + ']'}"
 
+    @typed
     def sample(self, count: int, seed: int = 0) -> Matrix:
         """`count` postures (count, n): the centre, then a scrambled Sobol sequence, the same for the same seed.
 
         Raises: ArgumentError unless count is a whole number, at least 1.
         """
-        count = whole("samples", count)
+        count, seed = whole("samples", count), whole("seed", seed, 0)
         from scipy.stats import qmc
 
         power = int(np.ceil(np.log2(max(count, 2))))
@@ -47,26 +49,28 @@ class Region:
         return np.vstack([self.center, postures])[:count]
 
 
+@typed
 def box(lower: ArrayLike, upper: ArrayLike) -> Region:
     """The region lower <= q <= upper. Raises: ShapeError, NotFiniteError, ArgumentError if lower > upper."""
-    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    if low.ndim != 1 or low.shape != high.shape:
+    low, high = finite("lower", lower, ("n",)), finite("upper", upper, ("n",))
+    if not len(low) or low.shape != high.shape:
         raise ShapeError("the corners of a region", "(n,) twice", (low.shape, high.shape))
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise NotFiniteError("the corners of a region", (low.tolist(), high.tolist()))
     if (low > high).any():
         raise ArgumentError("lower", low.tolist(), f"it must not exceed upper, {high.tolist()}")
     return Region(low, high)
 
 
+@typed
 def around(q: ArrayLike, radius: ArrayLike) -> Region:
     """The box q +- radius, radius a number or (n,) [joint units]."""
-    center = np.asarray(q, dtype=float)
-    return box(center - radius, center + radius)
+    center, half = finite("q", q, ("n",)), finite("radius", radius)
+    if half.shape not in ((), center.shape):
+        raise ShapeError("radius", center.shape, half.shape, "give one number, or one a joint")
+    return box(center - half, center + half)
 
 
 @dataclass(frozen=True, eq=False)
-class Ball:
+class Ball(Value):
     """Tool positions within `radius` [m] of the tool at the posture `start` (n,), orientation kept there.
 
     `along` [joint units]: postures of the self-motion through the start, up to so far each way, belong to it too.
@@ -77,11 +81,10 @@ class Ball:
     along: float = 0.0
 
 
+@typed
 def ball(start: ArrayLike, radius: float, *, along: float = 0.0) -> Ball:
     """The region of tool positions about a posture. Raises: NotFiniteError, ArgumentError for a bad radius."""
-    q = np.asarray(start, dtype=float)
-    if not np.isfinite(q).all():
-        raise NotFiniteError("the start of a ball", q.tolist())
+    q = finite("the start of a ball", start, ("n",))
     if not (np.isfinite(radius) and radius > 0 and np.isfinite(along) and along >= 0):
         raise ArgumentError("the (radius, along) of a ball", (radius, along), "give a positive radius in metres")
     return Ball(q, float(radius), float(along))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from ..types import Vector
+from ..types import Value, Vector
 from .region import Region
 
 
@@ -28,7 +28,7 @@ class Grounds(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(Value):
     """What `involutivity` found at the postures that it judged.
 
     `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`

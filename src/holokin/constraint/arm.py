@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arguments import made
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Kinematics
 from ..symbolic import SX, atan2, cross, dot, fmin, norm_2
 from ..task import Task
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Vector, numbers
 from .base import Constraint
 
 
+@made
 def arm_angle(
     *,
     kind: str = "stereographic",
@@ -63,6 +65,7 @@ def arm_angle(
     return Constraint(f"arm angle ({kind})", 1, expression, (True,), margin)
 
 
+@made
 def height(joint: str) -> Constraint:
     """g(q) = z of the origin of a joint's frame in the base frame [m]: an elbow that stays level. Rows: 1.
 
@@ -90,8 +93,8 @@ def _three(task: Task, joints: tuple[str, str, str] | None) -> tuple[str, ...]:
 
 
 def _direction(what: str, value: ArrayLike) -> Vector:
-    v = np.asarray(value, dtype=float)
-    if v.shape != (3,) or not np.isfinite(v).all() or np.linalg.norm(v) == 0:
+    v = numbers(what, value)
+    if v.shape != (3,) or not 0 < np.linalg.norm(v) < np.inf:
         raise ArgumentError(what, v.tolist(), "give a direction (3,) that is not zero")
     return v / np.linalg.norm(v)
 

@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError, ConstraintRowsError, NotFiniteError, ShapeError
+from ..arguments import Made, made
+from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, as_expression, fmin, vertcat
 from ..task import Task
-from ..types import ArrayLike
+from ..types import ArrayLike, Value, finite, frozen, whole
 
 
 @dataclass(frozen=True, eq=False)
-class Constraint:
+class Constraint(Made, Value):
     """g(q), written down when a task (and so a robot) is known.
 
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
@@ -44,6 +45,7 @@ class Constraint:
         return g
 
 
+@made
 def custom(
     expression: Callable[[SX], Any], rows: int = 1, *, name: str = "custom", angular: bool = False
 ) -> Constraint:
@@ -54,18 +56,20 @@ def custom(
         rows: r = n - m.
         angular: True when every row is an angle that may wrap.
     """
+    whole("rows", rows)
     return Constraint(name, rows, lambda _task, _k, q: as_expression(expression(q)), (angular,) * rows)
 
 
+@made
 def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
     """g(q) = A q with A (r, n), or (n,) for one row.
 
     Raises:
         NotFiniteError: A is not finite. ShapeError (when bound): A has not n columns.
     """
-    A = np.atleast_2d(np.asarray(matrix, dtype=float))
-    if not np.isfinite(A).all():
-        raise NotFiniteError("the matrix of a linear constraint", A.tolist())
+    A = frozen(np.atleast_2d(finite("the matrix of a linear constraint", matrix)))
+    if A.ndim != 2 or not A.size:
+        raise ShapeError("the matrix of a linear constraint", ("r", "n"), A.shape)
 
     def expression(task: Task, _k: Kinematics, q: SX) -> SX:
         if A.shape[1] != task.n:
@@ -76,6 +80,7 @@ def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
     return Constraint(name, len(A), expression, (False,) * len(A))
 
 
+@made
 def lock(*joints: str | int, name: str = "lock") -> Constraint:
     """g(q) = (q_j, ...): holds joints, named or by index, where they stand at the start. Singular where N_j = 0.
 
@@ -93,6 +98,7 @@ def lock(*joints: str | int, name: str = "lock") -> Constraint:
     return Constraint(name, len(joints), expression, (False,) * len(joints))
 
 
+@made
 def stack(*constraints: Constraint) -> Constraint:
     """Several constraints one below the other: rows add up."""
     if not constraints:
@@ -106,6 +112,7 @@ def stack(*constraints: Constraint) -> Constraint:
     )
 
 
+@made
 def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> Constraint:
     """g(q) = sum_i w_i g_i(q), row by row, of constraints with the same number of rows.
 
@@ -133,6 +140,7 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
     return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints))
 
 
+@made
 def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None = None) -> Constraint:
     """g(q) = a(q) - rho(f(q)): the leaves of a constraint a, tilted by a function of the tool's pose.
 
@@ -170,11 +178,7 @@ def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinemati
 
 def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
     """A matrix of the given shape from a scalar (times the identity) or a matrix; finite."""
-    value = np.asarray(gain, dtype=float)
+    value = finite("the gain", gain)
     if value.ndim == 0:
         value = float(value) * np.eye(shape[0], shape[1])
-    if value.shape != tuple(shape):
-        raise ShapeError("the gain", tuple(shape), value.shape, "give a number or a matrix, in rad/m")
-    if not np.isfinite(value).all():
-        raise NotFiniteError("the gain", value.tolist())
-    return value
+    return frozen(finite("the gain", value, tuple(shape), "give a number or a matrix, in rad/m"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..arguments import made
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX
@@ -12,6 +13,7 @@ from ..types import ArrayLike
 from .base import Constraint, as_gain
 
 
+@made
 def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = (0, 1, 2)) -> Constraint:
     """g(q) = phi(q) + Lambda p(q): orientation angles phi (3,) follow the position p (3,). [ZR11, (28)]
 

@@ -8,22 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..arguments import Made, made
+from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, potential_expression
 from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
 from ..task import Task
-from ..types import ArrayLike
+from ..types import ArrayLike, Value, finite, frozen
 from .base import Constraint
 
 
 @dataclass(frozen=True, eq=False)
-class Cost:
+class Cost(Made, Value):
     """A scalar U of the posture, written down when a task is known: `expression(task, kinematics, q)` -> (1,)."""
 
     name: str
     expression: Callable[[Task, Kinematics, SX], SX]
 
 
+@made
 def stationary(
     cost: Cost | Callable[[SX], Any], *, free: tuple[str, ...] | None = None, name: str | None = None
 ) -> Constraint:
@@ -75,11 +77,12 @@ def unit_null_vector(J: SX) -> SX:
     return last * factorise(vertcat(J, last.T)).orientation()
 
 
+@made
 def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:
-    """U = 1/2 sum_i k_i (q_i - preferred_i)^2. Raises: NotFiniteError, ShapeError (when bound)."""
-    target, k = np.asarray(preferred, dtype=float), np.asarray(stiffness, dtype=float)
-    if not (np.isfinite(target).all() and np.isfinite(k).all()):
-        raise NotFiniteError("the preferred posture or its stiffness", (target.tolist(), k.tolist()))
+    """U = 1/2 sum_i k_i (q_i - preferred_i)^2. Raises: NotFiniteError, ArgumentError; ShapeError (when bound)."""
+    target, k = frozen(finite("the preferred posture", preferred)), frozen(finite("the stiffness", stiffness))
+    if not (k >= 0).all():
+        raise ArgumentError("the stiffness", k.tolist(), "give numbers that are not negative")
 
     def cost(task: Task, _k: Kinematics, q: SX) -> SX:
         if target.shape != (task.n,) or k.shape not in ((), (task.n,)):
@@ -89,6 +92,7 @@ def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:
     return Cost("posture", cost)
 
 
+@made
 def centring_cost() -> Cost:
     """U = 1/2 sum_i ((q_i - middle_i) / range_i)^2 over the joints with finite limits. [Lie77]
 
@@ -106,19 +110,17 @@ def centring_cost() -> Cost:
     return Cost("joint centring", cost)
 
 
+@made
 def gravity_cost(gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Cost:
     """U = - sum_b m_b g . c_b [J]: stationary where the self-motion carries no weight. Masses of the URDF's inertials.
 
     Raises: ShapeError, NotFiniteError; when bound, MassError if the description has no masses.
     """
-    g = np.asarray(gravity, dtype=float)
-    if g.shape != (3,):
-        raise ShapeError("gravity", (3,), g.shape)
-    if not np.isfinite(g).all():
-        raise NotFiniteError("gravity", g.tolist())
+    g = frozen(finite("gravity", gravity, (3,)))
     return Cost("gravity", lambda task, _k, q: potential_expression(task.robot, q, g))
 
 
+@made
 def manipulability_cost() -> Cost:
     """U = -log sqrt(det J J^T): stationary where the manipulability is. [Yos85]"""
 

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
 
+from ..arguments import Made
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategy import Strategy, check_regular
 from ..symbolic import SX, Function, Solution, symbol
 from ..task import Task
-from ..types import Matrix, Vector
+from ..types import Matrix, Value, Vector
 
 Law = Callable[[Vector, Matrix, Vector, float], Vector]
 """(q, pose, twist, dt) -> dq, one step of a controller.
@@ -27,7 +28,7 @@ q (n,): the joints now. pose (4, 4): where the tool is wanted at the end of the 
 
 
 @dataclass(frozen=True, eq=False)
-class Controller:
+class Controller(Made, Value):
     """A control law: `begin(q0)` starts a run of it at the posture q0 and returns the `Law` of that run.
 
     What a law remembers lives in its run, so every run begins afresh.

@@ -9,17 +9,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
 from ..path import Path
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from .controller import Controller, Law, as_controller
 from .plan import Plan, make_plan, record
 from .progress import progress
 
 
+@typed
 def drive(
     controller: object,
     task: Task,
@@ -48,14 +50,16 @@ def drive(
     """
     chosen = as_controller(controller)
     start = task.robot.checked(q0, "the start posture")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ArgumentError("dt", dt, "give a positive step in seconds")
-    if cycles < 1:
-        raise ArgumentError("cycles", cycles, "give at least 1")
-    if cycles > 1 and not path.closed:
+    positive("dt", dt, "give a positive step in seconds")
+    if patience is not None:
+        positive("patience", patience, "give positive seconds, or None")
+    if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"driving {cycles} cycles", path.gap)
     tool = task.robot.pose(start, task.tip)
-    plan = make_plan(task, path, int(np.ceil(path.duration / dt - 1e-9)), tool[:3, :3])
+    steps = np.ceil(path.duration / dt - 1e-9)
+    if not steps * cycles <= MOST:
+        raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
+    plan = make_plan(task, path, int(steps), tool[:3, :3])
     off = float(np.abs(task.error(start, *plan.first)).max())
     if off > TOLERANCES.start:
         raise StartError(off, tool[:3, 3], plan.first[0])

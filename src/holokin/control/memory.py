@@ -6,15 +6,17 @@ from functools import cache
 
 import numpy as np
 
+from ..arguments import made
 from ..constraint import Cost
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError
 from ..strategy import check_regular, geometric_stiffness, gradient_and_stiffness, null_basis_expression
 from ..symbolic import SX, Function, factorise, symbol, vertcat
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Vector, finite, frozen
 from .controller import Controller, Law
 
 
+@made
 def impedance_with_memory(
     task: Task, potential: Cost, force: ArrayLike | None = None, *, name: str = "impedance with memory"
 ) -> Controller:
@@ -35,9 +37,7 @@ def impedance_with_memory(
         raise ArgumentError(
             "the task of an impedance", task.name, "its Hessians need coordinates: use a position, or 'rpy'"
         )
-    first = np.zeros(task.m) if force is None else np.asarray(force, dtype=float)
-    if first.shape != (task.m,):
-        raise ShapeError("the force", (task.m,), first.shape)
+    first = np.zeros(task.m) if force is None else frozen(finite("the force", force, (task.m,)))
 
     @cache
     def functions() -> tuple[Function, Function]:

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arguments import made
 from ..constraint import Constraint, Cost
 from ..errors import ArgumentError, InfeasibleError, ShapeError
 from ..strategy import Strategy, holonomic, null_basis_expression
 from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Vector, finite, frozen, number, numbers
 from .controller import Controller, Law, Symbols, compiled
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
 
 
+@made
 def closed_loop(strategy: Strategy, gain: float = GAIN) -> Controller:
     """dq = G (x' + K e): closed-loop inverse kinematics of any strategy. [Sic90]"""
     K = _positive("gain", gain)
@@ -27,6 +29,7 @@ def closed_loop(strategy: Strategy, gain: float = GAIN) -> Controller:
     return compiled(name, strategy.task, lambda s: strategy.expressions.rate(s.dx + K * s.error), strategy)
 
 
+@made
 def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str = "damped least squares") -> Controller:
     """dq = J^T (J J^T + damping^2)^-1 (x' + K e): bounded at singularities, where the tool lags. [NH86], [Wam86]
 
@@ -43,6 +46,7 @@ def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str =
     return compiled(name, task, rate)
 
 
+@made
 def gradient_projection(
     task: Task, cost: Cost, weight: float = 1.0, gain: float = GAIN, *, name: str = "gradient projection"
 ) -> Controller:
@@ -65,6 +69,7 @@ def gradient_projection(
     return compiled(name, task, rate)
 
 
+@made
 def repetitive_motion(
     task: Task, rate: float = 1.0, gain: float = GAIN, *, limits: bool = False, name: str = "repetitive motion"
 ) -> Controller:
@@ -104,6 +109,7 @@ def repetitive_motion(
     return Controller(name, begin)
 
 
+@made
 def asymptotically_cyclic(
     task: Task,
     g: Constraint,
@@ -126,9 +132,7 @@ def asymptotically_cyclic(
     """
     K, pull = _positive("gain", gain), _positive("leaf_gain", leaf_gain)
     strategy = holonomic(task, g)
-    c = np.atleast_1d(np.asarray(leaf, dtype=float))
-    if c.shape != (g.rows,) or not np.isfinite(c).all():
-        raise ShapeError("the leaf", (g.rows,), c.shape, "give a finite value for each row of g")
+    c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", leaf)), (g.rows,), "give one for each row of g"))
 
     def rate(s: Symbols) -> Solution:
         e = strategy.expressions
@@ -157,6 +161,6 @@ def _projected(s: Symbols, K: float, z: SX) -> Solution:
 
 
 def _positive(what: str, value: float) -> float:
-    if not (np.isfinite(value) and value >= 0):
+    if not 0 <= number(what, value) < np.inf:
         raise ArgumentError(what, value, "give a number that is not negative")
     return float(value)

@@ -9,6 +9,7 @@ from functools import cached_property
 from importlib.resources import files
 from string import Template
 from typing import Any
+from unicodedata import category
 
 import numpy as np
 
@@ -35,15 +36,22 @@ LEAST_FLOAT, BOTH_FLOAT = 5e-5, 0.01
 ALMOST_FLOAT, DONE_FLOAT = 1e-3, 1e-4
 """Corrections of which one more is the last, and after which none is needed, in single precision."""
 
-RESERVED = {
-    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern",
-    "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed",
-    "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "main",
-    "assert", "complex", "ctype", "errno", "fenv", "inttypes", "iso646", "limits", "locale", "math", "setjmp",
-    "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio", "stdlib", "string", "tgmath", "time", "wchar",
-    "wctype",
-}  # fmt: skip
-"""Words of C, and its headers, which a file of that name would hide."""
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main assert
+complex ctype errno fenv inttypes iso646 limits locale math setjmp signal stdalign stdarg stdatomic stdbit stdbool
+stdckdint stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype aio aliases alloca ar
+argp argz byteswap config corecrt cpio crtdefs dirent dlfcn elf endian envlock envz err error execinfo fastmath fcntl
+features fmtmsg fnmatch fstab ftw getopt glob grp iconv ieeefp ifaddrs intrin io langinfo libgen libintl link machine
+malloc memory mntent monetary mqueue netdb newlib nl_types paths poll printf process pthread pty pwd reent regex
+regexp resolv sal sched search semaphore shadow share spawn stdfix stdio_ext strings stropts swprintf syscall sysexits
+syslimits syslog tar termios ttyent ucontext ulimit unctrl unistd unwind utime utmp utmpx vadefs values varargs
+vcruntime wait wordexp xlocale
+"""
+
+RESERVED = frozenset(_WORDS.split())
+"""Words of C, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and of Windows. A
+header of ours by such a name would hide theirs, which <math.h> and <stdio.h> may want."""
 
 SHORTEST, LONGEST = 1e-5, 1.0
 """Steps [s] for which the default gains make sense."""
@@ -62,7 +70,10 @@ class Source:
     def __post_init__(self) -> None:
         fits = re.fullmatch(r"[a-z][a-z0-9_]{0,39}", self.name) and not self.name.startswith("hk")
         if not fits or self.name in RESERVED:
-            cure = "give a C name of your own: up to 40 lower-case letters, digits, underscores, not beginning with hk"
+            cure = (
+                "give a C name of your own: up to 40 lower-case letters, digits, underscores, not beginning with hk, "
+                "and no word or header of C"
+            )
             raise ArgumentError("the name", self.name, cure)
         if not SHORTEST <= self.dt <= LONGEST:
             raise ArgumentError("dt", self.dt, f"give a step from {SHORTEST:g} to {LONGEST:g} s")
@@ -181,8 +192,17 @@ def _gather(position: bool) -> str:
 
 
 def line(words: str) -> str:
-    """Words of a user on one line that does not end a comment."""
-    return " ".join(words.replace("*/", "* /").replace("/*", "/ *").split())
+    """Words of a user on one line that no C compiler takes for anything but words of a comment.
+
+    Not its end, no line that goes on (\\ and ??/), no control or bidirectional characters, which show other code than
+    there is.
+    """
+    plain = " ".join(words.split()).replace("\\", "/")
+    plain = "".join(f"<U+{ord(c):04X}>" if category(c)[0] == "C" else c for c in plain)
+    for pair in ("??", "*/", "/*"):
+        while pair in plain:
+            plain = plain.replace(pair, " ".join(pair))
+    return plain
 
 
 def _c(value: float) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError
 from ..files import alone, aside, replace_files, uninterrupted, writing
 from ..strategy import Strategy
@@ -33,6 +34,7 @@ class Exported:
     operations: dict[str, int]
 
 
+@typed
 def export_c(
     strategy: Strategy,
     folder: str | Path,
@@ -102,7 +104,7 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     joints = ["| | joint | unit | lower | upper | start |", "|---:|---|---|---:|---:|---:|"]
     for i, (joint, value) in enumerate(zip(robot.coordinates, source.start, strict=True)):
         bounds = " | ".join(f"{b:.6g}" if np.isfinite(b) else "none" for b in (joint.lower, joint.upper))
-        joints.append(f"| {i} | {joint.name.replace('|', '/')} | {joint.unit} | {bounds} | {value:.6g} |")
+        joints.append(f"| {i} | {line(joint.name).replace('|', '/')} | {joint.unit} | {bounds} | {value:.6g} |")
     n, m = source.strategy.task.n, source.strategy.task.m
     rows = [
         ("pose", f"{name}_pose(q, T)", "the tool's pose T (4x4) at q"),

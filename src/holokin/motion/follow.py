@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..arguments import typed
 from ..control import Plan, make_plan, progress, record
 from ..errors import (
     ArgumentError,
@@ -40,6 +41,7 @@ BLOCK = 10_000
 """Native steps between two looks at the clock and the keyboard."""
 
 
+@typed
 def follow(
     strategy: Strategy,
     path: Path,
@@ -100,12 +102,13 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
     stepper = leaf_stepper(strategy, plan, q) if method == "leaf" else velocity_stepper(strategy, plan)
     robot = strategy.task.robot
     lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
-    total = cycles * plan.steps
+    total = whole("the number of steps of all cycles", cycles * plan.steps)
     postures = np.empty((total + 1, len(q)))
     postures[0] = q
     done = 0
 
     def so_far(status: Status) -> Trajectory:
+        postures.flags.writeable = False  # the trajectory keeps them as they are
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
     make = native_leaf if method == "leaf" else native_velocity

@@ -7,14 +7,18 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..arguments import typed
+from ..errors import ArgumentError, ShapeError
 from ..strategy import Strategy
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Value, Vector, finite, frozen
 from .leaf import leaf_value, leaf_walker, straight_way
+
+ROTATION = 1e-5
+"""How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
 
 
 @dataclass(frozen=True, eq=False)
-class InverseKinematics:
+class InverseKinematics(Value):
     """pose -> q on one leaf of a strategy. Make one with `inverse`."""
 
     strategy: Strategy
@@ -28,30 +32,31 @@ class InverseKinematics:
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line.
-            ShapeError, NotFiniteError: a bad pose.
+            ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        wanted = np.asarray(pose, dtype=float)
+        wanted = finite("a tool pose", pose)
         p0, R0 = self._pose[:3, 3], self._pose[:3, :3]
         if wanted.shape == (4, 4):
             p, R = wanted[:3, 3], wanted[:3, :3]
+            if not (np.abs(R @ R.T - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0):
+                raise ArgumentError("the rotation of a tool pose", R.tolist(), "give a right-handed rotation matrix")
         elif wanted.shape in ((2,), (3,)):
             p, R = np.append(wanted, p0[len(wanted) :]), R0
         else:
             raise ShapeError("a tool pose", "(4, 4), or (3,)", wanted.shape)
-        if not np.isfinite(wanted).all():
-            raise NotFiniteError("a tool pose", wanted.tolist())
         way = straight_way(self.strategy.task, self.start, p, R, (self._leaf, self._leaf))
         return leaf_walker(self.strategy, self.start)(self.start, way)
 
     @cached_property
     def _pose(self):
-        return self.strategy.task.robot.pose(self.start, self.strategy.task.tip)
+        return frozen(self.strategy.task.robot.pose(self.start, self.strategy.task.tip))
 
     @cached_property
     def _leaf(self) -> Vector:
-        return leaf_value(self.strategy, self.start)
+        return frozen(leaf_value(self.strategy, self.start))
 
 
+@typed
 def inverse(strategy: Strategy, start: ArrayLike) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with a constraint, on the leaf through `start`.
 

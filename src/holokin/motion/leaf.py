@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arguments import typed
 from ..control import Plan
 from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
 from ..strategy import Strategy
 from ..symbolic import LeafRules
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Vector, finite
 from .branch import Branch, branch_code
 from .native import NativeWalk
 
@@ -149,6 +150,8 @@ def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, leve
     turn = Rotation.from_matrix(rotation @ R0.T).as_rotvec()
 
     def at(share: float) -> tuple[Vector, Matrix, Vector]:
+        if share == 1.0:  # to the last bit, also where the last digits of a rotation are not those of one
+            return position, rotation, c1
         R = Rotation.from_rotvec(share * turn).as_matrix() @ R0
         return p0 + share * (position - p0), R, c0 + share * (c1 - c0)
 
@@ -190,6 +193,7 @@ def level_gap(strategy: Strategy, gap: Array) -> Array:
     return np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
 
 
+@typed
 def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
@@ -209,12 +213,10 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
         raise ArgumentError("the strategy", strategy.name, "settling needs a constraint: hk.holonomic(task, g)")
     strategy(start)
     at = leaf_value(strategy, start)
-    try:
-        goal = np.broadcast_to(np.asarray(leaf, dtype=float), at.shape)
-    except ValueError:
-        raise ShapeError("the leaf", at.shape, np.shape(leaf)) from None
-    if not np.isfinite(goal).all():
-        raise NotFiniteError("the leaf", goal.tolist())
+    wanted = finite("the leaf", leaf)
+    if wanted.shape not in ((), at.shape):
+        raise ShapeError("the leaf", at.shape, wanted.shape)
+    goal = np.broadcast_to(wanted, at.shape)
     pose = task.robot.pose(start, task.tip)
     goal = at + level_gap(strategy, goal - at)
     way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))

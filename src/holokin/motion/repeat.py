@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategy import Strategy
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Indices, Matrix, Vector
+from ..types import ArrayLike, Indices, Matrix, Value, Vector
 from .follow import follow
 
 
 @dataclass(frozen=True, eq=False)
-class Drift:
+class Drift(Value):
     """Joint drift over the cycles of a closed path."""
 
     trajectory: Trajectory
@@ -60,7 +61,7 @@ class Drift:
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class Spread(Value):
     """Joints reached by two ways to the same tool pose."""
 
     a: Trajectory
@@ -77,6 +78,7 @@ class Spread:
         return float(np.abs(self.difference).max())
 
 
+@typed
 def drift(
     strategy: Strategy, path: Path, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: str | None = None,
     limits: bool = True,
@@ -90,6 +92,7 @@ def drift(
     return Drift(follow(strategy, path, q0, samples=samples, cycles=cycles, method=method, limits=limits))
 
 
+@typed
 def path_spread(
     strategy: Strategy, path_a: Path, path_b: Path, q0: ArrayLike, *, samples: int = 500, method: str | None = None,
     limits: bool = True,

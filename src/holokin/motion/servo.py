@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import Made, made
 from ..errors import ArgumentError, NativeError, ShapeError
 from ..strategy import Strategy
 from ..symbolic import (
@@ -37,7 +38,7 @@ from ..symbolic import (
     vertcat,
 )
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Vector, number
+from ..types import Array, ArrayLike, Vector, frozen, number
 from .leaf import leaf_value
 
 HELD = 1e-6
@@ -54,7 +55,7 @@ class StepStatus(IntEnum):
     NOT_FINITE = 4
 
 
-class Servo:
+class Servo(Made):
     """One control step of a strategy. Make one with `controller`.
 
     `step(q, x_des, dx_des) -> dq`: q (n,); x_des, the wanted tool pose (4, 4), or position (3,) for a position task;
@@ -67,7 +68,7 @@ class Servo:
     step: Callable[[ArrayLike, ArrayLike, ArrayLike], Vector]
 
     def __init__(self, strategy: Strategy, step: Function, dt: float, gain: float, leaf_gain: float, leaf: Vector):
-        self.strategy, self.dt, self.leaf = strategy, dt, leaf
+        self.strategy, self.dt, self.leaf = strategy, dt, frozen(leaf)
         task = strategy.task
         self._function = step
         self._memory = StepMemory(task.n, [np.zeros(task.n + 2)])
@@ -173,6 +174,7 @@ def _machine(function: Function, held: Vector, memory: StepMemory) -> Callable[.
     return step
 
 
+@made
 def controller(
     strategy: Strategy,
     *,

@@ -13,11 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategy import Strategy
 from ..trajectory import whole_turns
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Value, Vector
 from .follow import follow
 
 NO_DRIFT = 1e-6
@@ -50,7 +51,7 @@ class Cause(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Winding:
+class Winding(Value):
     """What became of the drift of a loop while it was drawn together to its start.
 
     sizes (k,): the loops that could be followed, 1 the whole one, 0 the point; drifts (k, n) [joint units] of them.
@@ -95,6 +96,7 @@ class Winding:
         return self.sentence
 
 
+@typed
 def winding(
     strategy: Strategy, path: Path, q0: ArrayLike, *, samples: int = 500, method: str | None = None, limits: bool = True
 ) -> Winding:

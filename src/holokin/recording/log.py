@@ -9,16 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import check
 from ..errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
 from ..robot import Robot
-from ..types import Indices, Matrix, Vector
+from ..types import Indices, Matrix, Value, Vector, frozen, numbers
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Value):
     """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
 
     `notes` says what was changed or left out in reading.
@@ -31,6 +32,12 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("t", "q"):
+            object.__setattr__(self, name, numbers(f"{name} of a recording", getattr(self, name)))
+        check("joint_names", tuple[str, ...], self.joint_names)
+        super().__post_init__()
+        if self.t.ndim != 1:
+            raise ShapeError("t of a recording", ("k",), self.t.shape)
         if self.q.shape != (len(self.t), len(self.joint_names)):
             raise ShapeError("q of a recording", (len(self.t), len(self.joint_names)), self.q.shape)
         for what, values in (("t of a recording", self.t), ("q of a recording", self.q)):
@@ -56,7 +63,7 @@ class Recording:
     def gaps(self) -> Indices:
         """Indices i at which the step from sample i to i + 1 is over `GAP` median steps."""
         steps = np.diff(self.t)
-        return np.flatnonzero(steps > GAP * np.median(steps))
+        return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
 from ..types import Matrix, Vector
@@ -28,6 +29,7 @@ FASTEST = 1e-9
 """Shortest median step [s] that is believed: stamps have nanoseconds."""
 
 
+@typed
 def read_recording(
     path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None
 ) -> Recording:

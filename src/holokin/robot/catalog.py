@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, HolokinError, RobotFileError, UnknownNameError, shown
 from ..symbolic.geometry import rotation_from_rpy
 from ..types import Matrix
@@ -32,6 +33,7 @@ def catalogue() -> dict[str, str]:
     return found
 
 
+@typed
 def load(
     name: str | Path,
     *,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
+from ..arguments import check, typed
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
 from ..types import ArrayLike, Matrix, number, numbers
@@ -34,7 +35,12 @@ class DHRow:
     upper: float = np.inf
     max_velocity: float = np.inf
 
+    def __post_init__(self) -> None:
+        for name, kind in get_type_hints(DHRow).items():
+            check(f"{name} of a DH row", kind, getattr(self, name))
 
+
+@typed
 def from_dh(
     rows: Sequence[DHRow | Mapping[str, Any]],
     convention: str = "standard",

@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import MassError
 from ..symbolic import SX, Function, dot, symbol
 from ..types import ArrayLike, Matrix, Vector
@@ -14,6 +15,7 @@ from .model import Body, Robot
 _CACHE: WeakKeyDictionary[Robot, Function] = WeakKeyDictionary()
 
 
+@typed
 def mass_matrix(robot: Robot, q: ArrayLike) -> Matrix:
     """M(q) (n, n), symmetric: kinetic energy 1/2 dq^T M dq [kg m^2, kg m, kg].
 

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError
+from ..arguments import typed
+from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameError
 from ..symbolic import SX, Function, cross, densify, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, number, numbers
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
@@ -32,6 +33,8 @@ class Coordinate:
     max_velocity: float = np.inf
 
     def __post_init__(self) -> None:
+        for what, value in (("lower", self.lower), ("upper", self.upper), ("max_velocity", self.max_velocity)):
+            number(f"{what} of joint {self.name!r}", value)
         if not self.lower <= self.upper or self.lower == np.inf or self.upper == -np.inf:  # NaN included
             raise ArgumentError(f"the range of joint {self.name!r}", (self.lower, self.upper), "give lower <= upper")
         if not self.max_velocity > 0:
@@ -44,7 +47,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(Value):
     """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
 
     name: str
@@ -58,7 +61,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Tip:
+class Tip(Value):
     """A named frame fixed to a joint's moving side (joint -1: the base)."""
 
     name: str
@@ -67,7 +70,7 @@ class Tip:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Value):
     """A rigid mass on a joint's moving side (joint -1: the base, where it weighs nothing to us).
 
     mass [kg], center of mass (3,) [m] and inertia (3, 3) about it [kg m^2], in that joint's frame.
@@ -93,7 +96,7 @@ class Kinematics:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Value):
     """A kinematic tree with n independent coordinates. Joints stand in topological order.
 
     The first tip is the one that `pose`, `jacobian` and tasks use when none is named.
@@ -107,6 +110,7 @@ class Robot:
     bodies: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.coordinates:
             raise ArgumentError(f"the number of moving joints of {self.name!r}", 0, "choose a tip behind a joint")
         if len(self.joints) > MOST_MOVING:
@@ -142,17 +146,17 @@ class Robot:
     @cached_property
     def lower(self) -> Vector:
         """Lower joint limits (n,) [m or rad]."""
-        return np.array([c.lower for c in self.coordinates])
+        return frozen([c.lower for c in self.coordinates])
 
     @cached_property
     def upper(self) -> Vector:
         """Upper joint limits (n,) [m or rad]."""
-        return np.array([c.upper for c in self.coordinates])
+        return frozen([c.upper for c in self.coordinates])
 
     @cached_property
     def max_velocity(self) -> Vector:
         """Joint speed limits (n,) [m/s or rad/s]."""
-        return np.array([c.max_velocity for c in self.coordinates])
+        return frozen([c.max_velocity for c in self.coordinates])
 
     @cached_property
     def planar(self) -> bool:
@@ -167,6 +171,7 @@ class Robot:
                 return False
         return True
 
+    @typed
     def joint_index(self, name: str) -> int:
         """Index in q of a joint. Raises: UnknownNameError."""
         if name not in self.joint_names:
@@ -205,6 +210,7 @@ class Robot:
             joint = moving.parent
         return found[::-1]
 
+    @typed
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,).
 
@@ -215,11 +221,16 @@ class Robot:
         T[:3, 3], T[:3, :3], _ = self._numeric(tip)(self.checked(q))
         return T
 
+    @typed
     def pose_batch(self, Q: Matrix, tip: str | None = None) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3) of a tip at postures (k, n), unchecked. Raises: UnknownNameError."""
-        position, rotation, _ = self._numeric(tip).batch(Q)
+        """Positions (k, 3) and rotations (k, 3, 3) of a tip at postures (k, n).
+
+        Raises: UnknownNameError, ShapeError, ArgumentError.
+        """
+        position, rotation, _ = self._numeric(tip).batch(self.postures(Q))
         return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
 
+    @typed
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit]."""
         return self._numeric(tip)(self.checked(q))[2].reshape(6, self.n)
@@ -238,14 +249,16 @@ class Robot:
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:
         """q as (n,) finite floats. Raises: ShapeError, NotFiniteError, ArgumentError if they are not numbers."""
-        try:
-            array = np.asarray(q, dtype=float)
-        except (TypeError, ValueError):
-            raise ArgumentError(what, q, f"give {self.n} numbers, for {', '.join(self.joint_names)}") from None
+        array = numbers(what, q)
         if array.shape != (self.n,):
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
-        if not np.isfinite(array).all():
-            raise NotFiniteError(what, array.tolist())
+        return finite(what, array)
+
+    def postures(self, Q: ArrayLike) -> Matrix:
+        """Postures as (k, n) floats. Raises: ShapeError, ArgumentError if they are not numbers."""
+        array = numbers("the postures", Q)
+        if array.ndim != 2 or array.shape[1] != self.n:
+            raise ShapeError("a batch of postures", ("k", self.n), array.shape)
         return array
 
     def check_limits(self, q: ArrayLike) -> None:

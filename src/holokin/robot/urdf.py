@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from ..tolerances import TOLERANCES
 from ..types import Matrix
@@ -20,6 +21,7 @@ from .urdf_xml import essentials
 MOVING = ("revolute", "continuous", "prismatic")
 
 
+@typed
 def from_urdf(
     path: str | Path,
     tip: str | Sequence[str] | None = None,
@@ -64,6 +66,7 @@ def from_urdf(
     return builder.build(str(model.name or Path(path).stem), wanted_tips, bodies)
 
 
+@typed
 def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
     """Every link at which the tree ends -> the moving joints from the base to it, mimic joints included."""
     model = _read(path)

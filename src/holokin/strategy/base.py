@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..arguments import Made
 from ..constraint import Constraint
 from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
@@ -39,7 +40,7 @@ from ..symbolic import (
 from ..symbolic.geometry import wrapped
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector, numbers
+from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
 
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
@@ -89,7 +90,7 @@ class Expressions:
 
 
 @dataclass(frozen=True, eq=False)
-class Strategy:
+class Strategy(Made, Value):
     """A right inverse of a task. Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...
 
     `planes` is the field of frames or rows, as `form` says. A strategy from a constraint keeps it in `constraint`,
@@ -125,9 +126,9 @@ class Strategy:
 
         Raises: SingularityError naming the first singular one.
         """
-        Q = numbers("the postures", Q)
-        if Q.ndim != 2 or Q.shape[1] != self.task.n:
-            raise ShapeError("a batch of postures", ("k", self.task.n), Q.shape)
+        Q = self.task.robot.postures(Q)
+        if threads is not None:
+            whole("threads", threads)
         G = np.empty((len(Q), self.task.n, self.task.m))
         edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
         for first, last in pairwise(edges):  # in pieces, so that only G grows

@@ -7,21 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import made
 from ..constraint import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, symbol
 from ..task import Task
-from ..types import ArrayLike
+from ..types import ArrayLike, finite, frozen
 from .base import Strategy, gradient_rows
 
 
+@made
 def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
     """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
     frame = lambda task, k, q: task.jacobian_expression(k, q).T  # noqa: E731
     return Strategy(name, task, "span", frame, constant_weight=np.eye(task.n))
 
 
+@made
 def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
     """G = W J^T (J W J^T)^-1: least dq^T W^-1 dq. [ZR11, (6)]
 
@@ -37,11 +40,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
         field = W
         _check_weight(task, W)
     else:
-        constant = np.asarray(W, dtype=float)
-        if constant.shape != (task.n, task.n):
-            raise ShapeError("the weight W", (task.n, task.n), constant.shape)
-        if not np.isfinite(constant).all():
-            raise NotFiniteError("the weight W", constant.tolist())
+        constant = frozen(finite("the weight W", W, (task.n, task.n)))
         _positive_definite("the weight W", constant)
         field = lambda _q: SX(constant)  # noqa: E731
 
@@ -78,6 +77,7 @@ def _postures(task: Task) -> np.ndarray:
     return np.random.default_rng(0).uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n))
 
 
+@made
 def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
     """The paper's general form (7): G = H H^T J^T (J H H^T J^T)^-1 with H = [N_G N], computed as N_G (J N_G)^-1.
 
@@ -92,6 +92,7 @@ def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis"
     return Strategy(name, task, "span", lambda _task, _k, q: as_expression(N_G(q)))
 
 
+@made
 def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy:
     """The extended Jacobian of a constraint: G = [J; J_g]^-1 [1; 0], holonomic by construction. [Bai85]
 
@@ -103,6 +104,7 @@ def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy
     return strategy
 
 
+@made
 def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> Strategy:
     """G = [J; A]^-1 [1; 0] for rows A(q) dq = 0 that need not be integrable; `involutivity` tells whether they are.
 
@@ -112,6 +114,7 @@ def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> S
     return Strategy(name, task, "kernel", lambda _task, _k, q: as_expression(A(q)))
 
 
+@made
 def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") -> Strategy:
     """Any right inverse that is given as a matrix: q -> G (n, m) with J G = 1.
 
@@ -129,6 +132,7 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
     return strategy
 
 
+@made
 def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:
     """w + Lambda v = 0: the paper's (28) with the geometric J_o in place of Euler angle rates.
 

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import made
 from ..constraint import Constraint
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
 from ..task import Task
-from ..types import ArrayLike
+from ..types import ArrayLike, finite, frozen, whole
 from .base import Strategy
 from .build import holonomic
 
@@ -25,6 +26,7 @@ CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""
 
 
+@made
 def from_transport(
     task: Task,
     K: Callable[[SX, SX], Any],
@@ -55,9 +57,8 @@ def from_transport(
             its inverse is wrong; says by how much. ShapeError.
     """
     r = task.n - task.m
-    x0 = np.zeros(task.m) if center is None else np.asarray(center, dtype=float)
-    if x0.shape != (task.m,):
-        raise ShapeError("the center", (task.m,), x0.shape)
+    x0 = np.zeros(task.m) if center is None else frozen(finite("the center", center, (task.m,)))
+    whole("steps", steps)
     x, z0 = symbol("x", task.m), symbol("z0", r)
     phi = _sized("Phi", Phi(x, z0), (r, 1))
     transport = as_map([x, z0], phi)
@@ -75,7 +76,7 @@ def from_transport(
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
 
-    _check(task, K, z, transport, label, x0, np.asarray(around, dtype=float))
+    _check(task, K, z, transport, label, x0, task.robot.checked(around, "the posture to check around"))
     return holonomic(task, Constraint(name, r, expression, (False,) * r), name=name)
 
 
@@ -99,8 +100,7 @@ def _check(
         },
     )
     coordinates = Function("z", {"q": q}, {"z": _sized("z", z(q), (r, 1))})
-    start = task.robot.checked(around, "the posture to check around")
-    for posture in start + 0.1 * np.random.default_rng(0).uniform(-1, 1, (4, task.n)):
+    for posture in around + 0.1 * np.random.default_rng(0).uniform(-1, 1, (4, task.n)):
         found = errors(task(posture), np.atleast_1d(coordinates(posture)))
         for what, error in zip(errors.output_shapes, found, strict=True):
             if not np.abs(error).max() < CHECKED:

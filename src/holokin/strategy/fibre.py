@@ -7,16 +7,17 @@ from typing import Literal
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector
+from ..types import MOST, ArrayLike, Matrix, Value, Vector
 
 Ending = Literal["closed", "limit", "singular", "length"]
 """Why a self-motion was traced no further."""
 
 
 @dataclass(frozen=True, eq=False)
-class SelfMotion:
+class SelfMotion(Value):
     """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
 
     `endings`: why it stops at its first and at its last posture; both "closed" when it comes back to itself.
@@ -33,6 +34,7 @@ class SelfMotion:
         return self.endings[0] == "closed"
 
 
+@typed
 def self_motion(
     task: Task, q0: ArrayLike, *, step: float = 0.02, length: float = 4 * np.pi, limits: bool = True
 ) -> SelfMotion:
@@ -47,7 +49,7 @@ def self_motion(
     start = task.robot.checked(q0, "the start posture")
     if task.n - task.m != 1:
         raise ArgumentError("the number of redundant joints", task.n - task.m, "self-motions of one are curves")
-    if not (0 < step < length < np.inf):
+    if not (0 < step < length < np.inf and length / step <= MOST):
         raise ArgumentError("the step and length of a self-motion", (step, length), "give 0 < step < length")
     pose = task.robot.pose(start, task.tip)
     ahead, end = _traced(task, start, pose, step, length, limits)

@@ -13,16 +13,18 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from ..arguments import made
 from ..constraint import Constraint
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
 from ..task import Task
-from ..types import ArrayLike, Matrix
+from ..types import ArrayLike, Matrix, finite, frozen, whole
 from .base import Field, Strategy
 from .build import holonomic
 
 
+@made
 def fitted(
     strategy: Strategy,
     Q: ArrayLike,
@@ -47,14 +49,15 @@ def fitted(
         ArgumentError: no constraint, a degree < 1, or fewer postures than can determine the terms. ShapeError.
     """
     task = strategy.task
-    postures = np.asarray(Q, dtype=float)
+    postures = frozen(finite("the postures", Q, ("k", task.n)))
     if strategy.constraint is None:
         raise ArgumentError("the strategy", strategy.name, "fitting needs a constraint: hk.radial(G, q) makes one")
-    if postures.ndim != 2 or postures.shape[1] != task.n:
-        raise ShapeError("the postures", ("k", task.n), postures.shape)
-    if degree < 1:
-        raise ArgumentError("degree", degree, "give at least 1")
+    whole("degree", degree)
     chosen = list(range(task.m) if rows is None else rows)
+    if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= set(range(task.m)):
+        raise ArgumentError("rows", rows, f"name some of the {task.m} task rows, from 0, each once")
+    if not len(postures):
+        raise ArgumentError("the number of postures", 0, "give a few hundred")
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = np.linalg.svd(task.jacobian(q0))[2][task.m :].T
     chart = task

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from ..arguments import made
 from ..constraint import Cost
 from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
@@ -19,6 +20,7 @@ Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""
 
 
+@made
 def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> Strategy:
     """G = M^-1 J^T (J M^-1 J^T)^-1: least kinetic energy, the dynamically consistent inverse. [Kha87]
 
@@ -36,6 +38,7 @@ def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> Strategy:
     return Strategy(name, task, "kernel", rows)
 
 
+@made
 def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", name: str = "impedance") -> Strategy:
     """G = W J^T (J W J^T)^-1 with W = (K - Gamma)^-1: the arm on springs, pulled along at its tool. [MIH91]
 

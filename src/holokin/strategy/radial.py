@@ -12,13 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 
+from ..arguments import made
 from ..constraint import Constraint
-from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, as_map, fmax, fmin, gradient, if_else, norm_2, symbol, vertcat
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix
+from ..types import ArrayLike, Matrix, frozen, whole
 from .base import Strategy
 from .label import label_of
 
@@ -35,6 +35,7 @@ AT_CENTER = 1e-6
 """Way [joint units] added to a posture's own, so that round-off at the centre itself is no miss."""
 
 
+@made
 def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> Strategy:
     """The holonomic strategy whose leaves are carried by `strategy` along straight segments from the pose at `start`.
 
@@ -62,9 +63,8 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         SingularityError: `strategy` is singular at `start`.
     """
     task = strategy.task
-    q0 = task.robot.checked(start, "the start posture")
-    if steps < 1:
-        raise ArgumentError("steps", steps, "give at least 1")
+    q0 = frozen(task.robot.checked(start, "the start posture"))
+    whole("steps", steps)
     strategy(q0)
     r = task.n - task.m
     chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])

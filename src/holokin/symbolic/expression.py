@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import ExpressionError, brief, closest
+from ..errors import ArgumentError, ExpressionError, brief, closest
+from ..types import number
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -35,16 +36,26 @@ def symbol(name: str, rows: int, columns: int = 1) -> ca.SX:
 
 
 def as_expression(value: Any) -> ca.SX:
-    """An SX matrix of an SX, an array, a number, or (nested) sequences of them."""
+    """An SX matrix of an SX, an array, a number, or (nested) sequences of them. Raises: ArgumentError."""
     if isinstance(value, ca.SX):
         return value
-    if isinstance(value, ca.DM | int | float) or (isinstance(value, np.ndarray) and value.dtype.kind in "fiu"):
+    if isinstance(value, ca.DM) or (isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.ndim < 3):
         return ca.SX(value)
+    if not _several(value):
+        return ca.SX(number("an expression", value))
     rows: list[ca.SX] = []
     for row in value:
-        nested = isinstance(row, Sequence | np.ndarray)
-        rows.append(as_expression(row).T if nested else ca.SX(row))
+        nested = _several(row)
+        if nested and any(map(_several, row)):
+            raise ArgumentError("an expression", value, "give rows of numbers or CasADi expressions")
+        rows.append(as_expression(row).T if nested else as_expression(row))
+    if len({row.shape[1] for row in rows}) > 1:
+        raise ArgumentError("the lengths of an expression's rows", [row.shape[1] for row in rows], "let all be alike")
     return ca.vertcat(*rows)
+
+
+def _several(value: Any) -> bool:
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
 def as_map(inputs: Sequence[ca.SX], output: ca.SX) -> Callable[..., ca.SX]:

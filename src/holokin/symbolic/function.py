@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import NativeError, ShapeError
-from ..types import Array, ArrayLike
+from ..types import Array, ArrayLike, numbers
 from .linear import System
 from .program import Port, program
 
@@ -76,7 +76,7 @@ class Function:
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
-        values = [np.asarray(value, dtype=float) for value in self._collect(args, named)]
+        values = [numbers(f"an argument of {self.name}.batch", value) for value in self._collect(args, named)]
         shapes = list(self.input_shapes.items())
         counts = set()
         for value, (key, shape) in zip(values, shapes, strict=True):
@@ -162,7 +162,7 @@ class Function:
     def _evaluate(self, values: list[ArrayLike]) -> None:
         port = self._port
         for slot, value, key in zip(port.arguments, values, self.input_shapes, strict=True):
-            array = np.asarray(value, dtype=float)
+            array = numbers(f"{self.name}: argument {key!r}", value)
             if array.shape != slot.shape:
                 raise ShapeError(f"{self.name}: argument {key!r}", slot.shape, array.shape)
             slot[...] = array

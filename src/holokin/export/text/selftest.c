@@ -41,12 +41,14 @@ static double compare(const char *what, int k, const real *got, const double *wa
   return error > worst ? error : worst;
 }
 
-/* A vector's status is OK, or, where single precision is rough, IMPRECISE. */
-static void accept(const char *what, int k, int status, int rough) {
-  if (status != ${NAME}_OK && !(rough && status == ${NAME}_IMPRECISE)) {
-    printf("%s: vector %d has status %d\n", what, k, status);
-    failures++;
-  }
+/* A vector's status is OK, or, where single precision is rough, IMPRECISE, or one of those without a result, past which
+   round-off may lead there. 1 where there is a result to compare. */
+static int accept(const char *what, int k, int status, int rough) {
+  if (status == ${NAME}_OK || (rough && status == ${NAME}_IMPRECISE)) return 1;
+  if (rough && (status == ${NAME}_SINGULAR || status == ${NAME}_NOT_CONVERGED)) return 0;
+  printf("%s: vector %d has status %d\n", what, k, status);
+  failures++;
+  return 0;
 }
 
 static void expect(const char *what, int status, int wanted, const real *result, int count) {
@@ -71,29 +73,25 @@ $declare_leaf  ${name}_defaults(&hold);
     const vector *v = &vectors[k];
 #ifdef ${NAME}_FLOAT
     const double most = v->precise ? TOLERANCE : 1e-2;
+    const double fed_back = most * (v->precise ? v->terms : fmax(1.0, (double)hold.gain / 100.0));
 #else
     const double most = TOLERANCE * v->loss;
+    const double fed_back = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
 #endif
-    const double feedback = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
     copy(v->q, q, $n);
     copy(v->target, target, $target);
     copy(v->dx, dx, $m);
     const int status = ${name}_gain(q, G), rough = !v->precise && sizeof(real) < sizeof(double);
     if (rough && status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
-    accept("gain", k, status, rough);
-    worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
-    accept("pose", k, ${name}_pose(q, T), rough);
-    worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
-    accept("rate", k, ${name}_rate(q, dx, dq), rough);
-    worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
+    if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
+    if (accept("pose", k, ${name}_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
+    if (accept("rate", k, ${name}_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
     const int stepped = ${name}_step(q, target, dx, &hold, dq, &scale);
-    if (stepped != v->status && (v->precise || stepped != ${NAME}_IMPRECISE)) {
-      printf("step: vector %d has another status\n", k);
-      failures++;
+    if (stepped == v->status || accept("step", k, stepped, rough)) {
+      worst[3] = compare("step", k, dq, v->step, $n, fed_back, worst[3]);
+      worst[3] = compare("scale", k, &scale, &v->scale, 1, fed_back, worst[3]);
     }
-    worst[3] = compare("step", k, dq, v->step, $n, feedback, worst[3]);
-    worst[3] = compare("scale", k, &scale, &v->scale, 1, feedback, worst[3]);
 $leaf_tests  }
   const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
   for (int b = 0; b < 3; b++) {

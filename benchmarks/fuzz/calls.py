@@ -1,0 +1,313 @@
+"""Bad calls: every public function, and the methods of what they return, with one or two arguments spoilt.
+
+What a callable of the user's own raises may pass through; all else must be a `HolokinError`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import decimal
+import fractions
+import inspect
+import os
+import random
+import warnings
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import holokin as hk
+
+Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
+
+HEAVY = {"audit", "price", "winding", "fitted", "radial", "forecast", "filtration", "leaf_function", "general_form"}
+"""Calls that take long where a bad argument is none: one in ten."""
+
+
+class MineError(Exception):
+    """What a callable of the user's raises."""
+
+
+def _raises(*_: Any) -> Any:
+    raise MineError
+
+
+@cache
+def kit() -> dict[str, Any]:
+    """Nouns to call with, and on."""
+    robot, other = hk.load("planar-3r"), hk.load("ppr")
+    q = np.array([0.3, 0.7, -0.5])
+    task = hk.position(robot)
+    start = robot.pose(q)[:3, 3]
+    law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
+    loop = hk.circle(start, start + [0.02, 0, 0])
+    walk = hk.follow(held, loop, q, samples=8)
+    rng = np.random.default_rng(0)
+    return {
+        "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
+        "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
+        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": hk.ball(q, 0.05), "g": hk.lock(0),
+        "cost": hk.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
+        "servo": hk.controller(held, dt=0.01, start=q), "closed": hk.closed_loop(law),
+        "leaf": hk.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
+    }  # fmt: skip
+
+
+@cache
+def calls() -> dict[str, Call]:
+    """Name -> (function, arguments, named arguments), all good."""
+    k = kit()
+    robot, task, law, held, q, loop, Q = (k[key] for key in ("robot", "task", "law", "held", "q", "loop", "Q"))
+    start, line, walk, region = k["start"], k["line"], k["walk"], k["region"]
+    row = {"a": 0.5, "alpha": 0.1, "d": 0.2, "theta": 0.3, "joint": "j", "kind": "revolute", "lower": -1.0,
+           "upper": 1.0, "max_velocity": 2.0}  # fmt: skip
+    one = np.eye(3)
+    following = {"samples": 4, "method": "velocity", "limits": True}
+    t = np.arange(3.0)
+    found: dict[str, Call] = {
+        "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
+        "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
+        "urdf_tips": (hk.urdf_tips, ("no.urdf",), {}),
+        "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
+            "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
+        "DHRow": (lambda **named: hk.from_dh([hk.DHRow(**named)]), (), row),
+        "mass_matrix": (hk.mass_matrix, (robot, q), {}),
+        "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
+        "pose": (hk.pose, (robot,), {"orientation": "twist", "reference": one, "tip": None, "rows": [0, 1]}),
+        "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
+            "kind": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1], "pole": [1, 0, 0]}),
+        "height": (lambda joint: hk.holonomic(task, hk.height(joint)), (robot.joint_names[1],), {}),
+        "lock": (lambda *j, **n: hk.holonomic(task, hk.lock(*j, **n)), (0,), {"name": "lock"}),
+        "linear": (lambda *a, **n: hk.holonomic(task, hk.linear(*a, **n)), ([1.0, 0.0, -1.0],), {"name": "linear"}),
+        "coupled": (lambda *a, **n: hk.holonomic(k["task"], hk.coupled(*a, **n)), (1.0,), {
+            "orientation": "rpy", "rows": (2,)}),
+        "custom": (lambda *a, **n: hk.holonomic(task, hk.custom(*a, **n)), (lambda x: [x[0]],), {
+            "rows": 1, "name": "mine", "angular": False}),
+        "stack": (lambda *a: hk.holonomic(task, hk.stack(*a)), (k["g"],), {}),
+        "total": (lambda *a, **n: hk.holonomic(task, hk.total(*a, **n)), (k["g"], k["g"]), {"weights": [1.0, 0.5]}),
+        "tilted": (lambda *a, **n: hk.holonomic(task, hk.tilted(*a, **n)), (k["g"], lambda x: x[0]), {"name": "t"}),
+        "stationary": (lambda *a, **n: hk.holonomic(task, hk.stationary(*a, **n)), (k["cost"],), {
+            "free": (robot.joint_names[0],), "name": "s"}),
+        "posture_cost": (lambda *a: hk.holonomic(task, hk.stationary(hk.posture_cost(*a))), (q, 1.0), {}),
+        "gravity_cost": (lambda *a: hk.holonomic(task, hk.stationary(hk.gravity_cost(*a))), ([0, 0, -9.81],), {}),
+        "moore_penrose": (hk.moore_penrose, (task,), {"name": "n"}),
+        "weighted": (hk.weighted, (task, k["weight"]), {"name": "n"}),
+        "null_basis": (lambda *a, **n: hk.null_basis(*a, **n)(q), (task, lambda x: task_frame()), {"name": "n"}),
+        "holonomic": (hk.holonomic, (task, k["g"]), {"name": "n"}),
+        "pfaffian": (lambda *a, **n: hk.pfaffian(*a, **n)(q), (task, lambda x: [[1.0, x[0], 0.0]]), {"name": "n"}),
+        "right_inverse": (hk.right_inverse, (task, lambda x: task_frame()), {"name": "n"}),
+        "coupled_twist": (lambda *a, **n: hk.coupled_twist(*a, **n)(q), (task, 1.0), {"name": "n"}),
+        "inertia_weighted": (hk.inertia_weighted, (task,), {"name": "n"}),
+        "impedance": (lambda *a, **n: hk.impedance(*a, **n)(q), (task, k["cost"]), {"force": "stiffness", "name": "n"}),
+        "from_transport": (hk.from_transport, (task, lambda x, z: z, lambda x, z: z, lambda x: x[0]), {
+            "around": q, "inverse": None, "center": [0.0, 0.0], "steps": 1, "name": "n"}),
+        "radial": (hk.radial, (law, q), {"steps": 1, "name": "n"}),
+        "fitted": (hk.fitted, (held, Q), {"degree": 1, "rows": (0, 1), "name": "n"}),
+        "self_motion": (hk.self_motion, (task, q), {"step": 0.2, "length": 1.0, "limits": False}),
+        "line": (hk.line, (start, start + 0.1), {"turn": [0, 0, 0.1], "speed": 0.1}),
+        "arc": (hk.arc, ([0, 1, 0], [0, 0, 0], 1.0, [0, 0, 1]), {"turn": [0, 0, 0.1], "speed": 0.1}),
+        "circle": (hk.circle, ([0, 1, 0], [0, 0, 0], [0, 0, 1]), {"clockwise": False, "speed": 0.1}),
+        "polyline": (hk.polyline, ([[0, 0], [1, 0], [1, 1]],), {
+            "turns": [[0, 0, 0.1]] * 3, "closed": True, "speed": 0.1}),
+        "join": (hk.join, (line, line), {}),
+        "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
+        "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
+        "path_spread": (hk.path_spread, (held, loop, loop, q), following),
+        "winding": (hk.winding, (held, loop, q), following),
+        "inverse": (hk.inverse, (held, q), {}),
+        "settle": (hk.settle, (held, q), {"leaf": [0.31]}),
+        "controller": (hk.controller, (held,), {
+            "dt": 0.01, "start": q, "gain": 1.0, "leaf_gain": 1.0, "limits": True}),
+        "closed_loop": (_begun(hk.closed_loop), (law, 10.0), {}),
+        "damped": (_begun(hk.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
+        "gradient_projection": (_begun(hk.gradient_projection), (task, k["cost"]), {
+            "weight": 1.0, "gain": 1.0, "name": "n"}),
+        "repetitive_motion": (_begun(hk.repetitive_motion), (task,), {
+            "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
+        "asymptotically_cyclic": (_begun(hk.asymptotically_cyclic), (task, k["g"], [0.3]), {
+            "leaf_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
+        "impedance_with_memory": (_begun(hk.impedance_with_memory), (task, k["cost"]), {
+            "force": [0.0, 0.0], "name": "n"}),
+        "drive": (hk.drive, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
+        "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
+            "start": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
+        "around": (hk.around, (q, 0.1), {}),
+        "box": (hk.box, (q - 0.1, q + 0.1), {}),
+        "ball": (hk.ball, (q, 0.1), {"along": 0.0}),
+        "ball_postures": (hk.ball_postures, (law, k["ball"], 2), {"seed": 0}),
+        "involutivity": (hk.involutivity, (law, region), {
+            "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
+        "involutivity_of": (hk.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
+            "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
+        "curvature": (hk.curvature, (law, q), {"method": "auto"}),
+        "filtration": (hk.filtration, (held, q), {"most": 2}),
+        "forecast": (hk.forecast, (law, loop, q), {}),
+        "drift_free": (hk.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
+        "deviation": (hk.deviation, (law, held, Q), {"columns": 2}),
+        "price": (hk.price, (law, k["ball"]), {"ours": held, "samples": 2, "seed": 0}),
+        "leaf_function": (hk.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
+        "general_form": (hk.general_form, (law, q), {"reference": q}),
+        "export_c": (hk.export_c, (law, "out"), {
+            "start": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
+        "Recording": (hk.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
+        "audit_recording": (hk.audit_recording, (hk.Recording(tuple(robot.joint_names), t, np.zeros((3, 3)), "here"),
+            robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
+        "read_recording": (hk.read_recording, ("no.csv", robot), {"degrees": False, "topic": None}),
+        "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),
+        "Robot.jacobian": (robot.jacobian, (q,), {"tip": "tool"}),
+        "Robot.pose_batch": (robot.pose_batch, (Q,), {"tip": None}),
+        "Robot.skeleton": (robot.skeleton, (q,), {}),
+        "Robot.checked": (robot.checked, (q,), {"what": "q"}),
+        "Robot.check_limits": (robot.check_limits, (q,), {}),
+        "Robot.joint_index": (robot.joint_index, (robot.joint_names[0],), {}),
+        "Task": (task, (q,), {}),
+        "Task.jacobian": (task.jacobian, (q,), {}),
+        "Task.null_space": (task.null_space, (q,), {}),
+        "Task.error": (task.error, (q, start, one), {}),
+        "Task.rates": (k["turn"].rates, ([one], [start], [start]), {}),
+        "Task.value_batch": (task.value_batch, (Q,), {}),
+        "Task.jacobian_batch": (task.jacobian_batch, (Q,), {}),
+        "Task.error_batch": (task.error_batch, (Q[:1], [start], [one]), {}),
+        "Task[]": (task.__getitem__, ([0],), {}),
+        "Strategy": (law, (q,), {}),
+        "Strategy.batch": (law.batch, (Q,), {"threads": 1}),
+        "Strategy.distribution": (law.distribution, (q,), {}),
+        "Strategy.rows": (held.rows, (q,), {}),
+        "Strategy.H": (law.H, (q,), {}),
+        "Strategy.weight": (law.weight, (q,), {}),
+        "Path.at": (loop.at, ([0.0, 0.1],), {}),
+        "Path.part": (loop.part, (0.1, 0.5), {}),
+        "Path.starting_at": (loop.starting_at, ([0.1, 0.2],), {}),
+        "Path.at_speed": (loop.at_speed, (0.1, 0.2), {}),
+        "Path.counts": (loop.counts, (5,), {}),
+        "Path.steps": (loop.steps, (5,), {}),
+        "Path+": (line.__add__, (line,), {}),
+        "Region.sample": (region.sample, (3,), {"seed": 0}),
+        "Trajectory.tracking_error": (walk.tracking_error, ("m",), {}),
+        "Trajectory.save": (walk.save, ("walk.csv",), {}),
+        "InverseKinematics": (k["ik"], (k["pose"],), {}),
+        "Servo.step": (k["servo"].step, (q, start, np.zeros(2)), {}),
+        "LeafFunction": (k["leaf"], (q,), {}),
+        "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
+        "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
+        "LeafFunction.check": (k["leaf"].check, (q,), {}),
+    }  # fmt: skip
+    return found
+
+
+def task_frame() -> np.ndarray:
+    """A right inverse at one posture: a frame that `null_basis` takes and `right_inverse` does not."""
+    return np.asarray(kit()["law"](kit()["q"]))
+
+
+def _begun(make: Callable[..., hk.Controller]) -> Callable[..., Any]:
+    """A controller, and one step of it."""
+
+    def run(*arguments: Any, **named: Any) -> Any:
+        k = kit()
+        return make(*arguments, **named).begin(k["q"])(k["q"], k["pose"], np.zeros(6), 0.01)
+
+    return run
+
+
+def _looped() -> list[Any]:
+    loop: list[Any] = []
+    loop.append(loop)
+    return loop
+
+
+def _nonsense(rng: random.Random) -> Any:
+    """A callable that answers with something bad."""
+    value = _bad(rng, callables=False)
+    return lambda *_: value
+
+
+BAD: list[Callable[[], Any]] = [
+    lambda: None, lambda: "", lambda: "abc", lambda: "3", lambda: b"x", lambda: "a\0b", lambda: "q" * 10_000,
+    lambda: ["a", "b", "c"], lambda: ["1", "2", "3"], lambda: [1, [2, 3]], lambda: [[1, 2], [3]], lambda: [None] * 3,
+    lambda: float("nan"), lambda: float("inf"), lambda: -float("inf"), lambda: [float("nan")] * 3,
+    lambda: [float("inf")] * 3, lambda: 1j, lambda: [1j, 0, 0], lambda: np.array([1j, 0, 0]), lambda: True,
+    lambda: False, lambda: 10**400, lambda: -(10**400), lambda: [10**400] * 3, lambda: 10**5000, lambda: 2**63,
+    lambda: 2**40, lambda: -1, lambda: 0, lambda: 3, lambda: 0.5, lambda: -0.5, lambda: 2.0, lambda: [0.5],
+    lambda: [0, 0.5], lambda: (1.5, 0), lambda: [-1], lambda: [7], lambda: [0, 0], lambda: 1e308, lambda: -1e308,
+    lambda: 1e-320, lambda: [1e308] * 3, lambda: [1e200] * 3, list, lambda: (), dict, lambda: {"a": 1},
+    lambda: {1, 2}, lambda: np.zeros(0), lambda: np.zeros(1), lambda: np.zeros(3), lambda: np.zeros((3, 3)),
+    lambda: np.zeros((0, 3)), lambda: np.zeros((4, 4)), lambda: np.zeros((2, 2, 2)), lambda: np.full(3, None),
+    lambda: np.array([1, "a", None], object), lambda: np.array(1.0), lambda: np.array(1), lambda: np.array("x"),
+    lambda: np.array(["a", "b", "c"]), lambda: np.array([10**400] * 3, object), lambda: np.float64(0.5),
+    lambda: np.int8(-1), lambda: np.bool_(True), lambda: np.datetime64("2020-01-01"), lambda: np.zeros(3, "i4,f8"),
+    lambda: (i for i in range(3)), lambda: range(3), lambda: slice(None), lambda: object(),
+    lambda: Ellipsis, lambda: NotImplemented, lambda: datetime.date(2020, 1, 1), lambda: fractions.Fraction(1, 3),
+    lambda: decimal.Decimal("0.1"), lambda: decimal.Decimal("sNaN"), lambda: Path("no"), lambda: Path(),
+    lambda: bytearray(b"abc"), lambda: memoryview(b"abc"), lambda: np.ma.masked, _looped, lambda: _raises,
+    lambda: (lambda *_: None), lambda: (lambda: 0), lambda: hk, lambda: Exception("x"),
+]  # fmt: skip
+"""Makers of values, fresh each time."""
+
+
+def _bad(rng: random.Random, *, callables: bool = True) -> Any:
+    kind = rng.random()
+    if kind < 0.12:
+        return rng.choice([v for key, v in kit().items() if key not in ("q", "Q", "start", "pose", "weight")])
+    if kind < 0.2 and callables:
+        return _nonsense(rng)
+    return rng.choice(BAD)()
+
+
+def _spoilt(rng: random.Random, good: Any) -> Any:
+    """Something bad in place of a good value; of one that has parts, sometimes in place of one of them."""
+    if rng.random() < 0.3 and isinstance(good, list | tuple | dict | np.ndarray) and len(good):
+        if isinstance(good, dict):
+            return {**good, rng.choice(list(good)): _bad(rng)}
+        parts = list(good)
+        i = rng.randrange(len(parts))
+        parts[i] = _spoilt(rng, parts[i])
+        return tuple(parts) if isinstance(good, tuple) else parts
+    return _nonsense(rng) if callable(good) and rng.random() < 0.5 else _bad(rng)
+
+
+def mutant(seed: int) -> tuple[str, Callable[[], Any]]:
+    """(name, call) of a seed."""
+    rng = random.Random(seed)
+    table = calls()
+    name = rng.choice([key for key in table if key not in HEAVY or rng.random() < 0.1])
+    function, arguments, named = table[name]
+    arguments, named = list(arguments), dict(named)
+    places: list[Any] = [*range(len(arguments)), *named]
+    for place in rng.sample(places, min(len(places), rng.choice([1, 1, 2]))):
+        holder: Any = arguments if isinstance(place, int) else named
+        holder[place] = _spoilt(rng, holder[place])
+    return name, lambda: function(*arguments, **named)
+
+
+@contextlib.contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    """In the folder, so that names of files mean files there."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def attempt(seed: int, folder: Path) -> None:
+    """One call with bad arguments."""
+    _, call = mutant(seed)
+    with _inside(folder), warnings.catch_warnings(), contextlib.suppress(MineError):
+        warnings.simplefilter("ignore")
+        try:
+            call()
+        except TypeError as problem:  # of a callable of ours with another number of arguments
+            if "positional argument" not in str(problem):
+                raise
+
+
+def uncalled() -> set[str]:
+    """Public functions that the table lacks."""
+    functions = {n for n in hk.__all__ if inspect.isfunction(getattr(hk, n))}
+    return functions - set(calls()) - {"catalogue", "centring_cost", "manipulability_cost"}  # they take nothing

@@ -1,0 +1,172 @@
+"""Checks of arguments by the kinds that a signature names, and values that are pickled as the call that made them."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from functools import cache, wraps
+from inspect import Parameter, signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from .errors import ArgumentError, PickleError
+from .types import frozen
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def typed(function: F) -> F:
+    """A function whose arguments must be of the kinds that its signature names.
+
+    Arrays are left to the function, which knows their shapes. Raises (when called): ArgumentError.
+    """
+    known = list(signature(function).parameters.values())
+    names = [p.name for p in known if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.POSITIONAL_ONLY)]
+    rest = next((p.name for p in known if p.kind is Parameter.VAR_POSITIONAL), None)
+    kinds = cache(lambda: get_type_hints(function))  # when first called: modules are complete then
+
+    @wraps(function)
+    def called(*arguments: Any, **named: Any) -> Any:
+        wanted = kinds()
+        for i, value in enumerate(arguments):
+            name = names[i] if i < len(names) else rest
+            if name in wanted:
+                check(name, wanted[name], value)
+        for name, value in named.items():
+            if name in wanted:
+                check(name, wanted[name], value)
+        return function(*arguments, **named)
+
+    return called  # type: ignore[return-value]
+
+
+def check(what: str, kind: Any, value: Any) -> None:
+    """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
+    if not _fits(kind, value):
+        raise ArgumentError(what, value, f"give {_words(kind)}")
+
+
+def _fits(kind: Any, value: Any) -> bool:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(get_origin(k) is np.ndarray for k in inner) or any(_fits(k, value) for k in inner)
+    if kind in (Any, object) or origin is np.ndarray:
+        return True
+    if kind in (None, NoneType):
+        return value is None
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind is int:
+        return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if kind is float:
+        return _is_number(value)
+    if kind is Callable or origin is _CALLABLE:
+        return callable(value)
+    if origin is Literal:
+        return isinstance(value, str)
+    if origin in (tuple, _SEQUENCE):
+        several = isinstance(value, list | tuple | range) or (isinstance(value, np.ndarray) and value.ndim == 1)
+        return several and _each(inner, list(value))
+    if origin is _MAPPING:
+        return isinstance(value, Mapping) and all(_fits(inner[0], k) and _fits(inner[1], v) for k, v in value.items())
+    if kind in (str, Path) and isinstance(value, str | Path) and "\0" in str(value):
+        return False
+    return isinstance(value, kind) if isinstance(kind, type) else True
+
+
+_CALLABLE, _SEQUENCE = get_origin(Callable[..., Any]), get_origin(Sequence[Any])
+_MAPPING = get_origin(Mapping[Any, Any])
+
+
+def _each(kinds: tuple[Any, ...], values: list[Any]) -> bool:
+    if len(kinds) == 1 or kinds[-1] is Ellipsis:
+        return all(_fits(kinds[0], value) for value in values)
+    return len(values) == len(kinds) and all(map(_fits, kinds, values))
+
+
+def _is_number(value: Any) -> bool:
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        return False
+    return not isinstance(value, int) or abs(value) < 10**300
+
+
+def _words(kind: Any) -> str:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return " or ".join(dict.fromkeys(_words(k) for k in inner))
+    if origin in (tuple, _SEQUENCE):
+        several = (
+            f"of {_words(next(iter(inner), Any))} each"
+            if len(inner) < 2 or inner[-1] is Ellipsis
+            else f"of {len(inner)}"
+        )
+        return f"a list {several}"
+    if origin is Literal:
+        return " or ".join(map(repr, inner))
+    plain = {
+        None: "None",
+        NoneType: "None",
+        bool: "True or False",
+        int: "a whole number",
+        float: "a number",
+        str: "text",
+    }
+    if kind in plain:
+        return plain[kind]
+    if kind is Callable or origin is _CALLABLE:
+        return "a function"
+    name = getattr(kind, "__name__", str(kind))
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+
+
+class Made:
+    """The parent of values that hold functions: pickled as the call that made them, see `made`; copied as themselves.
+
+    One that was made with a function of the user's own, or by hand, cannot be pickled and says so.
+    """
+
+    def __copy__(self) -> Any:
+        return self
+
+    def __deepcopy__(self, _memo: Any) -> Any:
+        return self
+
+    def __reduce__(self) -> Any:
+        recipe = self.__dict__.get("_recipe")
+        what = f"{type(self).__name__} {getattr(self, 'name', '')!r}"
+        if recipe is None:
+            raise PickleError(what, "it was not made by a function of holokin alone")
+        try:
+            pickle.dumps(recipe)
+        except PickleError:
+            raise
+        except (pickle.PicklingError, AttributeError, TypeError) as problem:
+            raise PickleError(what, f"it was made with what cannot be pickled ({problem})") from problem
+        return _remade, recipe
+
+
+def made(function: F) -> F:
+    """`typed`, for a function that makes a `Made`: the value remembers the call."""
+    inner = typed(function)
+
+    @wraps(function)
+    def called(*arguments: Any, **named: Any) -> Any:
+        value = inner(*arguments, **named)
+        kept = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
+        vars(value)["_recipe"] = (called, *kept)
+        return value
+
+    return called  # type: ignore[return-value]
+
+
+def _kept(value: Any) -> Any:
+    """An argument as it is now, whatever the caller makes of it later."""
+    return frozen(value) if isinstance(value, np.ndarray) else deepcopy(value) if isinstance(value, list) else value
+
+
+def _remade(function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    return function(*arguments, **named)
