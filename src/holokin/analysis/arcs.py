@@ -124,11 +124,11 @@ class ToolPath:
         """q of s."""
         return Curve(self.s, self.joints[self.index])
 
-    def sample(self, s: Vector | float) -> Vector:
+    def sample(self, s: Vector) -> Vector:
         """Sample positions at arc lengths."""
         return np.interp(s, self.s, self.index.astype(float))
 
-    def arc(self, samples: Vector | float) -> Vector:
+    def arc(self, samples: Vector) -> Vector:
         """Arc lengths at sample positions."""
         return np.interp(samples, self.index.astype(float), self.s)
 

@@ -63,8 +63,9 @@ def audit_recording(
     count, poses, n = cycles.q.shape
     place, turn = robot.pose_batch(cycles.q[0], tip)
     place[-1], turn[-1] = place[0], turn[0]
-    flat, moved = to_pose(task, cycles.q.reshape(-1, n), np.tile(place, (count, 1)), np.tile(turn, (count, 1, 1)))
-    visits = flat.reshape(count, poses, n)
+    visits, moved = np.empty_like(cycles.q), np.empty((count, poses))
+    for i in range(count):  # a cycle at a time: the Jacobians of all take more memory than the log
+        visits[i], moved[i] = to_pose(task, cycles.q[i], place, turn)
     ways = [way for way in (1, -1) if (cycles.direction == way).any()]
     jacobian, _ = task.jacobian_batch(visits.mean(axis=0))
     axes = spare_axes(jacobian)
@@ -74,7 +75,7 @@ def audit_recording(
     )
     pairs = max(count * (count - 1) // 2, 1)
     widest = quantile((1 - CONFIDENCE) / (pairs * poses * axes.shape[2]), np.inf) * np.sqrt(2)
-    floor = moved.reshape(count, poses).max(axis=0) + widest * of_joints.max(axis=1)
+    floor = moved.max(axis=0) + widest * of_joints.max(axis=1)
     floor[[0, -1]] = floor[[0, -1]].max()
     drift = (visits[:, -1] - visits[:, 0]) * cycles.direction[:, None]
     groups = _groups(cycles)

@@ -84,7 +84,7 @@ def _period(path: ToolPath, most: int, whole: bool) -> Period | None:
     if best > ALIKE:
         return None
     lag, first, _, residual = next(item for item in tested if item[3] <= max(3 * best, SURE))
-    begin, end = path.sample(grid[first]), path.sample(grid[first + lag])
+    begin, end = path.sample(grid[[first, first + lag]])
     return Period(float(begin), float(end), float(lag * grid[1]), residual, whole)
 
 

@@ -80,8 +80,9 @@ def _refusals(file: Path) -> Iterator[None]:
 def _states(file: Path, reader: Any, wanted: list[Any], parse: Any) -> Iterator[_State]:
     """The JointState messages in the order of their reception."""
     storage: Any = getattr(reader, "storage", None)
-    packed = storage is not None and storage.metadata.compression_mode == "message"
-    if packed:  # unpacked here, with a limit
+    packed = False
+    if storage is not None and storage.metadata.compression_mode == "message":
+        packed = True  # unpacked here, with a limit
         storage.metadata = storage.metadata._replace(compression_mode=None)
     with _refusals(file):
         messages = reader.messages(wanted)

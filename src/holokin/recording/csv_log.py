@@ -153,6 +153,7 @@ class _Stamps:
         self.values, self.ticks = array("d"), array("q")
 
     def add(self, table: Matrix, texts: Sequence[str]) -> None:
+        """Add the time columns of some rows, and the text of the first."""
         if self.split:
             self.origin = self.origin if self.values else float(table[0, 0])
             with np.errstate(over="ignore"):

@@ -8,6 +8,7 @@ import sqlite3
 import struct
 import sys
 from collections.abc import Iterator
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -28,6 +29,7 @@ MOST_METADATA = 2 * 2**20
 """Bytes of metadata.yaml; that of an hour of bags in parts has a tenth, and parsing takes five seconds a megabyte."""
 
 _PIECE = 2**20
+_DEEPEST = 50  # the parser's time grows with the square of it
 _ALIAS = re.compile(r"(?:^|[\s\[{,:-])[&*][^\s&*]", re.MULTILINE)
 
 
@@ -104,8 +106,12 @@ def check_folder(folder: Path) -> list[Path]:
         if metadata.stat().st_size > MOST_METADATA:
             fact = f"its metadata.yaml has over {MOST_METADATA} bytes"
             raise RecordingError(folder, fact, "audit its .mcap or .db3 files one by one")
-        if _ALIAS.search(metadata.read_text("utf-8")):
-            fact = "its metadata.yaml holds anchors or aliases (& or *), which recorders do not write"
+        text = metadata.read_text("utf-8")
+        depth = accumulate((c in "[{") - (c in "]}") for c in text)
+        if _ALIAS.search(text) or max(depth, default=0) > _DEEPEST:
+            fact = (
+                f"its metadata.yaml holds aliases (& and *), or brackets over {_DEEPEST} deep, which no recorder writes"
+            )
             raise RecordingError(folder, fact, "write it out, or audit its .mcap or .db3 files one by one")
         files = [part for part in parts if part.is_file()]
         for part in files:
