@@ -46,7 +46,7 @@ def test_a_count_is_a_whole_number_of_at_least_one(ppr: hk.Robot, count: object)
         lambda: hk.follow(strategy, path, PPR_START, samples=count),
         lambda: hk.follow(strategy, path, PPR_START, cycles=count),
     ):
-        with pytest.raises(ArgumentError, match="whole number, at least 1"):
+        with pytest.raises(ArgumentError, match="whole number"):
             call()
 
 

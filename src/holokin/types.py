@@ -74,7 +74,7 @@ def numbers(what: str, value: Any) -> Array:
             given = np.array([number(what, v) for v in given.ravel()]).reshape(given.shape)
         if given.dtype.kind in "iuf":
             return given.astype(float)
-    except (TypeError, ValueError, OverflowError, RecursionError):
+    except (ArgumentError, TypeError, ValueError, OverflowError, RecursionError):
         pass
     raise ArgumentError(what, value, "give numbers, in rows of one length")
 

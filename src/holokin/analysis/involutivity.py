@@ -114,7 +114,7 @@ def involutivity_of(
     Raises:
         EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
     """
-    q = symbol("q", n)
+    q = symbol("q", whole("n", n))
     B = as_expression(distribution(q))
     if B.shape[0] != n:
         raise ShapeError("the distribution", (n, "k"), B.shape)

@@ -12,7 +12,7 @@ from ..errors import NotHolonomicError
 from ..robot import Robot
 from ..strategy import Strategy
 from ..symbolic import Function, jacobian, symbol
-from ..types import ArrayLike, Matrix, Value, Vector, frozen
+from ..types import ArrayLike, Matrix, Value, Vector, frozen, whole
 from .involutivity import involutivity, involutivity_at
 from .region import around
 from .transport import STEPS, transport, way
@@ -137,7 +137,8 @@ def leaf_function(
     start = robot.checked(reference, "the reference posture")
     strategy(start)
     g = LeafFunction(strategy, start)
-    rng = np.random.default_rng(seed)
+    whole("samples", samples)
+    rng = np.random.default_rng(whole("seed", seed, 0))
     worst, witness = 0.0, start
     for _ in range(samples):
         q, corner = start + rng.uniform(-radius, radius, (2, robot.n))

@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..strategy import Strategy, radial, self_motion
-from ..types import ArrayLike, Matrix, Value, Vector
+from ..types import ArrayLike, Matrix, Value, Vector, whole
 from .curvature import curvature, curvature_function, pairs
 from .region import Ball
 from .transport import transport
@@ -143,7 +143,8 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
 
     With `along`, from postures spread over the self-motion. Raises: SingularityError.
     """
-    task, rng = strategy.task, np.random.default_rng(seed)
+    whole("samples", samples)
+    task, rng = strategy.task, np.random.default_rng(whole("seed", seed, 0))
     d = sum(row < 3 for row in task.rows)
     starts = _starts(strategy, region)
     out = np.empty((samples, task.n))

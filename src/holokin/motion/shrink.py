@@ -205,7 +205,7 @@ def _lifts(path: Path) -> Matrix:
 
     now, out = np.array([0.0, 0.0, 0.0, 1.0]), [np.zeros(3)]
     for piece in _pieces(path):
-        following = (Rotation.from_rotvec(piece.turn) * Rotation.from_quat(now)).as_quat()
+        following = (Rotation.from_rotvec(np.array(piece.turn)) * Rotation.from_quat(now)).as_quat()
         now = following if following @ now > 0 else -following  # a small turn is a small step of the quaternion
         size = float(np.linalg.norm(now[:3]))
         out.append(2 * np.arctan2(size, now[3]) / max(size, 1e-300) * now[:3])
