@@ -44,7 +44,7 @@ CUSTOM = '[strategies.mine]\nkind = "custom"\ng = [{!r}]\n'
         ({"strategies": CUSTOM.format("(-8)**0.5")}, ("job.toml: [strategies.mine]", "finite real number")),
         ({"strategies": CUSTOM.format("q1 +" * 3000 + "1")}, ("[strategies.mine]", "12,001 characters", "10,000")),
         ({"robot": f'[robot]\nname = "{"x" * 300}.urdf"\n'}, ("cannot be read",)),
-        ({"robot": '[robot]\nname = "\\u0000.toml"\n'}, ("there is no such file",)),
+        ({"robot": '[robot]\nname = "\\u0000.toml"\n'}, ("without a NUL character",)),
     ],
 )  # fmt: skip
 def test_what_is_too_much_is_refused_by_file_key_and_cure(

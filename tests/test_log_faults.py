@@ -15,7 +15,7 @@ import pytest
 
 import holokin as hk
 from holokin.analysis.cycles import find_cycles
-from holokin.errors import RecordingError
+from holokin.errors import ArgumentError, RecordingError
 from test_recording import JOINTS, write_bag
 
 PANDA, PPR = hk.load("panda"), hk.load("ppr")
@@ -55,7 +55,8 @@ def test_a_folder_with_a_pipe_in_it_and_a_loop_of_links_are_refused(tmp_path: Pa
     refused(tmp_path / "a.csv", "cannot be looked at")
     with pytest.raises(RecordingError, match="name too long"):
         hk.read_recording("a" * 5000 + ".csv", PANDA)
-    refused("a\0b.csv", "no such file")
+    with pytest.raises(ArgumentError, match="without a NUL character"):
+        hk.read_recording("a\0b.csv", PANDA)
 
 
 def csv_log(tmp_path: Path, *, header: str = "t,q1,q2,q3", rows: list[str] | None = None) -> Path:

@@ -17,7 +17,7 @@ from typing import Any
 
 from holokin.job import Job, open_job, packaged_jobs, run_job
 from holokin.job.runner import packaged_text
-from holokin.output.report import check_folder
+from holokin.output.folder import check_folder
 from holokin.output.table import print_result
 
 _PATH = (

@@ -47,7 +47,8 @@ def typed(function: F) -> F:
 def check(what: str, kind: Any, value: Any) -> None:
     """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
     if not _fits(kind, value):
-        raise ArgumentError(what, value, f"give {_words(kind)}")
+        spoilt = isinstance(value, str | Path) and "\0" in str(value)
+        raise ArgumentError(what, value, f"give {_words(kind)}{' without a NUL character' if spoilt else ''}")
 
 
 def _fits(kind: Any, value: Any) -> bool:

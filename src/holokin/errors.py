@@ -58,7 +58,7 @@ def closest(word: object, known: Sequence[str]) -> str:
     """The known name nearest to a word, as a question, and all that are known."""
     word = brief(word, LONGEST_NAME + 1)
     close = [k for k in known if k.partition(".")[0] == word] or _near(word, known)
-    hint = f"did you mean {shown(close[0], 80)}? " if close else ""
+    hint = f"did you mean {shown(close[0], LONGEST_NAME)}? " if close else ""
     names = ", ".join(brief(name, 60) for name in known[:MOST_NAMES]) or "none"
     return f"{hint}known: {names}{f' and {len(known) - MOST_NAMES} more' if len(known) > MOST_NAMES else ''}"
 

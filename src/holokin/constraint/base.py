@@ -53,10 +53,10 @@ def custom(
 
     Args:
         expression: q (n,) -> g (rows,).
-        rows: r = n - m.
+        rows: r = n - m, 0 for an arm without redundancy.
         angular: True when every row is an angle that may wrap.
     """
-    whole("rows", rows)
+    whole("rows", rows, 0)
     return Constraint(name, rows, lambda _task, _k, q: as_expression(expression(q)), (angular,) * rows)
 
 

@@ -181,6 +181,7 @@ def record(
     for first in range(0, count, BLOCK):
         lap, step = np.divmod(np.arange(first, min(first + BLOCK, count)), steps)
         t[1 + first : 1 + first + len(step)] = plan.ends(step) + lap * plan.path.duration
+    t.flags.writeable = False  # the trajectory keeps it as it is
 
     def error() -> Matrix:
         index = np.arange(count) % steps

@@ -27,6 +27,10 @@ BUDGET = 5_000
 """Postures that are looked at in all: at most a second for a Panda. Where they do not suffice, nothing is said of the
 reach. A count and not a clock, so that the answer is the same on every machine."""
 
+STALLED, AFTER = 0.99, 20
+"""A search that makes the error no smaller than this share within so many looks ends: close to a stretched arm, each
+step gains less than the one before, and the looks are needed for other postures."""
+
 STATIONARY = 1e-3
 """Largest cosine between the error that is left and what a joint does to it at which a search has got to its end."""
 
@@ -99,10 +103,14 @@ def _nearest(task: Task, look: Look, q: Vector, limits: bool, budget: int) -> _S
 def _search(look: Look, q: Vector, lower: Vector, upper: Vector, most: int) -> _Search:
     """Damped least squares; a joint at its limit stays there while the error pushes it out. [GVL13, section 6.1]"""
     error, D = look(q)
-    damping, looks, stationary = 1e-6, 1, False
+    damping, looks, stationary, before = 1e-6, 1, False, np.inf
     while looks < most and np.isfinite(error).all() and np.isfinite(D).all():
         if np.abs(error).max() <= REACHED / 10:
             break
+        if looks % AFTER == 0:
+            if np.linalg.norm(error) > STALLED * before:
+                break
+            before = float(np.linalg.norm(error))
         slope = D.T @ error
         free = ~(((q <= lower) & (slope >= 0)) | ((q >= upper) & (slope <= 0)))
         sizes = np.linalg.norm(D, axis=0) * np.linalg.norm(error)
