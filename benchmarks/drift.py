@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
-from holokin.control import PostureTask, mink_controller, pink_controller, placo_controller
 from holokin.errors import ControllerError, MissingExtraError, PathError
+from holokin.laws import PostureTask, mink_law, pink_law, placo_law
 
 DT = 0.01
 GAIN = 50.0
@@ -56,7 +56,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
 
     def held(g: hk.Constraint) -> Callable[[], object]:
         leaf = hk.holonomic(task, g).constraint_value(start)  # feedback to the leaf, as to the path
-        return lambda: hk.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
+        return lambda: hk.laws.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
 
     twin = hk.radial(given, start).constraint
     turned = hk.pose(robot, "rpy")  # impedance needs coordinates
@@ -64,32 +64,44 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
     weights = np.diag([1.0, 2.0, 1.0, 2.0, 1.0, 1.0, 0.5])
     names = robot.joint_names
     apart, swivel = hk.linear([1, 0, -1, 0, 0, 0, 0]), hk.arm_angle(pole=(0, -1, 0))
-    rest = hk.posture_cost(start)
+    rest = hk.constraints.posture_cost(start)
     return [
-        ("Moore-Penrose", "no rule", lambda: hk.closed_loop(given, GAIN)),
-        ("damped, 0.05", "no rule", lambda: hk.damped(task, 0.05, GAIN)),
-        ("weighted", "no rule", lambda: hk.closed_loop(hk.weighted(task, weights), GAIN)),
-        ("pink", "no rule", lambda: pink_controller(robot)),
-        ("mink", "no rule", lambda: mink_controller(robot)),
-        ("placo", "no rule", lambda: placo_controller(robot)),
-        ("gradient projection, 1/s", "posture", lambda: hk.gradient_projection(task, rest, 1.0, GAIN)),
-        ("gradient projection, 10/s", "posture", lambda: hk.gradient_projection(task, rest, 10.0, GAIN)),
+        ("Moore-Penrose", "no rule", lambda: hk.laws.closed_loop(given, GAIN)),
+        ("damped, 0.05", "no rule", lambda: hk.laws.damped(task, 0.05, GAIN)),
+        ("weighted", "no rule", lambda: hk.laws.closed_loop(hk.weighted(task, weights), GAIN)),
+        ("pink", "no rule", lambda: pink_law(robot)),
+        ("mink", "no rule", lambda: mink_law(robot)),
+        ("placo", "no rule", lambda: placo_law(robot)),
+        ("gradient projection, 1/s", "posture", lambda: hk.laws.gradient_projection(task, rest, 1.0, GAIN)),
+        ("gradient projection, 10/s", "posture", lambda: hk.laws.gradient_projection(task, rest, 10.0, GAIN)),
         ("cyclic in the end, 1/s", "to a leaf", lambda: to_the_leaf(task, start)),
-        ("repetitive motion, 4/s", "posture", lambda: hk.repetitive_motion(task, 4.0, GAIN)),
-        ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_controller(robot, PostureTask(1e-3, 0.05))),
-        ("pink, cost 1e-3, gain 1", "posture", lambda: pink_controller(robot, PostureTask(1e-3))),
-        ("pink, cost 0.1, gain 1", "posture", lambda: pink_controller(robot, PostureTask(0.1))),
-        ("mink, cost 1e-2, gain 1", "posture", lambda: mink_controller(robot, PostureTask(1e-2))),
-        ("placo, weight 1e-4", "posture", lambda: placo_controller(robot, PostureTask(1e-4))),
+        ("repetitive motion, 4/s", "posture", lambda: hk.laws.repetitive_motion(task, 4.0, GAIN)),
+        ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_law(robot, PostureTask(1e-3, 0.05))),
+        ("pink, cost 1e-3, gain 1", "posture", lambda: pink_law(robot, PostureTask(1e-3))),
+        ("pink, cost 0.1, gain 1", "posture", lambda: pink_law(robot, PostureTask(0.1))),
+        ("mink, cost 1e-2, gain 1", "posture", lambda: mink_law(robot, PostureTask(1e-2))),
+        ("placo, weight 1e-4", "posture", lambda: placo_law(robot, PostureTask(1e-4))),
         ("locked joint 3", "holonomic", held(hk.lock(2))),
         ("linear, q1 - q3", "holonomic", held(apart)),
-        ("height of joint 4 + q1 - q3", "holonomic", held(hk.total(apart, hk.height(names[3])))),
-        ("tilted arm angle", "holonomic", held(hk.tilted(swivel, lambda x: 0.2 * (x[0] - x[1])))),
+        (
+            "height of joint 4 + q1 - q3",
+            "holonomic",
+            held(hk.constraints.total(apart, hk.constraints.height(names[3]))),
+        ),
+        ("tilted arm angle", "holonomic", held(hk.constraints.tilted(swivel, lambda x: 0.2 * (x[0] - x[1])))),
         ("arm angle", "holonomic", held(swivel)),
         ("stationary posture", "holonomic", held(hk.stationary(rest))),
-        ("stationary centring", "holonomic", held(hk.stationary(hk.centring_cost(), free=(names[2],)))),
-        ("impedance", "no feedback", lambda: hk.closed_loop(hk.impedance(turned, hk.posture_cost(bent)), GAIN)),
-        ("impedance with memory", "no feedback", lambda: hk.impedance_with_memory(turned, hk.posture_cost(bent))),
+        ("stationary centring", "holonomic", held(hk.stationary(hk.constraints.centring_cost(), free=(names[2],)))),
+        (
+            "impedance",
+            "no feedback",
+            lambda: hk.laws.closed_loop(hk.strategies.impedance(turned, hk.constraints.posture_cost(bent)), GAIN),
+        ),
+        (
+            "impedance with memory",
+            "no feedback",
+            lambda: hk.laws.impedance_with_memory(turned, hk.constraints.posture_cost(bent)),
+        ),
         ("radial twin", "holonomic", held(twin)),
         *with_masses(robot),
     ]
@@ -105,17 +117,17 @@ def with_masses(robot: hk.Robot) -> list[tuple[str, str, Callable[[], object]]]:
     if not found:
         return []
     task = hk.pose(hk.from_urdf(found[0], tip=robot.tips[0].name))
-    carried = hk.stationary(hk.gravity_cost())
+    carried = hk.stationary(hk.constraints.gravity_cost())
     leaf = hk.holonomic(task, carried).constraint_value(STARTS[robot.name])
     return [
-        ("inertia-weighted", "no rule", lambda: hk.closed_loop(hk.inertia_weighted(task), GAIN)),
-        ("stationary gravity", "holonomic", lambda: hk.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN)),
+        ("inertia-weighted", "no rule", lambda: hk.laws.closed_loop(hk.strategies.inertia_weighted(task), GAIN)),
+        ("stationary gravity", "holonomic", lambda: hk.laws.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN)),
     ]
 
 
 def to_the_leaf(task: hk.Task, start: np.ndarray) -> object:
     """De Luca's law, begun 0.1 rad off its leaf."""
-    return hk.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
+    return hk.laws.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
 
 
 def paths(point: np.ndarray) -> dict[str, hk.Path]:
@@ -139,7 +151,7 @@ def measure(name: str, kind: str, make: Callable[[], object], robot: hk.Robot, s
     fault = ""
     try:
         for label, path in paths(point).items():
-            walk = hk.drive(law, task, path, start, dt=DT, cycles=cycles, patience=5.0)
+            walk = hk.simulate(law, task, path, start, dt=DT, cycles=cycles, patience=5.0)
             each = np.abs(walk.drift()).max(axis=1)
             first, later = max(first, each[0]), max(later, each[-1])
             tracking = max(tracking, 1e3 * walk.tracking_error())
@@ -152,7 +164,7 @@ def measure(name: str, kind: str, make: Callable[[], object], robot: hk.Robot, s
         ends = []
         for speed in SPEEDS:
             a, b = paths(point)["circle"].at_speed(speed).ways()
-            ends.append([hk.drive(law, task, way, start, dt=DT, patience=5.0).q[-1] for way in (a, b)])
+            ends.append([hk.simulate(law, task, way, start, dt=DT, patience=5.0).q[-1] for way in (a, b)])
         apart = max(float(np.abs(a - b).max()) for a, b in ends)
         hurried = max(float(np.abs(pair[0] - ends[1][0]).max()) for pair in ends)
     except (ControllerError, PathError) as problem:

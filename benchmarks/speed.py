@@ -25,11 +25,12 @@ import numpy as np
 import holokin as hk
 from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
-from holokin.analysis.curvature import curvature_function
-from holokin.control import Controller, PostureTask, drive, mink_controller, pink_controller, placo_controller
+from holokin.analysis.brackets import curvature_function
+from holokin.codegen.native import engine, library
+from holokin.codegen.source import step_source
 from holokin.errors import MissingExtraError
-from holokin.symbolic.native import engine, library
-from holokin.symbolic.source import step_source
+from holokin.laws import PostureTask, mink_law, pink_law, placo_law
+from holokin.motion import ControlLaw, simulate
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,7 +67,7 @@ def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple
     return float(np.median(times)), float(np.percentile(times, 99))
 
 
-def c_floor(servo: hk.Servo, pose: np.ndarray, dx: np.ndarray) -> tuple[float, float]:
+def c_floor(servo: hk.motion.Controller, pose: np.ndarray, dx: np.ndarray) -> tuple[float, float]:
     """Seconds of one step in a bare C loop."""
     lib = library(step_source(*servo.generated) + LOOP)
     run = lib.floor_loop
@@ -78,24 +79,24 @@ def c_floor(servo: hk.Servo, pose: np.ndarray, dx: np.ndarray) -> tuple[float, f
     return median / 20_000, p99 / 20_000
 
 
-def without_compiler(make: Callable[[], hk.Servo]) -> hk.Servo:
+def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
     """A servo on the virtual machine."""
     with environment(HOLOKIN_NATIVE="0"):
         return make()
 
 
-def first_use(make: Callable[[], hk.Servo]) -> tuple[float, float]:
+def first_use(make: Callable[[], hk.motion.Controller]) -> tuple[float, float]:
     """Seconds to build, compile and load a new strategy, and again from the cache."""
     with tempfile.TemporaryDirectory() as folder, environment(HOLOKIN_CACHE=folder):
         return _seconds(make), _seconds(make)
 
 
-def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
+def rivals(robot: hk.Robot) -> list[tuple[str, ControlLaw | str]]:
     """The libraries, or why one is left out."""
     import numpy.linalg as la
 
-    out: list[tuple[str, Controller | str]] = []
-    for name, make in (("pink", pink_controller), ("mink", mink_controller), ("placo", placo_controller)):
+    out: list[tuple[str, ControlLaw | str]] = []
+    for name, make in (("pink", pink_law), ("mink", mink_law), ("placo", placo_law)):
         try:
             out.append((name, make(robot, PostureTask(1e-3))))
         except MissingExtraError as problem:
@@ -116,10 +117,10 @@ def rivals(robot: hk.Robot) -> list[tuple[str, Controller | str]]:
         e = np.concatenate([pose[:3, 3] - here.translation, pin.log3(pose[:3, :3] @ here.rotation.T)])
         return la.pinv(J) @ (twist + 100.0 * e)
 
-    return [*out, ("Pinocchio + pinv", Controller("Pinocchio + pinv", lambda _q0: law))]
+    return [*out, ("Pinocchio + pinv", ControlLaw("Pinocchio + pinv", lambda _q0: law))]
 
 
-def _roboticstoolbox() -> Controller | str:
+def _roboticstoolbox() -> ControlLaw | str:
     """Its own Panda, whose hand is elsewhere: for the time alone."""
     try:
         import roboticstoolbox as rtb
@@ -131,7 +132,7 @@ def _roboticstoolbox() -> Controller | str:
         e, _ = rtb.angle_axis(arm.fkine(q).A, pose), dt
         return np.linalg.pinv(arm.jacob0(q)) @ (twist + 100.0 * e)
 
-    return Controller("roboticstoolbox + pinv", lambda _q0: law)
+    return ControlLaw("roboticstoolbox + pinv", lambda _q0: law)
 
 
 def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str, float, int]]:
@@ -169,7 +170,7 @@ def main(arguments: list[str] | None = None) -> int:
     pose, dx = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
 
-    def make() -> hk.Servo:
+    def make() -> hk.motion.Controller:
         return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
 
     servo, machine = make(), without_compiler(make)
@@ -204,7 +205,7 @@ def main(arguments: list[str] | None = None) -> int:
     batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
     curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
     cold, warm = first_use(make)
-    check = drive(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
+    check = simulate(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
     loops = [
         (f"`follow` by leaf, circle of {samples:,} samples", follow),
         (f"`follow` by velocity (five evaluations), {samples:,} samples", velocity),

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from conftest import Command
-from holokin.symbolic import Function, engine, native, symbol, toolchain
+from holokin.codegen import engine, native, toolchain
+from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 
 needs_compiler = pytest.mark.skipif(

@@ -10,15 +10,15 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.control import PostureTask, mink_controller, pink_controller, placo_controller
 from holokin.errors import ArgumentError
+from holokin.laws import PostureTask, mink_law, pink_law, placo_law
 from holokin.robot import to_mjcf, to_urdf
 
-LIBRARIES = {"pink": pink_controller, "mink": mink_controller, "placo": placo_controller}
+LIBRARIES = {"pink": pink_law, "mink": mink_law, "placo": placo_law}
 every = pytest.mark.parametrize("library", LIBRARIES)
 
 
-def maker(library: str) -> Callable[..., hk.Controller]:
+def maker(library: str) -> Callable[..., hk.ControlLaw]:
     """Skips where the library is not installed; they are no part of the test extra."""
     pytest.importorskip(library)
     return LIBRARIES[library]
@@ -81,8 +81,8 @@ def test_without_a_posture_task_a_library_is_the_pseudo_inverse(panda: hk.Robot,
     task = hk.pose(panda)
     point = panda.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    theirs = hk.drive(maker(library)(panda), task, loop, PANDA_START, dt=0.04)
-    ours = hk.drive(hk.closed_loop(hk.moore_penrose(task), 25.0), task, loop, PANDA_START, dt=0.04)
+    theirs = hk.simulate(maker(library)(panda), task, loop, PANDA_START, dt=0.04)
+    ours = hk.simulate(hk.laws.closed_loop(hk.moore_penrose(task), 25.0), task, loop, PANDA_START, dt=0.04)
     assert theirs.tracking_error() < 1e-4
     assert np.abs(theirs.drift()).max() == pytest.approx(0.163, abs=2e-3)
     assert np.abs(theirs.q - ours.q).max() < 1e-3
@@ -95,7 +95,7 @@ def test_with_a_posture_task_it_repeats_but_two_ways_differ(panda: hk.Robot, lib
     loop = hk.circle(point, point - [0.1, 0, 0])
     posture = PostureTask(1e-5 if library == "placo" else 1e-2, gain=1.0)
     law = maker(library)(panda, posture)
-    walk = hk.drive(law, task, loop, PANDA_START, dt=0.04, cycles=2)
+    walk = hk.simulate(law, task, loop, PANDA_START, dt=0.04, cycles=2)
     assert np.abs(walk.drift()[1]).max() < 1e-6
-    a, b = (hk.drive(law, task, way, PANDA_START, dt=0.04).q[-1] for way in loop.ways())
+    a, b = (hk.simulate(law, task, way, PANDA_START, dt=0.04).q[-1] for way in loop.ways())
     assert np.abs(a - b).max() > 1e-3

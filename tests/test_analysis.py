@@ -112,7 +112,7 @@ def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
         loop = hk.polyline(corners, turns=turns if turning else None)
         assert loop.closed
         found = hk.drift(panda_given, loop, PANDA_START, samples=200).since_start[0]
-        told = hk.forecast(panda_given, loop, PANDA_START)
+        told = hk.analysis.forecast(panda_given, loop, PANDA_START)
         errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
         assert told.largest == np.abs(told.drift).max()
     assert errors[1] < 0.1
@@ -123,20 +123,20 @@ def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
     given = hk.moore_penrose(hk.position(ppr))
     point = ppr.pose(PPR_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    told = hk.forecast(given, loop, PPR_START)
+    told = hk.analysis.forecast(given, loop, PPR_START)
     assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
     assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
         np.pi * 0.01 / 4, rel=1e-6
     )  # theory 4: area / l^2
-    assert hk.forecast(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
-    assert hk.forecast(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
+    assert hk.analysis.forecast(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
+    assert hk.analysis.forecast(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
     with pytest.raises(OpenPathError):
-        hk.forecast(given, loop.part(0, 0.5), PPR_START)
+        hk.analysis.forecast(given, loop.part(0, 0.5), PPR_START)
 
 
 def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.Strategy, planar_3r: hk.Robot) -> None:
     """Klein and Kee's stable posture; clockwise and counter-clockwise loops have different ones."""
-    free = hk.drift_free(r3, R3_START)
+    free = hk.analysis.drift_free(r3, R3_START)
     assert {f.attracts for f in free} == {"counter-clockwise", "clockwise"}
     target = planar_3r.pose(R3_START)
     center = target[:3, 3]
@@ -144,7 +144,7 @@ def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.St
         assert np.abs(planar_3r.pose(f.q)[:3, 3] - center).max() < 1e-12
         assert np.abs(hk.curvature(r3, f.q)).max() < 1e-10
         v = np.array([0.25, 0.0])
-        curve = hk.self_motion(r3.task, f.q, step=0.05, length=0.2)
+        curve = hk.strategies.self_motion(r3.task, f.q, step=0.05, length=0.2)
         for beside in (curve.q[0], curve.q[-1]):
             rim = transport(r3, beside, v)
             loop = hk.circle(planar_3r.pose(rim)[:3, 3], center, clockwise=f.attracts == "clockwise")
@@ -155,35 +155,35 @@ def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.St
 
 
 def test_a_self_motion_holds_the_tool_and_is_closed_or_says_why_not(r3: hk.Strategy, panda: hk.Robot) -> None:
-    curve = hk.self_motion(r3.task, R3_START)
+    curve = hk.strategies.self_motion(r3.task, R3_START)
     assert curve.closed
     assert max(np.abs(r3.task(q) - r3.task(R3_START)).max() for q in curve.q) < 1e-12
     assert np.diff(curve.s) == pytest.approx(0.02, rel=0.1)
-    arm = hk.self_motion(hk.pose(panda), PANDA_START)
+    arm = hk.strategies.self_motion(hk.pose(panda), PANDA_START)
     assert arm.endings == ("limit", "limit")
     assert max(np.abs(panda.pose(q) - panda.pose(PANDA_START)).max() for q in arm.q) < 1e-12
-    assert hk.self_motion(hk.pose(panda), PANDA_START, length=0.3).endings == ("length", "length")
+    assert hk.strategies.self_motion(hk.pose(panda), PANDA_START, length=0.3).endings == ("length", "length")
     with pytest.raises(ArgumentError, match="redundant"):
-        hk.self_motion(hk.position(panda), PANDA_START)
+        hk.strategies.self_motion(hk.position(panda), PANDA_START)
     with pytest.raises(ArgumentError, match="plane"):
-        hk.drift_free(r3, R3_START, plane=(0, 2))
+        hk.analysis.drift_free(r3, R3_START, plane=(0, 2))
 
 
 def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
     ppr: hk.Robot, panda_given: hk.Strategy
 ) -> None:
     task = hk.position(ppr)
-    assert hk.filtration(hk.moore_penrose(task), PPR_START).holonomy is hk.Holonomy.COMPLETELY
-    assert hk.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
-    assert hk.filtration(panda_given, PANDA_START).dimensions == (6, 7)
+    assert hk.analysis.filtration(hk.moore_penrose(task), PPR_START).holonomy is hk.analysis.Holonomy.COMPLETELY
+    assert hk.analysis.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
+    assert hk.analysis.filtration(panda_given, PANDA_START).dimensions == (6, 7)
     locked = hk.holonomic(panda_given.task, hk.lock(2))
-    assert hk.filtration(locked, PANDA_START).holonomy is hk.Holonomy.HOLONOMIC
+    assert hk.analysis.filtration(locked, PANDA_START).holonomy is hk.analysis.Holonomy.HOLONOMIC
     four = hk.position(hk.from_dh([{"a": 1.0}] * 4))
     # joint 4 held, joints 1 to 3 by a form that is not integrable: loops move q inside q4 = const only
-    partly = hk.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
-    found = hk.filtration(partly, [0.3, 0.7, 0.5, 0.4])
+    partly = hk.strategies.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
+    found = hk.analysis.filtration(partly, [0.3, 0.7, 0.5, 0.4])
     assert found.dimensions == (2, 3)
-    assert found.holonomy is hk.Holonomy.PARTLY
+    assert found.holonomy is hk.analysis.Holonomy.PARTLY
     assert "partly" in str(found)
 
 
@@ -199,7 +199,7 @@ def test_leaf_functions_of_the_papers_strategies_have_their_closed_forms(ppr: hk
         de_luca_frame: lambda q, x: q[2] - x.sum() + x0.sum(),
     }
     for frame, angle in forms.items():
-        g = hk.leaf_function(hk.null_basis(task, frame), PPR_START)
+        g = hk.analysis.leaf_function(hk.null_basis(task, frame), PPR_START)
         Z = task.null_space(PPR_START)[:, 0] / np.linalg.norm(task.null_space(PPR_START))
         for q in PPR_START + np.random.default_rng(4).uniform(-0.3, 0.3, (5, 3)):
             back = angle(q, task(q))
@@ -209,7 +209,7 @@ def test_leaf_functions_of_the_papers_strategies_have_their_closed_forms(ppr: hk
 
 def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(panda), hk.arm_angle())
-    g = hk.leaf_function(strategy, PANDA_START)
+    g = hk.analysis.leaf_function(strategy, PANDA_START)
     q, h = PANDA_START + np.array([0.05, -0.04, 0.03, 0.06, -0.02, 0.05, -0.03]), 1e-5
     gradient = g.gradient(q)
     slopes = [(g(q + e) - g(q - e)) / (2 * h) for e in np.eye(7) * h]
@@ -224,7 +224,7 @@ def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: 
 def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3: hk.Strategy) -> None:
     for strategy, start in ((panda_given, PANDA_START), (r3, R3_START)):
         with pytest.raises(NotHolonomicError, match="two ways") as caught:
-            hk.leaf_function(strategy, start)
+            hk.analysis.leaf_function(strategy, start)
         assert caught.value.gap > 1e-5
         assert len(caught.value.witness) == len(start)
 
@@ -239,7 +239,7 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
         "arm angle": lambda: (hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, None),
         "radial": lambda: (hk.radial(panda_given, PANDA_START), PANDA_START + 0.03, None),
     }[case]()
-    form = hk.general_form(strategy, q, reference)
+    form = hk.analysis.general_form(strategy, q, reference)
     residuals = form.residuals()
     assert max(residuals[key] for key in ("(7)", "(10)", "(13)", "(14)")) < 1e-9
     assert min(residuals["(11)"], residuals["(12)"]) > 1e-3
@@ -248,4 +248,4 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
 
 def test_theorem_III_2_is_refused_to_a_strategy_that_has_none(r3: hk.Strategy) -> None:
     with pytest.raises(NotHolonomicError):
-        hk.general_form(r3, R3_START, R3_START)
+        hk.analysis.general_form(r3, R3_START, R3_START)

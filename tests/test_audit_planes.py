@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.analysis.planes import enclosed, plane_loop
-from holokin.analysis.questions import Bench, ask_plane, worst_plane
-from holokin.control import as_controller
+from holokin.auditing.planes import enclosed, plane_loop
+from holokin.auditing.questions import Bench, ask_plane, worst_plane
+from holokin.motion import as_control_law
 from test_audit import locked, pull
 
 QUICK = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
@@ -37,7 +37,7 @@ def curved(robot: hk.Robot, i: int, j: int, kappa: float):
 def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     """A circle of 0.1 m there turns joint 3 by 1.5 times its area, 0.047 rad; no other plane turns it."""
     found = hk.audit(curved(panda, 1, 2, 1.5), panda, **QUICK)
-    assert found.verdict is hk.Homecoming.DRIFTS
+    assert found.verdict is hk.auditing.Homecoming.DRIFTS
     assert found.exit_code == 1
     assert "in y-z" in found["planes"].sentence
     assert found["cycles in y-z"].figures["first"] > 0.015
@@ -49,7 +49,7 @@ def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
 def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, j: int) -> None:
     """Joint 3 then drifts by kappa times area, so that is the least that the largest joint does."""
     task = hk.pose(panda)
-    bench = Bench(as_controller(curved(panda, i, j, 1.5)), task, PANDA_START, 0.04, 3, 2.0, 1e-3)
+    bench = Bench(as_control_law(curved(panda, i, j, 1.5)), task, PANDA_START, 0.04, 3, 2.0, 1e-3)
     planes = [ask_plane(bench, plane) for plane in combinations(range(6), 2)]
     worst = worst_plane(planes)
     assert worst is not None
@@ -63,7 +63,7 @@ def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, 
 
 def test_a_law_without_curvature_comes_home_and_the_planes_are_counted(panda: hk.Robot) -> None:
     found = hk.audit(locked(panda, 2), panda, **QUICK)
-    assert found.verdict is hk.Homecoming.COMES_HOME
+    assert found.verdict is hk.auditing.Homecoming.COMES_HOME
     assert found.untested == ()
     assert [p.name for p in found.planes] == [f"{a}-{b}" for a, b in combinations(ROWS, 2)]
     assert found["planes"].sentence.startswith("15 of 15 tested")
@@ -75,13 +75,13 @@ def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Rob
     point = panda.pose(PANDA_START)[:3, 3]
     law = curved(panda, 1, 2, 1.5)
     flat = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0])], **QUICK)
-    assert flat.verdict is hk.Homecoming.COMES_HOME
+    assert flat.verdict is hk.auditing.Homecoming.COMES_HOME
     assert len(flat.untested) == 14
     assert "y-z" in flat.sentence
     assert flat.summary()["untested"] == list(flat.untested)
     around = hk.circle(point, point - [0, 0.1, 0], normal=[1, 0, 0])
     both = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
-    assert both.verdict is hk.Homecoming.DRIFTS
+    assert both.verdict is hk.auditing.Homecoming.DRIFTS
     assert "y-z" not in both.untested and "x-z" in both.untested
     eight = hk.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
     nothing = hk.audit(law, panda, loops=[eight], **QUICK)
@@ -102,7 +102,7 @@ def test_a_plane_that_the_tool_does_not_follow_is_not_tested(panda: hk.Robot) ->
 
 def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> None:
     found = hk.audit(lambda q, pose, twist, dt: np.zeros(7), panda, **QUICK)
-    assert found.verdict is hk.Homecoming.UNKNOWN
+    assert found.verdict is hk.auditing.Homecoming.UNKNOWN
     assert found.exit_code == 2
     assert "did not follow" in found["cycles, loop 1"].fault
 
@@ -132,22 +132,22 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         assert areas[i, j] == pytest.approx(1, abs=0.2)
         areas[i, j] = areas[j, i] = 0.0
         assert areas.max() < 0.4
-    law = hk.closed_loop(hk.moore_penrose(task))
+    law = hk.laws.closed_loop(hk.moore_penrose(task))
     found = hk.audit(law, task.robot, task, start=start, dt=0.02, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:
-        assert found.verdict in (hk.Homecoming.COMES_HOME, hk.Homecoming.BUT_FOR_THE_STEP)
+        assert found.verdict in (hk.auditing.Homecoming.COMES_HOME, hk.auditing.Homecoming.BUT_FOR_THE_STEP)
         assert "has none" in found["planes"].sentence
     elif task.n > task.m:
-        assert found.verdict is hk.Homecoming.DRIFTS
+        assert found.verdict is hk.auditing.Homecoming.DRIFTS
         for p in found.planes:
             loop = plane_loop(task, tool[:3, 3], tool[:3, :3], *p.plane, p.size)
             followed = hk.drift(hk.moore_penrose(task), loop, start, limits=False).largest[0]
             assert p.drift == pytest.approx(followed, rel=0.05, abs=1e-4), p.name
 
 
-def between_runs(robot: hk.Robot, every: int) -> hk.Controller:
+def between_runs(robot: hk.Robot, every: int) -> hk.ControlLaw:
     """Joint 3 stands in so many runs, and joint 1 in the next."""
     begun = 0
 
@@ -156,10 +156,10 @@ def between_runs(robot: hk.Robot, every: int) -> hk.Controller:
         begun += 1
         return locked(robot, 0 if begun // every % 2 else 2)
 
-    return hk.Controller("alternates between runs", begin)
+    return hk.ControlLaw("alternates between runs", begin)
 
 
-def between_calls(robot: hk.Robot, every: int) -> hk.Controller:
+def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
     """The joint that stands changes every so many calls, and runs do not matter."""
     calls = 0
     laws = (locked(robot, 2), locked(robot, 0))
@@ -169,7 +169,7 @@ def between_calls(robot: hk.Robot, every: int) -> hk.Controller:
         calls += 1
         return laws[calls // every % 2](q, pose, twist, dt)
 
-    return hk.Controller("alternates between calls", lambda q0: law)
+    return hk.ControlLaw("alternates between calls", lambda q0: law)
 
 
 @pytest.mark.parametrize(
@@ -182,11 +182,11 @@ def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, 
     said = found["history"].sentence
     assert said.startswith("alternates") or (every == 400 and said.startswith("remembers"))
     assert found["history"].figures["otherwise"] > 0
-    assert found.verdict is not hk.Homecoming.COMES_HOME
+    assert found.verdict is not hk.auditing.Homecoming.COMES_HOME
 
 
 def test_a_law_tied_to_the_start_of_its_run_is_told_from_one_that_remembers(panda: hk.Robot) -> None:
-    found = hk.audit(hk.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
+    found = hk.audit(hk.laws.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
     assert found["history"].sentence.startswith("remembers where its run began")
     assert found["history"].figures["apart"] == 0
 
@@ -199,7 +199,7 @@ def test_a_start_at_which_the_angles_are_singular_is_told(irb140: hk.Robot, give
     point = irb140.pose(q0)[:3, 3]
     loops = [hk.circle(point, point - [0.1, 0, 0])] if given else None
     found = hk.audit(hk.moore_penrose(task), irb140, task, loops, start=q0, cycles=3, dt=0.04)
-    assert found.verdict is hk.Homecoming.UNKNOWN
+    assert found.verdict is hk.auditing.Homecoming.UNKNOWN
     assert "representation" in found["planes"].fault
     assert len(found.untested) == 15
 

@@ -86,7 +86,7 @@ def test_constraint_rows_must_make_up_for_the_missing_task_rows(panda: hk.Robot,
         (ppr, hk.position(ppr), hk.linear(np.eye(3)[:2])),
         (panda, hk.pose(panda), hk.lock(0, 1)),
         (panda, hk.position(panda), hk.lock("panda_joint1")),
-        (panda, hk.position(panda), hk.stack(hk.lock(0, 1), hk.linear(np.eye(7)[:1]), hk.lock(2, 3))),
+        (panda, hk.position(panda), hk.constraints.stack(hk.lock(0, 1), hk.linear(np.eye(7)[:1]), hk.lock(2, 3))),
     ):
         with pytest.raises(ConstraintRowsError) as caught:
             hk.holonomic(task, g)
@@ -176,7 +176,7 @@ def test_a_tool_pointing_straight_down_is_a_representation_singularity_of_zyz(pa
     hk.moore_penrose(twist)(q)  # neither the arm nor the strategy is singular
     for strategy in (
         hk.moore_penrose(hk.pose(panda, "zyz")),
-        hk.holonomic(hk.position(panda), hk.stack(hk.coupled(1.0, "zyz"), hk.lock(2))),
+        hk.holonomic(hk.position(panda), hk.constraints.stack(hk.coupled(1.0, "zyz"), hk.lock(2))),
     ):
         with pytest.raises(SingularityError) as caught:
             strategy(q)

@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.codegen import enabled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.motion.branch import lay_tube
-from holokin.strategy import Strategy
-from holokin.symbolic import enabled
+from holokin.strategies import Strategy
 
 ENGINES = [pytest.param(500, id="machine"), pytest.param(6000, id="native")]
 """Samples of a walk: from 5,000 on it is native code."""
@@ -212,7 +212,12 @@ def test_an_angle_is_settled_by_its_shorter_way() -> None:
 def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
     """What a tube claims: ||1 - Y A|| within it, at a thousand postures of it, and at its ends."""
     rng = np.random.default_rng(0)
-    for constraint in (hk.lock(2), hk.arm_angle(), hk.height("panda_joint4"), hk.stationary(hk.centring_cost())):
+    for constraint in (
+        hk.lock(2),
+        hk.arm_angle(),
+        hk.constraints.height("panda_joint4"),
+        hk.stationary(hk.constraints.centring_cost()),
+    ):
         strategy = hk.holonomic(hk.pose(panda), constraint)
         for _ in range(4):
             q, half = PANDA_START + rng.uniform(-0.3, 0.3, 7), rng.normal(size=7)
@@ -239,7 +244,7 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     assert scaled(PANDA_START) == pytest.approx(plain(PANDA_START), rel=1e-12)
     assert scaled.gain(PANDA_START)[1] == pytest.approx(plain.gain(PANDA_START)[1], rel=1e-9)
     assert hk.involutivity(scaled, hk.around(PANDA_START, 0.2)).holonomic
-    assert hk.filtration(scaled, PANDA_START).holonomy is hk.Holonomy.HOLONOMIC
+    assert hk.analysis.filtration(scaled, PANDA_START).holonomy is hk.analysis.Holonomy.HOLONOMIC
     point = panda.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     ends = [hk.follow(s, loop, PANDA_START, samples=60).q for s in (plain, scaled)]

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 import holokin as hk
 from conftest import IIWA_START, IRB_START, PANDA_START
-from holokin.constraint.stationary import unit_null_vector
+from holokin.constraints.costs import unit_null_vector
 from holokin.errors import (
     ArgumentError,
     ConstraintRowsError,
@@ -127,7 +127,7 @@ def test_the_arm_angles_singular_sets(iiwa14: hk.Robot) -> None:
 
 
 def test_the_height_of_the_elbow_is_held(panda: hk.Robot) -> None:
-    strategy = hk.holonomic(hk.pose(panda), hk.height("panda_joint4"))
+    strategy = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
     start = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the elbow aside: at its top the height cannot steer it
     point = panda.pose(start)[:3, 3]
     walk = hk.follow(strategy, hk.circle(point, point - [0.02, 0, 0]), start, samples=60)
@@ -139,9 +139,9 @@ def test_the_height_of_the_elbow_is_held(panda: hk.Robot) -> None:
 @pytest.mark.parametrize(
     "cost",
     [
-        hk.posture_cost(R3_START + 0.2, [1.0, 2.0, 0.5]),
-        hk.centring_cost(),
-        hk.manipulability_cost(),
+        hk.constraints.posture_cost(R3_START + 0.2, [1.0, 2.0, 0.5]),
+        hk.constraints.centring_cost(),
+        hk.constraints.manipulability_cost(),
         lambda q: ca.dot(q, q),
     ],
     ids=["posture", "centring", "manipulability", "custom"],
@@ -152,7 +152,7 @@ def test_on_the_zero_leaf_the_cost_is_stationary_along_self_motions(planar_3r: h
     constraint = hk.stationary(cost)
     strategy = hk.holonomic(task, constraint)
     q = symbol("q", 3)
-    U = cost.expression(task, planar_3r.kinematics(q), q) if isinstance(cost, hk.Cost) else cost(q)
+    U = cost.expression(task, planar_3r.kinematics(q), q) if isinstance(cost, hk.constraints.Cost) else cost(q)
     energy = Function("U", {"q": q}, {"U": U})
     x = task(R3_START)
     found = minimize(
@@ -171,7 +171,7 @@ def test_on_the_zero_leaf_the_cost_is_stationary_along_self_motions(planar_3r: h
 
 
 def test_baillieuls_and_changs_forms_share_the_zero_leaf(planar_3r: hk.Robot) -> None:
-    cost = hk.posture_cost([0.1, 0.4, 0.9])
+    cost = hk.constraints.posture_cost([0.1, 0.4, 0.9])
     a = value_and_gradient(planar_3r, hk.stationary(cost))
     b = value_and_gradient(planar_3r, hk.stationary(cost, free=("q3",)))
     for q in np.random.default_rng(2).uniform(-1, 1, (10, 3)) + R3_START:
@@ -195,7 +195,7 @@ def test_the_unit_null_vector_is_smooth_with_a_right_derivative(panda: hk.Robot)
 
 def test_changs_basis_serves_several_free_joints(irb140: hk.Robot) -> None:
     task = hk.position(irb140)
-    strategy = hk.holonomic(task, hk.stationary(hk.posture_cost(IRB_START + 0.1), free=("q4", "q5", "q6")))
+    strategy = hk.holonomic(task, hk.stationary(hk.constraints.posture_cost(IRB_START + 0.1), free=("q4", "q5", "q6")))
     assert hk.involutivity(strategy, hk.around(IRB_START, 0.1)).relative < 1e-10
 
 
@@ -206,11 +206,14 @@ def test_changs_basis_serves_several_free_joints(irb140: hk.Robot) -> None:
         (lambda: hk.arm_angle(pole=[0, 0, 1]), ArgumentError),
         (lambda: hk.arm_angle(reference=[0, 0, 0]), ArgumentError),
         (lambda: hk.arm_angle(joints=("a", "b", "c")), UnknownNameError),
-        (lambda: hk.height("elbow"), UnknownNameError),
-        (lambda: hk.stationary(hk.posture_cost([0.0, 0.0])), ShapeError),
+        (lambda: hk.constraints.height("elbow"), UnknownNameError),
+        (lambda: hk.stationary(hk.constraints.posture_cost([0.0, 0.0])), ShapeError),
         (lambda: hk.stationary(lambda q: q), ShapeError),
-        (lambda: hk.stationary(hk.centring_cost(), free=("panda_joint1", "panda_joint2")), ConstraintRowsError),
-        (lambda: hk.posture_cost([np.nan]), hk.errors.NotFiniteError),
+        (
+            lambda: hk.stationary(hk.constraints.centring_cost(), free=("panda_joint1", "panda_joint2")),
+            ConstraintRowsError,
+        ),
+        (lambda: hk.constraints.posture_cost([np.nan]), hk.errors.NotFiniteError),
     ],
 )
 def test_constraints_that_make_no_sense_are_refused(panda: hk.Robot, constraint, error: type[Exception]) -> None:
@@ -225,20 +228,20 @@ def test_a_tilt_never_changes_algorithmic_singularities(panda: hk.Robot, irb140:
         (hk.position(irb140), hk.coupled(1.0), lambda x: [x[0] * x[1], ca.cos(x[2]), x[0]], IRB_START),
     ]
     for task, a, rho, start in cases:
-        plain, tilted = hk.holonomic(task, a), hk.holonomic(task, hk.tilted(a, rho))
+        plain, tilted = hk.holonomic(task, a), hk.holonomic(task, hk.constraints.tilted(a, rho))
         for q in start + np.random.default_rng(6).uniform(-0.3, 0.3, (5, task.n)):
             one, other = (np.linalg.det(np.vstack([task.jacobian(q), s.rows(q)])) for s in (plain, tilted))
             assert other == pytest.approx(one, rel=1e-9)
         assert np.abs(plain(start) - tilted(start)).max() > 1e-3
     with pytest.raises(ShapeError, match="tilt"):
-        hk.holonomic(hk.pose(panda), hk.tilted(hk.arm_angle(), lambda x: [x[0], x[1]]))
+        hk.holonomic(hk.pose(panda), hk.constraints.tilted(hk.arm_angle(), lambda x: [x[0], x[1]]))
 
 
 def test_sums_and_weights_of_constraints(panda: hk.Robot) -> None:
     task = hk.pose(panda)
-    mixed = hk.holonomic(task, hk.total(hk.lock(2), hk.linear([1, 0, 0, 0, 0, 0, -1]), weights=[2.0, 0.5]))
+    mixed = hk.holonomic(task, hk.constraints.total(hk.lock(2), hk.linear([1, 0, 0, 0, 0, 0, -1]), weights=[2.0, 0.5]))
     assert mixed.rows(PANDA_START)[0] == pytest.approx([0.5, 0, 2, 0, 0, 0, -0.5])
-    assert hk.total(hk.arm_angle(), hk.lock(2)).angular == (True,)
+    assert hk.constraints.total(hk.arm_angle(), hk.lock(2)).angular == (True,)
     for constraints, weights in (
         ((hk.lock(1), hk.lock(1, 2)), None),
         ((hk.lock(1),), [1.0, 2.0]),
@@ -247,12 +250,14 @@ def test_sums_and_weights_of_constraints(panda: hk.Robot) -> None:
         ((), None),
     ):
         with pytest.raises(ArgumentError):
-            hk.total(*constraints, weights=weights)
+            hk.constraints.total(*constraints, weights=weights)
 
 
 def test_some_angles_can_be_coupled_and_paired_at_will(irb140: hk.Robot) -> None:
     """phi + 2 y with two joints held, and the same by a matrix: leaves as written."""
-    strategy = hk.holonomic(hk.position(irb140), hk.stack(hk.coupled([[0, 2.0, 0]], rows=[0]), hk.lock(4, 5)))
+    strategy = hk.holonomic(
+        hk.position(irb140), hk.constraints.stack(hk.coupled([[0, 2.0, 0]], rows=[0]), hk.lock(4, 5))
+    )
     point = irb140.pose(IRB_START)[:3, 3]
     walk = hk.follow(strategy, hk.circle(point, point - [0.03, 0, 0]), IRB_START, samples=40)
     full = hk.pose(irb140, "zyz")
@@ -273,7 +278,7 @@ def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:
     from conftest import urdf
 
     robot = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
-    strategy = hk.holonomic(hk.pose(robot), hk.stationary(hk.gravity_cost()))
+    strategy = hk.holonomic(hk.pose(robot), hk.stationary(hk.constraints.gravity_cost()))
     q = hk.settle(strategy, PANDA_START + np.array([0, 0, 0.5, 0, 0, 0, 0]))
     model = pin.buildModelFromUrdf(str(urdf("panda.urdf")))
     data = model.createData()
@@ -286,7 +291,7 @@ def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:
 
 def test_a_given_inverse_must_be_one(ppr: hk.Robot) -> None:
     task = hk.position(ppr)
-    sound = hk.right_inverse(task, lambda q: [[1, 0], [0, 1], [0, 0]])  # the hinge held
+    sound = hk.strategies.right_inverse(task, lambda q: [[1, 0], [0, 1], [0, 0]])  # the hinge held
     assert np.abs(sound(R3_START) - hk.holonomic(task, hk.lock(2))(R3_START)).max() < 1e-14
     with pytest.raises(ArgumentError, match="J G - 1"):
-        hk.right_inverse(task, lambda q: [[1, 0], [0, 1], [1, 1]])
+        hk.strategies.right_inverse(task, lambda q: [[1, 0], [0, 1], [1, 1]])

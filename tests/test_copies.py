@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin import analysis, constraints, laws, motion, recording
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -22,23 +23,26 @@ def values(robot: hk.Robot) -> dict[str, Any]:
     task, start = hk.pose(robot, rows=[0, 1]), robot.pose(Q)[:3, 3]
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
-    ik, leaf = hk.inverse(held, Q), hk.leaf_function(held, Q, samples=1)
+    ik, leaf = hk.inverse(held, Q), analysis.leaf_function(held, Q, samples=1)
     found = {
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
-        "ball": hk.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
-        "self-motion": hk.self_motion(task, Q, length=0.2), "verdict": hk.involutivity(law, hk.around(Q, 0.1)),
+        "ball": analysis.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
+        "self-motion": hk.strategies.self_motion(task, Q, length=0.2), "verdict": hk.involutivity(law,
+        hk.around(Q, 0.1)),
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, start=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
-        "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8), "forecast": hk.forecast(law, loop, Q),
-        "winding": hk.winding(law, loop, Q, samples=8), "general form": hk.general_form(held, Q),
-        "drive": hk.drive(hk.closed_loop(law), task, loop, Q, dt=0.1), "controller": hk.closed_loop(law),
-        "price": hk.price(law, hk.ball(Q, 0.02), samples=2), "deviation": hk.deviation(law, held, [Q]),
-        "filtration": hk.filtration(law, Q),
-        "audit": hk.audit(hk.closed_loop(law), robot, task, [loop], start=Q, dt=0.2),
-        "recording": hk.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
-        "radial": hk.radial(law, Q), "stack": hk.stack(hk.lock(0), hk.linear([1, 0, 0])),
-        "stationary": hk.stationary(hk.posture_cost(Q)), "impedance": hk.impedance(task, hk.posture_cost(Q)),
+        "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8), "forecast": analysis.forecast(law, loop, Q),
+        "winding": motion.winding(law, loop, Q, samples=8), "general form": analysis.general_form(held, Q),
+        "simulate": hk.simulate(laws.closed_loop(law), task, loop, Q, dt=0.1), "controller": laws.closed_loop(law),
+        "price": analysis.price(law, analysis.ball(Q, 0.02), samples=2), "deviation": analysis.deviation(law,
+        held, [Q]),
+        "filtration": analysis.filtration(law, Q),
+        "audit": hk.audit(laws.closed_loop(law), robot, task, [loop], start=Q, dt=0.2),
+        "recording": recording.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
+        "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),
+        "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,
+        constraints.posture_cost(Q)),
     }  # fmt: skip
     ik(robot.pose(Q)), leaf(Q), leaf.gradient(Q)
     for value in found.values():
@@ -81,20 +85,20 @@ def test_no_array_that_a_value_keeps_can_be_written_to(planar_3r: hk.Robot) -> N
     [
         (np.diag([1.0, 2.0, 3.0]), lambda task, W: hk.weighted(task, W)),
         (np.array([1.0, 0.0, -1.0]), lambda task, A: hk.linear(A)),
-        (np.array([0.1, 0.2, 0.3]), lambda task, q: hk.stationary(hk.posture_cost(q))),
-        (np.array([1.0, 2.0, 3.0]), lambda task, k: hk.stationary(hk.posture_cost(Q, k))),
+        (np.array([0.1, 0.2, 0.3]), lambda task, q: hk.stationary(constraints.posture_cost(q))),
+        (np.array([1.0, 2.0, 3.0]), lambda task, k: hk.stationary(constraints.posture_cost(Q, k))),
         (Q.copy(), lambda task, q: hk.radial(hk.moore_penrose(task), q)),
         (
             Q + 0.01 * np.arange(30).reshape(10, 3),
-            lambda task, Q: hk.fitted(hk.holonomic(task, hk.lock(0)), Q, degree=1),
+            lambda task, Q: hk.strategies.fitted(hk.holonomic(task, hk.lock(0)), Q, degree=1),
         ),
         (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), lambda task, P: hk.polyline(P)),
         (np.array([0.0, 0.0, 1.0]), lambda task, p: hk.line(p, p + 1)),
         (Q.copy(), lambda task, q: hk.inverse(hk.holonomic(task, hk.lock(0)), q)),
-        (Q.copy(), lambda task, q: hk.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
-        (Q.copy(), lambda task, q: hk.ball(q, 0.1)),
+        (Q.copy(), lambda task, q: analysis.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
+        (Q.copy(), lambda task, q: analysis.ball(q, 0.1)),
         (np.eye(3), lambda task, R: hk.pose(task.robot, "rotation-vector", reference=R, rows=[0, 1, 2])),
-        (np.zeros((3, 3)), lambda task, q: hk.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
+        (np.zeros((3, 3)), lambda task, q: recording.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
     ],
 )
 def test_a_value_does_not_change_with_the_array_that_it_was_made_from(
@@ -117,9 +121,9 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value(Q).tolist()
     if isinstance(value, hk.Path):
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
-    if isinstance(value, hk.InverseKinematics):
+    if isinstance(value, motion.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
-    if isinstance(value, hk.LeafFunction):
+    if isinstance(value, analysis.LeafFunction):
         return value(Q + 0.02).tolist()
     return [np.asarray(getattr(value, f.name)).tolist() for f in dataclasses.fields(value)]
 
@@ -131,7 +135,7 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(planar_3r: hk
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        if isinstance(value, hk.Strategy | hk.Constraint | hk.InverseKinematics | hk.LeafFunction | hk.Path):
+        if isinstance(value, hk.Strategy | hk.Constraint | motion.InverseKinematics | analysis.LeafFunction | hk.Path):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue
             assert answer(there.task if isinstance(there, hk.Strategy) else task, there) == answer(task, value), name

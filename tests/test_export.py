@@ -15,10 +15,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, assert_untouched
 from exported import LEAF, ON_ANYTHING, STRICT, program, rates
+from holokin.codegen import native
 from holokin.errors import ArgumentError, ExportError, SingularityError
 from holokin.export import Exported, c_name, check, export_c
 from holokin.job import job_strategy, open_job, packaged_jobs
-from holokin.symbolic import native
 from test_growth import chain, shared_bend
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin.codegen import compiler
 from holokin.export import check
-from holokin.symbolic import compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.analysis.price import ball_postures
+from holokin.analysis.repeatable_distance import ball_postures
 from holokin.errors import ArgumentError, ShapeError
 from papers_arm import de_luca_frame, paper_frame
 
@@ -40,7 +40,7 @@ def test_every_transport_is_holonomic_and_is_its_own_closed_form_T14(c: list[flo
             + 0.2 * c[4] * (ca.cos(c[5] * x[0]) - 1)
         )
 
-    strategy = hk.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=[0.1, 0.2, 0.3], steps=6)
+    strategy = hk.strategies.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=[0.1, 0.2, 0.3], steps=6)
     assert hk.involutivity(strategy, hk.around([0.1, 0.2, 0.3], 0.2), samples=8).relative < 1e-11
     q, h = np.array([0.15, 0.1, 0.35]), 1e-6
     z0 = strategy.constraint_value(q)
@@ -70,7 +70,7 @@ def test_the_papers_two_strategies_are_members_of_the_family(ppr: hk.Robot) -> N
     for frame, phi, inverse in members:
         paper = hk.null_basis(task, frame)
         for closed in (inverse, None):
-            member = hk.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=near, inverse=closed)
+            member = hk.strategies.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=near, inverse=closed)
             for q in near + np.random.default_rng(5).uniform(-0.2, 0.2, (5, 3)):
                 assert np.abs(member(q) - paper(q)).max() < 1e-8
 
@@ -87,10 +87,10 @@ def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot)
     for K, phi, more, said in wrong:
         arguments = {"z": lambda q: q[2]} | more
         with pytest.raises(ArgumentError) as caught:
-            hk.from_transport(task, K, phi, **arguments, around=near)
+            hk.strategies.from_transport(task, K, phi, **arguments, around=near)
         assert said in str(caught.value)
     with pytest.raises(ShapeError):
-        hk.from_transport(task, lambda x, z: [x[0], x[1]], lambda x, z: z, lambda q: q[2], around=near)
+        hk.strategies.from_transport(task, lambda x, z: [x[0], x[1]], lambda x, z: z, lambda q: q[2], around=near)
 
 
 # --- fit ---
@@ -98,12 +98,12 @@ def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot)
 
 def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(panda_given: hk.Strategy) -> None:
     twin = hk.radial(panda_given, PANDA_START)
-    Q = ball_postures(panda_given, hk.ball(PANDA_START, 0.1, along=0.2), 120)
-    other = ball_postures(panda_given, hk.ball(PANDA_START, 0.09, along=0.15), 60, seed=5)
+    Q = ball_postures(panda_given, hk.analysis.ball(PANDA_START, 0.1, along=0.2), 120)
+    other = ball_postures(panda_given, hk.analysis.ball(PANDA_START, 0.09, along=0.15), 60, seed=5)
     away = []
     for degree in (2, 4):
-        fit = hk.fitted(twin, Q, degree=degree, rows=(0, 1, 2))
-        away.append(hk.deviation(twin, fit, other, columns=3).rms)
+        fit = hk.strategies.fitted(twin, Q, degree=degree, rows=(0, 1, 2))
+        away.append(hk.analysis.deviation(twin, fit, other, columns=3).rms)
         assert hk.involutivity(fit, hk.around(PANDA_START, 0.1), samples=8).relative < 1e-11
     assert away[0] < 0.03
     assert away[1] < 0.002
@@ -124,8 +124,8 @@ def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:
     labels = twin.constraint_value.batch(Q)
     assert labels.min() < -3
     assert labels.max() > 3
-    fit = hk.fitted(twin, Q)
-    assert hk.deviation(twin, fit, Q).largest < 1e-3
+    fit = hk.strategies.fitted(twin, Q)
+    assert hk.analysis.deviation(twin, fit, Q).largest < 1e-3
 
 
 def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:
@@ -137,6 +137,6 @@ def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> 
         ((twin, Q[:, :3]), ShapeError),
     ):
         with pytest.raises(error):
-            hk.fitted(*arguments)
+            hk.strategies.fitted(*arguments)
     with pytest.raises(ArgumentError, match="degree"):
-        hk.fitted(twin, Q, degree=0)
+        hk.strategies.fitted(twin, Q, degree=0)

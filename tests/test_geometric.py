@@ -46,7 +46,7 @@ def test_a_body_frame_twist_turns_the_sign() -> None:
 @pytest.mark.parametrize("gain", [0.5, 1.0, 2.0])
 def test_coupling_with_the_geometric_jacobian_has_curvature_lambda_squared(irb140: hk.Robot, gain: float) -> None:
     """T5, E3: (J_w + lambda J_p)[G_i, G_j] = -lambda^2 eps_ijk e_k for every posture."""
-    strategy = hk.coupled_twist(hk.position(irb140), gain)
+    strategy = hk.strategies.coupled_twist(hk.position(irb140), gain)
     for q in IRB_START + np.random.default_rng(6).uniform(-0.4, 0.4, (10, 6)):
         J = irb140.jacobian(q)
         A = J[3:] + gain * J[:3]
@@ -62,7 +62,7 @@ def test_coupling_with_the_geometric_jacobian_has_curvature_lambda_squared(irb14
 def test_the_geometric_coupling_is_found_out_and_the_euler_angle_one_is_not(irb140: hk.Robot) -> None:
     task, region = hk.position(irb140), hk.around(IRB_START, 0.2)
     assert hk.involutivity(hk.holonomic(task, hk.coupled(1.0)), region).holonomic
-    verdict = hk.involutivity(hk.coupled_twist(task, 1.0), region)
+    verdict = hk.involutivity(hk.strategies.coupled_twist(task, 1.0), region)
     assert not verdict.holonomic
     J = irb140.jacobian(verdict.witness)
     i, j = verdict.plane
@@ -70,7 +70,7 @@ def test_the_geometric_coupling_is_found_out_and_the_euler_angle_one_is_not(irb1
         np.vstack([J[:3], J[3:] + J[:3]]), np.r_[0, 0, 0, -np.cross(np.eye(3)[i], np.eye(3)[j])]
     )
     assert pytest.approx(closed_form, abs=1e-12) == verdict.direction
-    assert hk.involutivity(hk.coupled_twist(task, 0.0), region).holonomic  # J_w alone: constant orientation
+    assert hk.involutivity(hk.strategies.coupled_twist(task, 0.0), region).holonomic  # J_w alone: constant orientation
 
 
 def test_the_euler_angle_coupling_in_closed_form_E5(irb140: hk.Robot) -> None:
@@ -130,7 +130,7 @@ def test_a_jacobian_of_sub_rows_of_angular_velocity_breaks_lemma_III_1_E2(irb140
 
     def involutive(rows: ca.SX) -> bool:
         function = ca.Function("k", [x], [kernel(rows)])
-        return hk.involutivity_of(lambda q: function(q), 6, hk.around(IRB_START, 0.2)).holonomic
+        return hk.analysis.involutivity_of(lambda q: function(q), 6, hk.around(IRB_START, 0.2)).holonomic
 
     assert involutive(J_w)  # constant orientation: leaves R = const
     assert involutive(J_w[:2, :])

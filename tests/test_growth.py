@@ -11,10 +11,11 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, urdf
+from holokin.codegen import LARGEST, native
 from holokin.errors import SingularityError
-from holokin.motion.servo import StepStatus
-from holokin.symbolic import LARGEST, linear, native
+from holokin.motion.control_step import StepStatus
 from holokin.symbolic import function as function_module
+from holokin.symbolic import linear
 from test_native import FOLLOW
 
 Patch = pytest.MonkeyPatch
@@ -119,7 +120,7 @@ def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> N
 
 
 def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
-    from holokin.symbolic.program import solve_numbers
+    from holokin.codegen.program import solve_numbers
 
     for A in (np.zeros((3, 3)), np.diag([1.0, 0.0, 2.0]), np.full((3, 3), np.nan), np.ones((3, 3))):
         X, figures = np.zeros((3, 2)), np.ones(2)

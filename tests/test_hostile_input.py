@@ -13,10 +13,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, write_job
 from holokin.analysis import MOST_JOINTS
-from holokin.control import make_plan
 from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
 from holokin.job import open_job, read_job
 from holokin.motion.reach import out_of_reach
+from holokin.sampling import make_plan
 from holokin.symbolic import parse, symbol
 
 POINTS = ", ".join(["[0, 0]"] * 10_001)
@@ -209,7 +209,7 @@ def test_a_leaf_that_ends_is_not_told_to_be_the_end_of_reach(panda: hk.Robot) ->
     gaps = (np.abs(least_squares(lambda q: task.error(q, *target), q, bounds=bounds).fun).max() for q in starts)
     assert any(gap < 1e-6 for gap in gaps)
     with pytest.raises(BranchError):
-        hk.follow(hk.holonomic(task, hk.height("panda_joint4")), circle, PANDA_START, samples=30)
+        hk.follow(hk.holonomic(task, hk.constraints.height("panda_joint4")), circle, PANDA_START, samples=30)
 
 
 @pytest.mark.parametrize(("beyond", "missing"), [(0.2, 0.2), (0.01, 0.01), (-0.01, None)])

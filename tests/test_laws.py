@@ -59,8 +59,10 @@ def _strategies() -> dict[str, hk.Strategy]:
         "irb140 moore-penrose": hk.moore_penrose(i),
         "irb140 coupled zyz": hk.holonomic(i, hk.coupled(1.0)),
         "irb140 coupled rpy": hk.holonomic(i, hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")),
-        "irb140 coupled geometric": hk.coupled_twist(i, 1.0),
-        "irb140 stack": hk.holonomic(i, hk.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))),
+        "irb140 coupled geometric": hk.strategies.coupled_twist(i, 1.0),
+        "irb140 stack": hk.holonomic(
+            i, hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
+        ),
     }
     for orientation in ORIENTATIONS:
         for name, robot, start in (("panda", panda, PANDA_START), ("iiwa14", iiwa, IIWA_START)):
@@ -77,8 +79,8 @@ def paper_inverse(q: ca.SX) -> list:
 
 def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk.Strategy]:
     """Every other constraint and strategy of the library."""
-    springs = hk.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
-    tilt = hk.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
+    springs = hk.constraints.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
+    tilt = hk.constraints.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
     heavy = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
     weight = hk.pose(heavy)
     given = hk.moore_penrose(arm)
@@ -86,25 +88,26 @@ def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk
     constraints = {
         "arm angle": hk.arm_angle(),
         "conventional arm angle": hk.arm_angle(kind="conventional"),
-        "stationary posture": hk.stationary(hk.posture_cost(PANDA_START - 0.2)),
-        "stationary centring free": hk.stationary(hk.centring_cost(), free=("panda_joint5",)),
+        "stationary posture": hk.stationary(hk.constraints.posture_cost(PANDA_START - 0.2)),
+        "stationary centring free": hk.stationary(hk.constraints.centring_cost(), free=("panda_joint5",)),
         "tilted": tilt,
-        "total": hk.total(hk.lock(2), hk.height("panda_joint4"), weights=[1.0, 0.5]),
+        "total": hk.constraints.total(hk.lock(2), hk.constraints.height("panda_joint4"), weights=[1.0, 0.5]),
     }
     out = {f"panda {name}": hk.holonomic(arm, g) for name, g in constraints.items()}
     return out | {
-        "aside height": hk.holonomic(arm, hk.height("panda_joint4")),
-        "best stationary manipulability": hk.holonomic(arm, hk.stationary(hk.manipulability_cost())),
+        "aside height": hk.holonomic(arm, hk.constraints.height("panda_joint4")),
+        "best stationary manipulability": hk.holonomic(arm, hk.stationary(hk.constraints.manipulability_cost())),
         "iiwa14 rpy arm angle": hk.holonomic(turned, hk.arm_angle()),
         "iiwa14 rpy radial": hk.radial(hk.moore_penrose(turned), IIWA_START, steps=1),
         "panda radial": hk.radial(given, PANDA_START, steps=1),
-        "panda fitted": hk.fitted(hk.holonomic(arm, hk.linear([1, 0, -1, 0, 0.2, 0, 0])), postures, degree=3),
-        "panda gravity": hk.holonomic(weight, hk.stationary(hk.gravity_cost())),
-        "panda inertia weighted": hk.inertia_weighted(weight),
-        "3r impedance": hk.impedance(t, springs),
-        "3r impedance by stiffness": hk.impedance(t, springs, force="stiffness"),
-        "ppr given": hk.right_inverse(p, paper_inverse),
-        "ppr from transport": hk.from_transport(
+        "panda fitted": hk.strategies.fitted(hk.holonomic(arm, hk.linear([1, 0, -1, 0, 0.2, 0, 0])), postures,
+            degree=3),
+        "panda gravity": hk.holonomic(weight, hk.stationary(hk.constraints.gravity_cost())),
+        "panda inertia weighted": hk.strategies.inertia_weighted(weight),
+        "3r impedance": hk.strategies.impedance(t, springs),
+        "3r impedance by stiffness": hk.strategies.impedance(t, springs, force="stiffness"),
+        "ppr given": hk.strategies.right_inverse(p, paper_inverse),
+        "ppr from transport": hk.strategies.from_transport(
             p, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
             around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
         ),

@@ -22,7 +22,7 @@ def panda_pose(panda: hk.Robot) -> hk.Task:
 
 def test_settling_finds_the_least_cost_that_the_self_motion_offers(panda: hk.Robot, panda_pose: hk.Task) -> None:
     preferred = PANDA_START + [0.2, -0.1, 0.3, 0.1, -0.2, 0.1, 0.0]
-    strategy = hk.holonomic(panda_pose, hk.stationary(hk.posture_cost(preferred)))
+    strategy = hk.holonomic(panda_pose, hk.stationary(hk.constraints.posture_cost(preferred)))
     q = hk.settle(strategy, PANDA_START)
     assert abs(strategy.constraint_value(q)) < 1e-13
     assert np.abs(panda.pose(q) - panda.pose(PANDA_START)).max() < 1e-13
@@ -46,7 +46,7 @@ def test_settling_sets_an_arm_angle_and_following_keeps_it(panda: hk.Robot, pand
 
 def test_settling_beyond_the_elbows_reach_ends_where_the_self_motion_turns(panda_pose: hk.Task) -> None:
     with pytest.raises(BranchError, match="ends at"):
-        hk.settle(hk.holonomic(panda_pose, hk.height("panda_joint4")), PANDA_START, 5.0)
+        hk.settle(hk.holonomic(panda_pose, hk.constraints.height("panda_joint4")), PANDA_START, 5.0)
     with pytest.raises(ArgumentError, match="needs a constraint"):
         hk.settle(hk.moore_penrose(panda_pose), PANDA_START)
     for leaf, error in (([0.0, 1.0], ShapeError), (np.nan, NotFiniteError)):
@@ -133,7 +133,7 @@ def test_what_is_not_a_number_or_no_weight_is_said_so(ppr: hk.Robot, panda: hk.R
     with pytest.raises(NotFiniteError, match="constraint of 'custom'"):
         hk.follow(logarithm, hk.line(tool, tool + [0.1, 0, 0]), start)
     with pytest.raises(NotFiniteError, match="what defines"):
-        hk.pfaffian(hk.position(ppr), lambda q: [[ca.log(q[0]), 0, 1]])(start)
+        hk.strategies.pfaffian(hk.position(ppr), lambda q: [[ca.log(q[0]), 0, 1]])(start)
     for W in (lambda q: [[1, 0, 0], [0, -0.3, 0.5], [0, 0, 1]], lambda q: ca.diag(ca.vertcat(1, -1, 1))):
         with pytest.raises(ArgumentError, match="symmetric positive definite"):
             hk.weighted(hk.position(ppr), W)

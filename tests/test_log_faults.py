@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.analysis.cycles import find_cycles
+from holokin import auditing, recording
+from holokin.auditing.cycles import find_cycles
 from holokin.errors import ArgumentError, RecordingError
 from test_recording import JOINTS, write_bag
 
@@ -191,8 +192,8 @@ def phase(rows: int, loops: int, kind: str) -> np.ndarray:
     return (angle - angle[0]) / (angle[-1] - angle[0]) * 2 * np.pi * loops
 
 
-def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> hk.Recording:
-    return hk.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
+def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> recording.Recording:
+    return recording.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
 
 
 @pytest.mark.parametrize("kind", ["even", "speeds", "pauses"])
@@ -224,7 +225,7 @@ def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
         z[k] = z[k - 1] + (np.cos(middle) * (y[k] - y[k - 1]) - np.sin(middle) * (x[k] - x[k - 1])) / 2
     q = np.column_stack([x - np.cos(z), y - np.sin(z), z])
     assert len(find_cycles(recorded(q), PPR, orientation=False)) == 200
-    assert hk.audit_recording(recorded(q), PPR).verdict is not hk.Homecoming.COMES_HOME
+    assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.Homecoming.COMES_HOME
 
 
 @pytest.mark.parametrize(("lines", "loops"), [(20, 2), (50, 3), (100, 3)])
@@ -271,7 +272,8 @@ def test_a_long_csv_is_read_and_judged_in_little_memory(tmp_path: Path) -> None:
             del q, a
         robot = hk.load("panda")
         make(100_000)
-        hk.audit_recording(hk.Recording(robot.joint_names, np.arange(300.), np.sin(np.arange(300.))[:, None] * 0.1
+        hk.audit_recording(recording.Recording(robot.joint_names, np.arange(300.), np.sin(np.arange(300.))[:,
+            None] * 0.1
             * np.ones(7) + [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5], "warm"), robot)
         base = peak()
         log = hk.read_recording({str(tmp_path / "log.csv")!r}, robot)

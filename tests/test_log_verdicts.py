@@ -15,9 +15,9 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START
 from holokin import cli
-from holokin.analysis import Homecoming
-from holokin.analysis.trend import DriftTrend, Trend, judge
-from holokin.analysis.visits import Visits, encoder_noise, spare_axes
+from holokin.auditing import Homecoming
+from holokin.auditing.trend import DriftTrend, Trend, judge
+from holokin.auditing.visits import Visits, encoder_noise, spare_axes
 
 PANDA = hk.load("panda")
 POSE = hk.pose(PANDA)
@@ -48,9 +48,9 @@ def motion(shift: Callable[[np.ndarray], np.ndarray], cycles: int, creep: float)
     return q
 
 
-def logged(q: np.ndarray, noise: float = 0.0, seed: int = 0) -> hk.Recording:
+def logged(q: np.ndarray, noise: float = 0.0, seed: int = 0) -> hk.recording.Recording:
     q = q + noise * np.random.default_rng(seed).normal(size=q.shape)
-    return hk.Recording(PANDA.joint_names, 0.01 * np.arange(len(q)), q, "memory")
+    return hk.recording.Recording(PANDA.joint_names, 0.01 * np.arange(len(q)), q, "memory")
 
 
 def verdicts(shift: Callable, cycles: int, noise: float, seeds: int, creep: float = 0.0) -> Counter[str]:
@@ -172,10 +172,10 @@ def test_the_forecast_of_a_limit_has_an_interval_that_holds_the_limit() -> None:
 
 def test_a_law_logged_one_way_is_not_called_independent_of_the_way() -> None:
     """A posture task that has settled repeats; the way back has other joints (the log there and back shows it)."""
-    law = hk.gradient_projection(POSE, hk.posture_cost(PANDA_START), 5.0, 40.0)
-    one = hk.drive(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=6)
+    law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START), 5.0, 40.0)
+    one = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=6)
     audit = hk.audit_recording(logged(one.q[len(one.q) // 3 :]), PANDA)
-    both = hk.drive(law, POSE, CIRCLE + CIRCLE.reversed(), PANDA_START, dt=0.02, cycles=4)
+    both = hk.simulate(law, POSE, CIRCLE + CIRCLE.reversed(), PANDA_START, dt=0.02, cycles=4)
     assert hk.audit_recording(logged(both.q), PANDA).by_way.beyond
     assert audit.verdict is Homecoming.COMES_HOME
     for text in (audit.sentence(), audit.verdict.value):

@@ -15,14 +15,15 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, Command
+from holokin.codegen import engine, native
+from holokin.codegen.kernel import BatchKernel
 from holokin.errors import ArgumentError, NativeError, ShapeError
-from holokin.motion.servo import StepStatus
-from holokin.symbolic import Function, engine, native, symbol
+from holokin.motion.control_step import StepStatus
+from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
-from holokin.symbolic.kernel import BatchKernel
 
 Patch = pytest.MonkeyPatch
-FOLLOW = sys.modules["holokin.motion.follow"]  # the package's attribute of that name is the function
+FOLLOW = sys.modules["holokin.motion.following"]
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 
@@ -159,7 +160,7 @@ def test_native_following_halts_where_the_machine_does(cache: Path, monkeypatch:
 # --- the control step ---
 
 
-def servos(strategy: hk.Strategy, monkeypatch: Patch, **more) -> list[hk.Servo]:
+def servos(strategy: hk.Strategy, monkeypatch: Patch, **more) -> list[hk.motion.Controller]:
     """The same step as native code, where there is a compiler, and on the virtual machine."""
     out = []
     for flag in ("1", "0"):
@@ -196,7 +197,7 @@ def test_a_loop_with_feedback_to_the_leaf_comes_home_and_tracks(
     ends = []
     for servo in servos(strategy, monkeypatch, dt=0.01):
         law = lambda q, pose, twist, dt, servo=servo: servo.step(q, pose, twist).copy()  # noqa: E731
-        walk = hk.drive(law, strategy.task, loop, PANDA_START, dt=0.01, cycles=4)
+        walk = hk.simulate(law, strategy.task, loop, PANDA_START, dt=0.01, cycles=4)
         assert np.abs(walk.drift()[-1]).max() < 1e-9
         assert walk.tracking_error() < 2e-3
         ends.append(walk.q[-1])

@@ -153,7 +153,7 @@ def test_irb140_ends_alike_by_both_halves_of_the_square(method: str) -> None:
 def test_irb140_with_the_geometric_jacobian_drifts_by_the_order_of_a_hundredth() -> None:
     """E3; and the drift is what curvature times area foretells."""
     robot = hk.load("irb140")
-    strategy = hk.coupled_twist(hk.position(robot), 1.0)
+    strategy = hk.strategies.coupled_twist(hk.position(robot), 1.0)
     drift = hk.drift(strategy, square(), IRB_START).since_start[0]
     assert 3e-3 < np.abs(drift).max() < 3e-2
     area = square().area

@@ -17,9 +17,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.codegen import kernel, native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
-from holokin.motion.servo import StepStatus
-from holokin.symbolic import Function, kernel, native, symbol
+from holokin.motion.control_step import StepStatus
+from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch
 POSE = hk.load("panda").pose(PANDA_START)
@@ -38,7 +39,9 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(params=["native", "native without Python's headers", "virtual machine"])
-def servo(request: pytest.FixtureRequest, cache: Path, strategy: hk.Strategy, monkeypatch: Patch) -> hk.Servo:
+def servo(
+    request: pytest.FixtureRequest, cache: Path, strategy: hk.Strategy, monkeypatch: Patch
+) -> hk.motion.Controller:
     """The same controller by each of the three ways of running it."""
     monkeypatch.setenv("HOLOKIN_CACHE", str(cache))
     monkeypatch.setenv("HOLOKIN_NATIVE", str(int(request.param != "virtual machine")))
@@ -96,7 +99,7 @@ SAME: dict[str, Callable[[np.ndarray], object]] = {
 
 
 @pytest.mark.parametrize("kind", SAME)
-def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.Servo) -> None:
+def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.motion.Controller) -> None:
     """Each argument alone, and all three."""
     plain = [PANDA_START + 0.01, POSE, DX]
     expected = servo.step(*plain).copy()
@@ -107,7 +110,7 @@ def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float16, np.int64, np.uint8, np.bool_])
-def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.Servo) -> None:
+def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.motion.Controller) -> None:
     q = np.array([0, 1, 0, -1, 0, 1, 0]).astype(kind)
     pose = servo.strategy.task.robot.pose(q.astype(float))
     expected = servo.step(q.astype(float), pose, DX).copy()
@@ -126,13 +129,15 @@ def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.S
     ],
     ids=lambda value: type(value).__name__,
 )  # fmt: skip
-def test_what_is_no_posture_is_refused_in_words(value: object, error: type[HolokinError], servo: hk.Servo) -> None:
+def test_what_is_no_posture_is_refused_in_words(
+    value: object, error: type[HolokinError], servo: hk.motion.Controller
+) -> None:
     with pytest.raises(error):
         servo.step(value, POSE, DX)  # type: ignore[arg-type]
     assert servo.step(PANDA_START, POSE, DX).shape == (7,)
 
 
-def test_numbers_beyond_all_floats_stop_the_arm(servo: hk.Servo) -> None:
+def test_numbers_beyond_all_floats_stop_the_arm(servo: hk.motion.Controller) -> None:
     huge = np.full(7, np.longdouble("1e400")) if np.finfo(np.longdouble).maxexp > 2000 else np.full(7, np.inf)
     assert np.array_equal(servo.step(huge, POSE, DX), np.zeros(7))
     assert servo.status is StepStatus.NOT_FINITE
@@ -170,7 +175,7 @@ def at_once(*jobs: Callable[[], None]) -> None:
         raise errors[0]
 
 
-def test_no_thread_gets_the_rates_of_another(servo: hk.Servo, busy: None) -> None:
+def test_no_thread_gets_the_rates_of_another(servo: hk.motion.Controller, busy: None) -> None:
     """Four threads on four wishes, a thousand steps each: rates, scale and status are those of their own wish."""
     wishes = [DX * factor for factor in (1.0, 30.0, 300.0, np.nan)]
     expected = []
@@ -191,7 +196,7 @@ def test_no_thread_gets_the_rates_of_another(servo: hk.Servo, busy: None) -> Non
     assert foreign == [0] * THREADS
 
 
-def test_a_thread_that_only_watches_sees_the_last_step_of_the_one_that_steps(servo: hk.Servo) -> None:
+def test_a_thread_that_only_watches_sees_the_last_step_of_the_one_that_steps(servo: hk.motion.Controller) -> None:
     at_once(lambda: servo.step(PANDA_START, POSE, np.full(6, np.nan)))
     assert servo.status is StepStatus.NOT_FINITE
     at_once(lambda: servo.step(PANDA_START, POSE, DX))
@@ -199,7 +204,7 @@ def test_a_thread_that_only_watches_sees_the_last_step_of_the_one_that_steps(ser
     assert servo.scale == 1.0
 
 
-def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.Servo) -> None:
+def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.motion.Controller) -> None:
     """One thread after the other; systems give a new thread the number of one that has ended."""
     results: list[np.ndarray] = []
     expected = [servo.step(PANDA_START, POSE, k * 0.01 * DX).copy() for k in range(1, 6)]
@@ -208,7 +213,7 @@ def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.Servo
     assert np.array_equal(results, expected)
 
 
-def test_a_step_needs_nothing_but_itself_and_a_dropped_controller_is_freed(servo: hk.Servo) -> None:
+def test_a_step_needs_nothing_but_itself_and_a_dropped_controller_is_freed(servo: hk.motion.Controller) -> None:
     expected = servo.step(PANDA_START, POSE, DX).copy()
     made = hk.controller(servo.strategy, dt=1e-3, start=PANDA_START)
     step, watch = made.step, weakref.ref(made)

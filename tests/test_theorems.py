@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.analysis.curvature import curvature_function
+from holokin.analysis.brackets import curvature_function
 from papers_arm import G22, N19, S3, paper_frame
 
 # --- Lemma III.1 and its proof, with the errata E1 ---
@@ -73,7 +73,7 @@ def test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is(ppr: hk.Robot) -
     for weight, expected in ((lambda q: ca.SX.eye(3), False), (involutive_weight, True)):
         strategy = hk.weighted(task, weight)
         assert hk.involutivity(strategy, region).holonomic is expected
-        assert hk.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic is expected
+        assert hk.analysis.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic is expected
 
 
 @pytest.mark.parametrize("orientation", ["zyz", "rpy", "rotation-vector"])
@@ -167,10 +167,12 @@ def test_millimetres_with_the_gain_scaled_leave_the_joints_alone_T16() -> None:
 def test_curvature_does_not_depend_on_how_the_planes_are_written(ppr: hk.Robot) -> None:
     """By a frame and by rows: (20) spans the kernel of d(q1 + cos q3 + ln tan(q3/2)) = (1, 0, cos^2/sin)."""
     task = hk.position(ppr)
-    by_rows = hk.pfaffian(task, lambda q: [[ca.sin(q[2]), 0, ca.cos(q[2]) ** 2]])  # a multiple of the gradient
+    by_rows = hk.strategies.pfaffian(
+        task, lambda q: [[ca.sin(q[2]), 0, ca.cos(q[2]) ** 2]]
+    )  # a multiple of the gradient
     by_frame = hk.null_basis(task, paper_frame)
     assert by_rows(PPR_START) == pytest.approx(by_frame(PPR_START), abs=1e-14)
-    skewed = hk.pfaffian(task, lambda q: [[ca.sin(q[2]) + q[1], 0, 1]])
+    skewed = hk.strategies.pfaffian(task, lambda q: [[ca.sin(q[2]) + q[1], 0, 1]])
     n = ca.SX.sym("q", 3)
     rows = skewed.planes(task, ppr.kinematics(n), n)
     basis = ca.Function("b", [n], [ca.horzcat(ca.vertcat(0, 1, 0), ca.vertcat(1, 0, -rows[0]))])

@@ -9,15 +9,15 @@ import pytest
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis import Grounds
-from holokin.analysis.curvature import curvature_function
+from holokin.analysis.brackets import curvature_function
 from holokin.analysis.roundoff import is_shown, measured, noise
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 
 R3_START = np.array([0.3, 0.9, 0.7])
 
 
-def whole_range(robot: hk.Robot) -> hk.Region:
-    return hk.box(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
+def whole_range(robot: hk.Robot) -> hk.analysis.Region:
+    return hk.analysis.box(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
 
 
 def anywhere(robot: hk.Robot, count: int) -> np.ndarray:
@@ -29,7 +29,7 @@ def spoilt(strategy: hk.Strategy, rows) -> hk.Strategy:
     """The strategy with something added to the rows that hold its planes."""
     e = strategy.expressions
     base = ca.Function("base", [e.q], [e.planes])
-    return hk.pfaffian(strategy.task, lambda q: base(q) + ca.horzcat(*rows(q)), name="spoilt")
+    return hk.strategies.pfaffian(strategy.task, lambda q: base(q) + ca.horzcat(*rows(q)), name="spoilt")
 
 
 # --- round-off is measured ---
@@ -79,9 +79,9 @@ def test_measured_round_off_covers_the_error_against_the_closed_form_T7(planar_3
 
 
 def test_postures_where_round_off_hides_the_curvature_are_left_out_and_counted(iiwa14: hk.Robot) -> None:
-    strategy = hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.centring_cost()))
+    strategy = hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.constraints.centring_cost()))
     stretched = np.array([0.1, 0.6, 0.2, 0.0, 0.1, 0.6, 0.1])
-    region = hk.box(stretched - 1e-9, stretched + [1e-9, 1e-9, 1e-9, 0.02, 1e-9, 1e-9, 1e-9])
+    region = hk.analysis.box(stretched - 1e-9, stretched + [1e-9, 1e-9, 1e-9, 0.02, 1e-9, 1e-9, 1e-9])
     verdict = hk.involutivity(strategy, region, samples=256)
     assert verdict.holonomic
     assert verdict.blurred > 0 and verdict.samples > 0
@@ -98,11 +98,13 @@ def test_the_scale_of_a_constraint_does_not_change_its_verdict(iiwa14: hk.Robot,
 
 def test_the_scale_of_a_distributions_fields_does_not_change_its_verdict() -> None:
     for scale in (1e-9, 1.0, 1e9):
-        flat = hk.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * ca.cos(q[0]), 0]], 3)
-        contact = hk.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * q[1], 0]], 3)
+        flat = hk.analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * ca.cos(q[0]), 0]], 3)
+        contact = hk.analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * q[1], 0]], 3)
         assert flat.holonomic and flat.samples == 64
         assert not contact.holonomic
-        assert contact.relative == pytest.approx(hk.involutivity_of(lambda q: [[1, 0], [0, 1], [q[1], 0]], 3).relative)
+        assert contact.relative == pytest.approx(
+            hk.analysis.involutivity_of(lambda q: [[1, 0], [0, 1], [q[1], 0]], 3).relative
+        )
 
 
 # --- filtration ---
@@ -112,9 +114,9 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
     panda: hk.Robot, planar_3r: hk.Robot, iiwa14: hk.Robot
 ) -> None:
     laws = [
-        (hk.holonomic(hk.pose(panda), hk.height("panda_joint4")), 60),
-        (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.centring_cost())), 10),
-        (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.manipulability_cost())), 60),
+        (hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4")), 60),
+        (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.constraints.centring_cost())), 10),
+        (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.constraints.manipulability_cost())), 60),
         (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 60),
     ]
     for strategy, count in laws:
@@ -124,7 +126,7 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
                 strategy(q)
             except SingularityError:  # a radial twin ends where its transport does
                 continue
-            assert hk.filtration(strategy, q).holonomy is hk.Holonomy.HOLONOMIC
+            assert hk.analysis.filtration(strategy, q).holonomy is hk.analysis.Holonomy.HOLONOMIC
             looked += 1
         assert looked > count / 3
 
@@ -133,23 +135,23 @@ def test_filtration_never_calls_a_nonholonomic_law_holonomic(
     panda: hk.Robot, planar_3r: hk.Robot, irb140: hk.Robot
 ) -> None:
     """The weak one is the paper's coupling with a geometric Jacobian: curvature is the gain squared, 1e-4 (E3)."""
-    weak = hk.coupled_twist(hk.position(irb140), 1e-2)
+    weak = hk.strategies.coupled_twist(hk.position(irb140), 1e-2)
     laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
     for strategy, count in laws:
         for q in anywhere(strategy.task.robot, count):
-            assert hk.filtration(strategy, q).holonomy is hk.Holonomy.COMPLETELY
+            assert hk.analysis.filtration(strategy, q).holonomy is hk.analysis.Holonomy.COMPLETELY
 
 
 def test_filtration_is_not_deceived_by_a_posture_where_small_loops_do_not_drift(planar_3r: hk.Robot) -> None:
     pseudo_inverse = hk.moore_penrose(hk.position(planar_3r))
-    for free in hk.drift_free(pseudo_inverse, R3_START):
-        assert hk.filtration(pseudo_inverse, free.q).holonomy is hk.Holonomy.COMPLETELY
+    for free in hk.analysis.drift_free(pseudo_inverse, R3_START):
+        assert hk.analysis.filtration(pseudo_inverse, free.q).holonomy is hk.analysis.Holonomy.COMPLETELY
 
 
 def test_filtration_says_when_round_off_hides_the_answer(iiwa14: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle())
     with pytest.raises(RoundOffError, match="farther from singularities") as caught:
-        hk.filtration(strategy, [0.1, 0.6, 0.2, 5e-6, 0.1, 0.6, 0.1])
+        hk.analysis.filtration(strategy, [0.1, 0.6, 0.2, 5e-6, 0.1, 0.6, 0.1])
     assert caught.value.noise > 1e-6
 
 
@@ -164,7 +166,7 @@ def test_a_narrow_bump_of_curvature_is_missed_by_64_postures_and_found_by_thorou
     def rows(q: ca.SX) -> list[list]:
         return [[ca.exp(-ca.sumsqr(q - place) / width**2), 0, 1, 0, 0, 0, 0]]
 
-    law = hk.pfaffian(task, rows, name="bump")
+    law = hk.strategies.pfaffian(task, rows, name="bump")
     region = hk.around(PANDA_START, 0.2)
     few = hk.involutivity(law, region)
     assert few.holonomic and few.samples == 64
@@ -179,7 +181,7 @@ def test_a_narrow_bump_of_curvature_is_missed_by_64_postures_and_found_by_thorou
 
 
 def test_thorough_leaves_a_holonomic_law_holonomic(panda: hk.Robot, planar_3r: hk.Robot) -> None:
-    height = hk.holonomic(hk.pose(panda), hk.height("panda_joint4"))
+    height = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
     assert hk.involutivity(height, hk.around(PANDA_START, 0.3), thorough=5000).samples >= 5000
     twin = hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START)
     assert hk.involutivity(twin, whole_range(planar_3r), thorough=4000).holonomic
@@ -192,7 +194,7 @@ def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.
     task, region = hk.position(ppr), hk.around(PPR_START, 0.2)
 
     def judged(entry) -> hk.Verdict:
-        return hk.involutivity(hk.pfaffian(task, lambda q: [[0, 0, entry(q[2])]]), region)
+        return hk.involutivity(hk.strategies.pfaffian(task, lambda q: [[0, 0, entry(q[2])]]), region)
 
     assert hk.involutivity(hk.holonomic(task, hk.lock(2)), region).grounds is Grounds.CONSTRAINT
     for plain in (lambda z: 2 + ca.sin(z) ** 3, lambda z: (2 + ca.cos(z)) / (3 + ca.sin(z))):
@@ -211,7 +213,7 @@ def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.
         verdict = judged(entry)
         assert verdict.holonomic and verdict.grounds is Grounds.SAMPLED
         assert verdict.others == (name,)
-    bare = hk.involutivity_of(lambda q: [[1, 0], [0, ca.exp(q[1])], [0, 0]], 3)
+    bare = hk.analysis.involutivity_of(lambda q: [[1, 0], [0, ca.exp(q[1])], [0, 0]], 3)
     assert bare.others == ("exp",) and "exp" in bare.details
 
 
@@ -224,7 +226,7 @@ def test_a_holonomic_law_may_end_elsewhere_after_a_round_of_a_place_where_it_is_
         a, b = -y / (2 * (x**2 + y**2)), x / (2 * (x**2 + y**2))
         return [[-a, -b, 1 + a * ca.sin(q[2]) - b * ca.cos(q[2])]]
 
-    law = hk.pfaffian(task, rows, name="half turn")
+    law = hk.strategies.pfaffian(task, rows, name="half turn")
     verdict = hk.involutivity(law, hk.around(PPR_START, 0.5))
     assert verdict.holonomic
     point = ppr.pose(PPR_START)[:3, 3]
@@ -242,27 +244,27 @@ def test_a_holonomic_law_may_end_elsewhere_after_a_round_of_a_place_where_it_is_
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8])
 def test_what_has_curvature_has_no_leaf_function_however_weak(ppr: hk.Robot, size: float) -> None:
     """The two ways back end 1e-2 * size apart, which is too little to be seen there."""
-    law = hk.pfaffian(hk.position(ppr), lambda q: [[size * q[1], 0, 1]])
+    law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[size * q[1], 0, 1]])
     assert not hk.involutivity(law, hk.around(PPR_START, 0.1)).holonomic
     with pytest.raises(NotHolonomicError, match="not holonomic"):
-        hk.leaf_function(law, PPR_START)
+        hk.analysis.leaf_function(law, PPR_START)
     with pytest.raises(NotHolonomicError, match="not holonomic"):
-        hk.general_form(law, PPR_START)
+        hk.analysis.general_form(law, PPR_START)
 
 
 def test_a_small_radius_does_not_make_leaves(irb140: hk.Robot) -> None:
-    law = hk.coupled_twist(hk.position(irb140), 0.1)
+    law = hk.strategies.coupled_twist(hk.position(irb140), 0.1)
     with pytest.raises(NotHolonomicError, match="turn out of themselves") as caught:
-        hk.leaf_function(law, IRB_START, radius=1e-4)
+        hk.analysis.leaf_function(law, IRB_START, radius=1e-4)
     assert caught.value.gap is None and caught.value.curvature > 1e-9
 
 
 def test_the_general_form_is_refused_where_curvature_lies_on_the_way_to_the_reference(ppr: hk.Robot) -> None:
     """Flat near the reference, curved where the posture is."""
     place = PPR_START + np.array([0.6, 0.5, 0.1])
-    law = hk.pfaffian(hk.position(ppr), lambda q: [[ca.exp(-ca.sumsqr(q - place) / 0.05**2), 0, 1]])
-    hk.leaf_function(law, PPR_START)
+    law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[ca.exp(-ca.sumsqr(q - place) / 0.05**2), 0, 1]])
+    hk.analysis.leaf_function(law, PPR_START)
     with pytest.raises(NotHolonomicError, match="turn out of themselves"):
-        hk.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
-    form = hk.general_form(law, PPR_START + 0.05, PPR_START)
+        hk.analysis.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
+    form = hk.analysis.general_form(law, PPR_START + 0.05, PPR_START)
     assert form.residuals()["(10)"] < 1e-9

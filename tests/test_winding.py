@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START
-from holokin.analysis.planes import plane_loop
+from holokin.auditing.planes import plane_loop
 from holokin.errors import OpenPathError, PathError
 from holokin.motion import Cause
 from holokin.symbolic import cos, horzcat, sin
@@ -24,7 +24,7 @@ def half_the_polar_angle() -> hk.Strategy:
         dx, dy, dq3 = horzcat(1, 0, -sin(q[2])), horzcat(0, 1, cos(q[2])), horzcat(0, 0, 1)
         return 2 * (x**2 + y**2) * dq3 - (x * dy - y * dx)
 
-    return hk.pfaffian(hk.position(hk.load("ppr")), rows)
+    return hk.strategies.pfaffian(hk.position(hk.load("ppr")), rows)
 
 
 def test_a_holonomic_law_drifts_by_half_a_turn_round_the_origin(half_the_polar_angle: hk.Strategy) -> None:
@@ -34,7 +34,7 @@ def test_a_holonomic_law_drifts_by_half_a_turn_round_the_origin(half_the_polar_a
     walk = hk.drift(half_the_polar_angle, loop, PPR_START, cycles=2, limits=False)
     assert walk.per_cycle[:, 2] == pytest.approx([np.pi, np.pi])
     assert walk.turns.tolist() == [[0, 0, 0], [0, 0, 1]], "two rounds make one turn of the hinge; sliders have none"
-    found = hk.winding(half_the_polar_angle, loop, PPR_START, limits=False)
+    found = hk.motion.winding(half_the_polar_angle, loop, PPR_START, limits=False)
     assert found.winds and found.cause is Cause.WINDING
     assert found.jump[2] == pytest.approx(np.pi, abs=0.05)
     assert found.between[1] < 0.5 < found.between[0], "the circle through the origin has half the size"
@@ -47,7 +47,7 @@ def test_the_loop_that_passes_the_origin_is_found_where_it_is(
 ) -> None:
     """|p + s (c - p)| = s |c - p| at s = |p|^2 / (2 p . (p - c)); a loop with s > 1 leaves the origin outside."""
     p = half_the_polar_angle.task.robot.pose(PPR_START)[:3, 3]
-    found = hk.winding(half_the_polar_angle, hk.circle(p, center), PPR_START, limits=False)
+    found = hk.motion.winding(half_the_polar_angle, hk.circle(p, center), PPR_START, limits=False)
     at = p @ p / (2 * p @ (p - center))
     if at < 1:
         assert found.winds
@@ -63,7 +63,7 @@ def test_a_leaf_round_the_base_ends_a_turn_further(planar_3r: hk.Robot) -> None:
     walk = hk.drift(strategy, loop, R3_START, cycles=2, limits=False)
     assert walk.turns.tolist() == [[1, 0, 0], [2, 0, 0]]
     assert "whole turns: q1 by +2" in walk.sentence
-    found = hk.winding(strategy, loop, R3_START, limits=False)
+    found = hk.motion.winding(strategy, loop, R3_START, limits=False)
     assert found.winds
     assert found.jump == pytest.approx([2 * np.pi, 0, 0])
     assert "q1 by +1 turns" in str(found)
@@ -72,7 +72,7 @@ def test_a_leaf_round_the_base_ends_a_turn_further(planar_3r: hk.Robot) -> None:
 def test_a_loop_that_can_be_drawn_together_does_not_wind(planar_3r: hk.Robot) -> None:
     strategy = hk.holonomic(hk.position(planar_3r), hk.lock(2))
     point = planar_3r.pose(R3_START)[:3, 3]
-    found = hk.winding(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START)
+    found = hk.motion.winding(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START)
     assert found.cause is Cause.NONE and not found.winds
     assert not hk.drift(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START).turns.any()
 
@@ -83,7 +83,7 @@ def test_drift_by_curvature_fades_as_the_loop_is_drawn_together(panda: hk.Robot,
     task = hk.pose(panda)
     tool = panda.pose(PANDA_START)
     loop = plane_loop(task, tool[:3, 3], tool[:3, :3], *rows)
-    found = hk.winding(hk.moore_penrose(task), loop, PANDA_START, samples=100)
+    found = hk.motion.winding(hk.moore_penrose(task), loop, PANDA_START, samples=100)
     assert found.cause is Cause.CURVATURE and not found.winds
     half = np.abs(found.drifts[found.sizes == 0.5][0]).max() / np.abs(found.drift).max()
     assert half == pytest.approx(0.25, abs=0.05)
@@ -92,7 +92,7 @@ def test_drift_by_curvature_fades_as_the_loop_is_drawn_together(panda: hk.Robot,
 def test_the_prytz_planimeter_does_not_wind(ppr: hk.Robot) -> None:
     """Its drift is large, 4.8 rad round a circle of 1.7 m, and yet by curvature alone."""
     point = ppr.pose(PPR_START)[:3, 3]
-    found = hk.winding(hk.moore_penrose(hk.position(ppr)), hk.circle(point, [0, 0, 0]), PPR_START, limits=False)
+    found = hk.motion.winding(hk.moore_penrose(hk.position(ppr)), hk.circle(point, [0, 0, 0]), PPR_START, limits=False)
     assert np.abs(found.drift).max() > 4
     assert found.cause is Cause.CURVATURE
 
@@ -102,27 +102,27 @@ def test_a_tool_that_turns_round_once_cannot_be_drawn_together(panda: hk.Robot) 
     third = [0, 0, 2 * np.pi / 3]
     strategy = hk.moore_penrose(hk.pose(panda))
     round_once = hk.polyline([point] * 4, turns=[third] * 3)
-    found = hk.winding(strategy, round_once, PANDA_START, limits=False)
+    found = hk.motion.winding(strategy, round_once, PANDA_START, limits=False)
     assert found.cause is Cause.TOOL_TURNS and found.winds
     there_and_back = hk.polyline([point] * 5, turns=[third, third, [0, 0, -4 * np.pi / 3], [0.2, 0, 0]])
     home = hk.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
-    assert hk.winding(strategy, home, PANDA_START, limits=False).cause is not Cause.TOOL_TURNS
+    assert hk.motion.winding(strategy, home, PANDA_START, limits=False).cause is not Cause.TOOL_TURNS
 
 
 def test_only_what_can_be_followed_is_judged(ppr: hk.Robot, half_the_polar_angle: hk.Strategy) -> None:
     point = ppr.pose(PPR_START)[:3, 3]
     with pytest.raises(OpenPathError):
-        hk.winding(half_the_polar_angle, hk.line(point, point + [0.1, 0, 0]), PPR_START)
+        hk.motion.winding(half_the_polar_angle, hk.line(point, point + [0.1, 0, 0]), PPR_START)
     with pytest.raises(PathError):
-        hk.winding(half_the_polar_angle, hk.circle(point, point / 2), PPR_START, limits=False)
+        hk.motion.winding(half_the_polar_angle, hk.circle(point, point / 2), PPR_START, limits=False)
 
 
 def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
-    law = hk.closed_loop(hk.holonomic(task, hk.lock(2)))
+    law = hk.laws.closed_loop(hk.holonomic(task, hk.lock(2)))
     loop = hk.circle(planar_3r.pose(R3_START)[:3, 3], [0, 0, 0], speed=4.0)
     found = hk.audit(law, planar_3r, task, [loop], start=R3_START, dt=0.01, cycles=3)
-    assert found.verdict is hk.Homecoming.DRIFTS
+    assert found.verdict is hk.auditing.Homecoming.DRIFTS
     assert "whole turns in the first cycle: q1 by +1" in found["cycles"].sentence
     assert "small loops at the start do not drift" in found.sentence
     curved = hk.audit(hk.moore_penrose(task), planar_3r, task, start=R3_START, dt=0.02, cycles=3)

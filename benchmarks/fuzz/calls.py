@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
+from holokin import analysis, constraints, laws, motion, recording, strategies
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
@@ -50,10 +51,10 @@ def kit() -> dict[str, Any]:
     return {
         "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
-        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": hk.ball(q, 0.05), "g": hk.lock(0),
-        "cost": hk.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
-        "servo": hk.controller(held, dt=0.01, start=q), "closed": hk.closed_loop(law),
-        "leaf": hk.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
+        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": analysis.ball(q, 0.05), "g": hk.lock(0),
+        "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
+        "servo": hk.controller(held, dt=0.01, start=q), "closed": laws.closed_loop(law),
+        "leaf": analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
     }  # fmt: skip
 
 
@@ -71,43 +72,48 @@ def calls() -> dict[str, Call]:
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
-        "urdf_tips": (hk.urdf_tips, ("no.urdf",), {}),
+        "urdf_tips": (hk.robot.urdf_tips, ("no.urdf",), {}),
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
-        "DHRow": (lambda **named: hk.from_dh([hk.DHRow(**named)]), (), row),
-        "mass_matrix": (hk.mass_matrix, (robot, q), {}),
+        "DHRow": (lambda **named: hk.from_dh([hk.robot.DHRow(**named)]), (), row),
+        "mass_matrix": (hk.robot.mass_matrix, (robot, q), {}),
         "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
         "pose": (hk.pose, (robot,), {"orientation": "twist", "reference": one, "tip": None, "rows": [0, 1]}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
             "kind": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1], "pole": [1, 0, 0]}),
-        "height": (lambda joint: hk.holonomic(task, hk.height(joint)), (robot.joint_names[1],), {}),
+        "height": (lambda joint: hk.holonomic(task, constraints.height(joint)), (robot.joint_names[1],), {}),
         "lock": (lambda *j, **n: hk.holonomic(task, hk.lock(*j, **n)), (0,), {"name": "lock"}),
         "linear": (lambda *a, **n: hk.holonomic(task, hk.linear(*a, **n)), ([1.0, 0.0, -1.0],), {"name": "linear"}),
         "coupled": (lambda *a, **n: hk.holonomic(k["task"], hk.coupled(*a, **n)), (1.0,), {
             "orientation": "rpy", "rows": (2,)}),
         "custom": (lambda *a, **n: hk.holonomic(task, hk.custom(*a, **n)), (lambda x: [x[0]],), {
             "rows": 1, "name": "mine", "angular": False}),
-        "stack": (lambda *a: hk.holonomic(task, hk.stack(*a)), (k["g"],), {}),
-        "total": (lambda *a, **n: hk.holonomic(task, hk.total(*a, **n)), (k["g"], k["g"]), {"weights": [1.0, 0.5]}),
-        "tilted": (lambda *a, **n: hk.holonomic(task, hk.tilted(*a, **n)), (k["g"], lambda x: x[0]), {"name": "t"}),
+        "stack": (lambda *a: hk.holonomic(task, constraints.stack(*a)), (k["g"],), {}),
+        "total": (lambda *a, **n: hk.holonomic(task, constraints.total(*a, **n)), (k["g"], k["g"]),
+            {"weights": [1.0, 0.5]}),
+        "tilted": (lambda *a, **n: hk.holonomic(task, constraints.tilted(*a, **n)), (k["g"], lambda x: x[0]),
+            {"name": "t"}),
         "stationary": (lambda *a, **n: hk.holonomic(task, hk.stationary(*a, **n)), (k["cost"],), {
             "free": (robot.joint_names[0],), "name": "s"}),
-        "posture_cost": (lambda *a: hk.holonomic(task, hk.stationary(hk.posture_cost(*a))), (q, 1.0), {}),
-        "gravity_cost": (lambda *a: hk.holonomic(task, hk.stationary(hk.gravity_cost(*a))), ([0, 0, -9.81],), {}),
+        "posture_cost": (lambda *a: hk.holonomic(task, hk.stationary(constraints.posture_cost(*a))), (q, 1.0), {}),
+        "gravity_cost": (lambda *a: hk.holonomic(task, hk.stationary(constraints.gravity_cost(*a))), ([0, 0,
+            -9.81],), {}),
         "moore_penrose": (hk.moore_penrose, (task,), {"name": "n"}),
         "weighted": (hk.weighted, (task, k["weight"]), {"name": "n"}),
         "null_basis": (lambda *a, **n: hk.null_basis(*a, **n)(q), (task, lambda x: task_frame()), {"name": "n"}),
         "holonomic": (hk.holonomic, (task, k["g"]), {"name": "n"}),
-        "pfaffian": (lambda *a, **n: hk.pfaffian(*a, **n)(q), (task, lambda x: [[1.0, x[0], 0.0]]), {"name": "n"}),
-        "right_inverse": (hk.right_inverse, (task, lambda x: task_frame()), {"name": "n"}),
-        "coupled_twist": (lambda *a, **n: hk.coupled_twist(*a, **n)(q), (task, 1.0), {"name": "n"}),
-        "inertia_weighted": (hk.inertia_weighted, (task,), {"name": "n"}),
-        "impedance": (lambda *a, **n: hk.impedance(*a, **n)(q), (task, k["cost"]), {"force": "stiffness", "name": "n"}),
-        "from_transport": (hk.from_transport, (task, lambda x, z: z, lambda x, z: z, lambda x: x[0]), {
+        "pfaffian": (lambda *a, **n: strategies.pfaffian(*a, **n)(q), (task, lambda x: [[1.0, x[0], 0.0]]),
+            {"name": "n"}),
+        "right_inverse": (strategies.right_inverse, (task, lambda x: task_frame()), {"name": "n"}),
+        "coupled_twist": (lambda *a, **n: strategies.coupled_twist(*a, **n)(q), (task, 1.0), {"name": "n"}),
+        "inertia_weighted": (strategies.inertia_weighted, (task,), {"name": "n"}),
+        "impedance": (lambda *a, **n: strategies.impedance(*a, **n)(q), (task, k["cost"]),
+            {"force": "stiffness", "name": "n"}),
+        "from_transport": (strategies.from_transport, (task, lambda x, z: z, lambda x, z: z, lambda x: x[0]), {
             "around": q, "inverse": None, "center": [0.0, 0.0], "steps": 1, "name": "n"}),
         "radial": (hk.radial, (law, q), {"steps": 1, "name": "n"}),
-        "fitted": (hk.fitted, (held, Q), {"degree": 1, "rows": (0, 1), "name": "n"}),
-        "self_motion": (hk.self_motion, (task, q), {"step": 0.2, "length": 1.0, "limits": False}),
+        "fitted": (strategies.fitted, (held, Q), {"degree": 1, "rows": (0, 1), "name": "n"}),
+        "self_motion": (strategies.self_motion, (task, q), {"step": 0.2, "length": 1.0, "limits": False}),
         "line": (hk.line, (start, start + 0.1), {"turn": [0, 0, 0.1], "speed": 0.1}),
         "arc": (hk.arc, ([0, 1, 0], [0, 0, 0], 1.0, [0, 0, 1]), {"turn": [0, 0, 0.1], "speed": 0.1}),
         "circle": (hk.circle, ([0, 1, 0], [0, 0, 0], [0, 0, 1]), {"clockwise": False, "speed": 0.1}),
@@ -117,44 +123,45 @@ def calls() -> dict[str, Call]:
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
         "path_spread": (hk.path_spread, (held, loop, loop, q), following),
-        "winding": (hk.winding, (held, loop, q), following),
+        "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
         "settle": (hk.settle, (held, q), {"leaf": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "start": q, "gain": 1.0, "leaf_gain": 1.0, "limits": True}),
-        "closed_loop": (_begun(hk.closed_loop), (law, 10.0), {}),
-        "damped": (_begun(hk.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
-        "gradient_projection": (_begun(hk.gradient_projection), (task, k["cost"]), {
+        "closed_loop": (_begun(laws.closed_loop), (law, 10.0), {}),
+        "damped": (_begun(laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
+        "gradient_projection": (_begun(laws.gradient_projection), (task, k["cost"]), {
             "weight": 1.0, "gain": 1.0, "name": "n"}),
-        "repetitive_motion": (_begun(hk.repetitive_motion), (task,), {
+        "repetitive_motion": (_begun(laws.repetitive_motion), (task,), {
             "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
-        "asymptotically_cyclic": (_begun(hk.asymptotically_cyclic), (task, k["g"], [0.3]), {
+        "asymptotically_cyclic": (_begun(laws.asymptotically_cyclic), (task, k["g"], [0.3]), {
             "leaf_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
-        "impedance_with_memory": (_begun(hk.impedance_with_memory), (task, k["cost"]), {
+        "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
-        "drive": (hk.drive, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
+        "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
             "start": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
         "around": (hk.around, (q, 0.1), {}),
-        "box": (hk.box, (q - 0.1, q + 0.1), {}),
-        "ball": (hk.ball, (q, 0.1), {"along": 0.0}),
-        "ball_postures": (hk.ball_postures, (law, k["ball"], 2), {"seed": 0}),
+        "box": (analysis.box, (q - 0.1, q + 0.1), {}),
+        "ball": (analysis.ball, (q, 0.1), {"along": 0.0}),
+        "ball_postures": (analysis.ball_postures, (law, k["ball"], 2), {"seed": 0}),
         "involutivity": (hk.involutivity, (law, region), {
             "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
-        "involutivity_of": (hk.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
+        "involutivity_of": (analysis.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
-        "filtration": (hk.filtration, (held, q), {"most": 2}),
-        "forecast": (hk.forecast, (law, loop, q), {}),
-        "drift_free": (hk.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
-        "deviation": (hk.deviation, (law, held, Q), {"columns": 2}),
-        "price": (hk.price, (law, k["ball"]), {"ours": held, "samples": 2, "seed": 0}),
-        "leaf_function": (hk.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
-        "general_form": (hk.general_form, (law, q), {"reference": q}),
+        "filtration": (analysis.filtration, (held, q), {"most": 2}),
+        "forecast": (analysis.forecast, (law, loop, q), {}),
+        "drift_free": (analysis.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
+        "deviation": (analysis.deviation, (law, held, Q), {"columns": 2}),
+        "price": (analysis.price, (law, k["ball"]), {"ours": held, "samples": 2, "seed": 0}),
+        "leaf_function": (analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
+        "general_form": (analysis.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {
             "start": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
-        "Recording": (hk.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
-        "audit_recording": (hk.audit_recording, (hk.Recording(tuple(robot.joint_names), t, np.zeros((3, 3)), "here"),
+        "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
+        "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
+            3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
         "read_recording": (hk.read_recording, ("no.csv", robot), {"degrees": False, "topic": None}),
         "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),
@@ -190,7 +197,7 @@ def calls() -> dict[str, Call]:
         "Trajectory.tracking_error": (walk.tracking_error, ("m",), {}),
         "Trajectory.save": (walk.save, ("walk.csv",), {}),
         "InverseKinematics": (k["ik"], (k["pose"],), {}),
-        "Servo.step": (k["servo"].step, (q, start, np.zeros(2)), {}),
+        "Controller.step": (k["servo"].step, (q, start, np.zeros(2)), {}),
         "LeafFunction": (k["leaf"], (q,), {}),
         "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
         "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
@@ -204,7 +211,7 @@ def task_frame() -> np.ndarray:
     return np.asarray(kit()["law"](kit()["q"]))
 
 
-def _begun(make: Callable[..., hk.Controller]) -> Callable[..., Any]:
+def _begun(make: Callable[..., hk.ControlLaw]) -> Callable[..., Any]:
     """A controller, and one step of it."""
 
     def run(*arguments: Any, **named: Any) -> Any:

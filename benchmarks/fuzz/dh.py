@@ -45,7 +45,7 @@ _ROWS = [
     {"d": 0.2, "kind": "prismatic", "max_velocity": 1.0},
     {"a": 0.2, "theta": 0.3},
 ]
-_FIELDS = tuple(hk.DHRow.__dataclass_fields__)
+_FIELDS = tuple(hk.robot.DHRow.__dataclass_fields__)
 _MORE: tuple[Any, ...] = (None, 1j, object(), np.nan, np.ones(3), np.float64(0.2), b"x", {1: 2}, 10**400, (), range(3))
 
 

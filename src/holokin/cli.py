@@ -52,7 +52,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from .symbolic import engine
+        from .codegen import engine
 
         show(f"holokin {__version__}, {engine()}")
         raise typer.Exit
@@ -203,7 +203,7 @@ def audit(
     Exits 0 when it comes home in all that the log tests, 1 when it does not, 2 when the log does not decide, and on
     bad input.
     """
-    from .analysis import audit_recording
+    from .auditing import audit_recording
     from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
     from .recording import read_recording
     from .robot import load

@@ -161,7 +161,7 @@ class ConstraintRowsError(HolokinError):
         self.rows, self.n, self.m = rows, n, m
         super().__init__(
             f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows, "
-            f"so it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.stack(...)"
+            f"so it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.constraints.stack(...)"
         )
 
 

@@ -1,43 +1,31 @@
-"""Questions about strategies, controllers and logs: curvature, leaves, drift, price, audits."""
+"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law."""
 
-from ..strategy import SelfMotion, self_motion
-from .audit import Audit, Finding, audit
-from .curvature import MOST_JOINTS, curvature
-from .fibre import DriftFree, drift_free
-from .filtration import Filtration, Holonomy, filtration
-from .forecast import Forecast, forecast
-from .general_form import GeneralForm, general_form
-from .involutivity import involutivity, involutivity_of
-from .judge import Homecoming
-from .leaf_function import LeafFunction, leaf_function
-from .log_audit import audit_recording
-from .log_findings import LogAudit
-from .price import Deviation, Price, ball_postures, deviation, price
+from .brackets import MOST_JOINTS, curvature
+from .drift_forecast import Forecast, forecast
+from .drift_free_sets import DriftFree, drift_free
+from .frobenius import involutivity, involutivity_of
+from .leaf_functions import LeafFunction, leaf_function
+from .lie_filtration import Filtration, Holonomy, filtration
+from .paper_form import GeneralForm, general_form
 from .region import Ball, Region, around, ball, box
+from .repeatable_distance import Deviation, Price, ball_postures, deviation, price
 from .verdict import Grounds, Verdict
 
 __all__ = [
     "MOST_JOINTS",
-    "Audit",
     "Ball",
     "Deviation",
     "DriftFree",
     "Filtration",
-    "Finding",
     "Forecast",
     "GeneralForm",
     "Grounds",
     "Holonomy",
-    "Homecoming",
     "LeafFunction",
-    "LogAudit",
     "Price",
     "Region",
-    "SelfMotion",
     "Verdict",
     "around",
-    "audit",
-    "audit_recording",
     "ball",
     "ball_postures",
     "box",
@@ -51,5 +39,4 @@ __all__ = [
     "involutivity_of",
     "leaf_function",
     "price",
-    "self_motion",
 ]

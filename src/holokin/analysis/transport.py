@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..control import checked_rate, runge_kutta
-from ..strategy import Strategy
+from ..strategies import Strategy, checked_rate, runge_kutta
 from ..types import Matrix, Vector
 
 STEPS = 32

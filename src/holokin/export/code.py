@@ -13,13 +13,14 @@ from unicodedata import category
 
 import numpy as np
 
+from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
 from ..motion import leaf_value, step_function
 from ..motion.branch import branch_code
+from ..motion.control_step import HELD
 from ..motion.leaf import ALMOST, DONE, NEWTONS
-from ..motion.servo import HELD
-from ..strategy import Strategy
-from ..symbolic import LARGEST, SX, Function, code_file
+from ..strategies import Strategy
+from ..symbolic import SX, Function
 from ..tolerances import TOLERANCES
 from ..types import Vector
 
@@ -80,7 +81,7 @@ class Source:
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
             fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations, {LARGEST:,} are the most"
-            raise ExportError(fact, "take a shorter law; of a radial one hk.fitted makes a polynomial")
+            raise ExportError(fact, "take a shorter law; of a radial one hk.strategies.fitted makes a polynomial")
 
     @property
     def held(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..files import alone, aside, replace_files, uninterrupted, writing
-from ..strategy import Strategy
+from ..strategies import Strategy
 from ..types import ArrayLike, number, whole
 from .code import Source, header, library, line, text
 from .vectors import selftest, vectors, vectors_header

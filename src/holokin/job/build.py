@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import MOST_JOINTS
-from ..constraint import (
+from ..constraints import (
     Cost,
     arm_angle,
     centring_cost,
@@ -28,7 +28,7 @@ from ..errors import ArgumentError, HolokinError, JobError, JointLimitError, Pat
 from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
-from ..strategy import (
+from ..strategies import (
     Strategy,
     coupled_twist,
     holonomic,

@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 
 from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
-from ..strategy import Strategy
+from ..strategies import Strategy
 from ..types import Vector
 from .build import build_begin, build_robot, build_start, build_strategy, build_tasks, naming
 from .schema import Job

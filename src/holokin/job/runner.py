@@ -17,7 +17,7 @@ from ..files import replacing
 from ..motion import follow
 from ..output.result import Check, JobResult, StrategyResult
 from ..path import Path
-from ..strategy import Strategy
+from ..strategies import Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector

@@ -1,27 +1,34 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
-from .follow import follow
-from .inverse import InverseKinematics, inverse
+from .control_law import ControlLaw, Law, as_control_law, open_loop
+from .control_step import Controller, StepStatus, controller, step_function
+from .following import follow
+from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, settle
-from .repeat import Drift, Spread, drift, path_spread
-from .servo import Servo, StepStatus, controller, step_function
+from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
+from .simulation import simulate
 
 __all__ = [
     "Cause",
+    "ControlLaw",
+    "Controller",
     "Drift",
     "InverseKinematics",
-    "Servo",
+    "Law",
     "Spread",
     "StepStatus",
     "Winding",
+    "as_control_law",
     "controller",
     "drift",
     "follow",
     "inverse",
     "leaf_value",
+    "open_loop",
     "path_spread",
     "settle",
+    "simulate",
     "step_function",
     "winding",
 ]

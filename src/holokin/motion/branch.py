@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..strategy import Strategy
+from ..strategies import Strategy
 from ..symbolic import Enclosure
 from ..tolerances import TOLERANCES
 from ..types import Array, Matrix, Vector

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arguments import typed
-from ..control import Plan
+from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
-from ..strategy import Strategy
-from ..symbolic import LeafRules
+from ..sampling import Plan
+from ..strategies import Strategy
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector, finite

@@ -6,8 +6,8 @@ import ctypes
 
 import numpy as np
 
-from ..control import Plan
-from ..symbolic import FollowKernel
+from ..codegen import FollowKernel
+from ..sampling import Plan
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 

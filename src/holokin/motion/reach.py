@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..control import Plan
+from ..sampling import Plan
 from ..symbolic import Function, jacobian, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES

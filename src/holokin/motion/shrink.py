@@ -16,10 +16,10 @@ import numpy as np
 from ..arguments import typed
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
-from ..strategy import Strategy
+from ..strategies import Strategy
 from ..trajectory import whole_turns
 from ..types import Array, ArrayLike, Matrix, Value, Vector
-from .follow import follow
+from .following import follow
 
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..control import Plan, checked_rate, runge_kutta
+from ..codegen import VelocityRules
 from ..errors import TrackingError
-from ..strategy import Strategy
-from ..symbolic import VelocityRules
+from ..sampling import Plan
+from ..strategies import Strategy, checked_rate, runge_kutta
 from ..tolerances import TOLERANCES
 from ..types import Vector
 from .native import NativeWalk

@@ -20,7 +20,7 @@ from .plots import (
     robot_stick,
     style,
     tool_path,
-)  # fmt: skip
+)
 from .result import JobResult, StrategyResult
 from .words import away, joint_unit, on_figure, stopped, ways_end
 

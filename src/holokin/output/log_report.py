@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import Homecoming, LogAudit
+from ..auditing import Homecoming, LogAudit
 from ..errors import ArgumentError
 from ..files import replacing
 from .figures import margins

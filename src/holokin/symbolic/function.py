@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from ..codegen.program import Port, program
 from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike, numbers
 from .linear import System
-from .program import Port, program
 
 if TYPE_CHECKING:
-    from .kernel import BatchKernel, FollowKernel
+    from ..codegen.kernel import BatchKernel, FollowKernel
 
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
@@ -117,8 +117,8 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
-        from .kernel import LARGEST_VECTOR, BatchKernel
-        from .native import enabled
+        from ..codegen.kernel import LARGEST_VECTOR, BatchKernel
+        from ..codegen.native import enabled
 
         if not enabled() or self.program.instructions > LARGEST_VECTOR:
             return None
@@ -141,8 +141,8 @@ class Function:
         Args:
             more: makes the C that the loop needs besides this function's.
         """
-        from .kernel import LARGEST, FollowKernel
-        from .native import enabled
+        from ..codegen.kernel import LARGEST, FollowKernel
+        from ..codegen.native import enabled
 
         if not enabled() or self.program.instructions > LARGEST:
             return None
@@ -155,7 +155,7 @@ class Function:
 
         Raises: NativeError: an operation that has no C here.
         """
-        from .source import body
+        from ..codegen.source import body
 
         return body(self.program, *self._shapes, name)
 
@@ -193,7 +193,7 @@ class Function:
 
 def _tried(make: Callable[[], Any]) -> Any:
     """What is made, or None and a warning."""
-    from .native import tell
+    from ..codegen.native import tell
 
     try:
         return make()

@@ -12,20 +12,11 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from ..codegen.program import System
+
 DENSE_FROM = 10
 """Order from which a square system is left to numbers. Measured (docs/speed.md): as C both take the same time from
 order 9 to 12, and the dense one is built in a third of it."""
-
-
-@dataclass(frozen=True, eq=False)
-class System:
-    """A X = B, to be solved by numbers amid a `Function`: the symbols stand for what will be found."""
-
-    A: ca.SX
-    B: ca.SX
-    X: ca.SX
-    figures: ca.SX
-    """(2,): conditioning, orientation."""
 
 
 class Solution(NamedTuple):

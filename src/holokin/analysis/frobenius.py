@@ -1,0 +1,221 @@
+"""Is a strategy, or a bare distribution, involutive? The paper's (4), with a figure and a witness. [SY88]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
+from ..strategies import Strategy
+from ..symbolic import (
+    SX,
+    Function,
+    as_expression,
+    factorise,
+    horzcat,
+    norm_2,
+    other_operations,
+    pairwise_brackets,
+    symbol,
+)
+from ..tolerances import TOLERANCES
+from ..types import Array, Matrix, Vector, whole
+from .brackets import curvature_function, pairs
+from .region import Region
+from .search import Looked, climbed, examine, look, together
+from .verdict import Grounds, Verdict
+
+THOROUGH = 65_536
+"""Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Subject:
+    """What is judged: `values`: Q (k, n) -> (F (k, n, p), its scale (k, p), conditioning (k,)), and words for it."""
+
+    name: str
+    n: int
+    values: Callable[[Matrix], tuple[Array, Matrix, Vector]]
+    planes: list[tuple[int, int]]
+    units: list[str]
+    rows: list[tuple[str, str]]
+    refusal: Callable[[Vector], Exception | None]
+    grounds: Grounds
+    others: tuple[str, ...]
+
+    def relative(self, Q: Matrix) -> tuple[Array, Vector]:
+        """F over its scale, free of units, (k, n, p), and conditioning (k,)."""
+        F, scale, figure = self.values(Q)
+        with np.errstate(all="ignore"):
+            return F / scale[:, None, :], figure
+
+
+@typed
+def involutivity(
+    strategy: Strategy,
+    region: Region,
+    *,
+    samples: int = 64,
+    thorough: bool | int = False,
+    tolerance: float = TOLERANCES.holonomic,
+    seed: int = 0,
+) -> Verdict:
+    """Whether [G_i, G_j] lies in range G for all i, j at postures of a region: the condition (4) of the paper.
+
+    Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
+    free of null-space bases (theory 5.1). `Verdict` says what is known of the postures between (theory 5.2).
+
+    Args:
+        region: box in joint space, for instance `around(q0, 0.3)`.
+        samples: postures to look at; those that are singular, or where round-off hides all, are left out and counted.
+        thorough: look at 65,536 postures, or as many as it says, then climb to where the curvature is largest from
+            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them.
+        tolerance: largest relative defect [1/rad] that counts as zero.
+
+    Raises:
+        EmptyRegionError: every sampled posture is singular, or round-off hides its curvature.
+        ShapeError: the region has not n joints. ArgumentError: a number of postures that is not whole and at least 1.
+    """
+    return _judged(_subject(strategy), region, whole("samples", samples), thorough, tolerance, seed)
+
+
+def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
+    """`involutivity` at given postures (k, n). Raises: EmptyRegionError."""
+    subject = _subject(strategy)
+    return _verdict(subject, look(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
+
+
+@typed
+def involutivity_of(
+    distribution: Callable[[Any], Any],
+    n: int,
+    region: Region | None = None,
+    *,
+    samples: int = 64,
+    thorough: bool | int = False,
+    tolerance: float = TOLERANCES.holonomic,
+    seed: int = 0,
+) -> Verdict:
+    """Whether a bare distribution span B(q) is involutive, for instance B = N_G, or W J^T (Proposition 1 of [RM93]).
+
+    The figure is the part of [B_a, B_b] normal to span B, over |B_a| |B_b| [1/joint unit]; both `defect`
+    and `relative` hold it.
+
+    Args:
+        distribution: q -> CasADi expression (n, k), or nested lists.
+        n: number of joints.
+        region: box to look in; by default |q_i| <= 1.
+        samples, thorough, tolerance, seed: as for `involutivity`.
+
+    Raises:
+        EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
+    """
+    q = symbol("q", whole("n", n))
+    B = as_expression(distribution(q))
+    if B.shape[0] != n:
+        raise ShapeError("the distribution", (n, "k"), B.shape)
+    units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
+    frame = factorise(units)
+    basis = frame.thin_q()
+    brackets = pairwise_brackets(B, q)
+    normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]
+    planes = list(brackets) or [(0, 0)]
+    function = Function("distribution", {"q": q}, {"F": horzcat(*normal), "B": B, "conditioning": frame.conditioning()})
+
+    def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
+        F, fields, conditioning = function.batch(Q)
+        with np.errstate(all="ignore"):
+            F = F.reshape(len(Q), n, -1) / _scale(fields.reshape(len(Q), n, -1), planes)[:, None, :]
+        return F, np.ones((len(Q), len(planes))), conditioning
+
+    name = f"distribution of rank {B.shape[1]}"
+    refusal = lambda _q: HolokinError("the distribution loses rank")  # noqa: E731
+    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], refusal, *_grounds(B, q))
+    area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
+    return _judged(subject, area, whole("samples", samples), thorough, tolerance, seed)
+
+
+def _subject(strategy: Strategy) -> _Subject:
+    task, function = strategy.task, curvature_function(strategy)
+    planes = pairs(task.m) or [(0, 0)]
+
+    def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
+        F, G, conditioning, margin = function.batch(Q)
+        scale = _scale(G.reshape(len(Q), task.n, task.m), planes)
+        return F.reshape(len(Q), task.n, -1), scale, np.minimum(conditioning, margin)
+
+    def refusal(q: Vector) -> Exception | None:
+        try:
+            strategy(q)
+        except SingularityError as first:
+            return first
+        return None
+
+    e = strategy.expressions
+    grounds = (Grounds.CONSTRAINT, ()) if strategy.constraint is not None else _grounds(e.planes, e.q)
+    units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
+    name = f"{strategy.name}, {task.name}"
+    return _Subject(name, task.n, values, planes, units, rows, refusal, *grounds)
+
+
+def _grounds(planes: SX, q: SX) -> tuple[Grounds, tuple[str, ...]]:
+    others = other_operations(planes, q)
+    return (Grounds.SAMPLED if others else Grounds.TRIGONOMETRIC), others
+
+
+def _scale(fields: Array, planes: list[tuple[int, int]]) -> Matrix:
+    """|G_i| |G_j| (k, p) of fields (k, n, m)."""
+    lengths = np.linalg.norm(fields, axis=1)
+    return np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
+
+
+def _judged(
+    subject: _Subject, region: Region, samples: int, thorough: bool | int, tolerance: float, seed: int
+) -> Verdict:
+    if region.n != subject.n:
+        raise ShapeError("the region", (subject.n,), (region.n,))
+    if thorough is not False:
+        samples = max(samples, THOROUGH if thorough is True else whole("thorough", thorough))
+    seen = look(subject.relative, region.sample(samples, seed))
+    if thorough is not False:
+        found = climbed(subject.relative, region, seen)
+        seen = together(seen, look(subject.relative, found)) if len(found) else seen
+    return _verdict(subject, seen, region, tolerance)
+
+
+def _verdict(subject: _Subject, seen: Looked, region: Region, tolerance: float) -> Verdict:
+    found = examine(subject.relative, seen, tolerance)
+    if found is None:
+        best = f"conditioning at most {np.nanmax(seen.figure, initial=0.0):.1e}, and round-off hides the curvature"
+        raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
+    witness, plane = seen.Q[found.row], subject.planes[found.plane]
+    F, scale, _ = subject.values(witness[None])
+    return Verdict(
+        holonomic=not found.shown,
+        defect=float(found.size * scale[0, found.plane]),
+        unit=subject.units[found.plane],
+        relative=found.size,
+        tolerance=found.allowed,
+        witness=witness,
+        plane=plane,
+        direction=F[0, :, found.plane],
+        samples=int((seen.sound & ~found.blurred).sum()),
+        singular=int((~seen.sound).sum()),
+        blurred=int(found.blurred.sum()),
+        region=region,
+        grounds=subject.grounds,
+        others=subject.others,
+        subject=subject.name,
+        rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),
+    )
+
+
+def _unit(strategy: Strategy, i: int, j: int) -> str:
+    kinds = {c.unit for c in strategy.task.robot.coordinates}
+    joint = kinds.pop() if len(kinds) == 1 else "joint unit"
+    a, b = strategy.task.units[i], strategy.task.units[j]
+    return f"{joint}/{a}^2" if a == b else f"{joint}/({a} {b})"

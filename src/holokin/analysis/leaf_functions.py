@@ -1,0 +1,156 @@
+"""Recovering g from nothing but an involutive N_G or G: carry the posture to a reference pose (theory 5.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import NotHolonomicError
+from ..robot import Robot
+from ..strategies import Strategy
+from ..symbolic import Function, jacobian, symbol
+from ..types import ArrayLike, Matrix, Value, Vector, frozen, whole
+from .frobenius import involutivity, involutivity_at
+from .region import around
+from .transport import STEPS, transport, way
+from .verdict import Verdict
+
+AGREE = 1e-6
+"""Difference [joint units] of two transports above which there is no leaf function: a hundred times their error."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeafFunction(Value):
+    """g(q) (r,) = Z^T (q_b - q_ref), zero on the leaf of the reference; q_b is where the strategy leads from q when
+    the tool goes straight back to the reference pose, Z (n, r) spans the self-motions there."""
+
+    strategy: Strategy
+    reference: Vector
+
+    def __call__(self, q: ArrayLike) -> Vector:
+        """g(q) (r,) [joint units]. Raises: SingularityError on the way back; ShapeError, NotFiniteError."""
+        q = self.strategy.task.robot.checked(q)
+        return self._Z.T @ (transport(self.strategy, q, self._back(q)) - self.reference)
+
+    def gradient(self, q: ArrayLike) -> Matrix:
+        """J_g (r, n), carried along with the posture by the derivative of the flow.
+
+        Raises: SingularityError on the way back; ShapeError, NotFiniteError.
+        """
+        q = self.strategy.task.robot.checked(q)
+        n = len(q)
+        v = self._back(q)
+        V = -self._back_slope(q)
+        rate, h = self._flow, 1.0 / STEPS
+
+        def slope(y: Matrix) -> Matrix:
+            dq, dD, conditioning, margin = rate(y[:, 0], v, y[:, 1:], V)
+            self.strategy.check(y[:, 0], conditioning, margin)
+            return np.column_stack([dq, np.reshape(dD, (n, n))])
+
+        y = np.column_stack([q, np.eye(n)])
+        for _ in range(STEPS):
+            k1 = slope(y)
+            k2 = slope(y + h / 2 * k1)
+            k3 = slope(y + h / 2 * k2)
+            k4 = slope(y + h * k3)
+            y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return self._Z.T @ y[:, 1:]
+
+    def disagreement(self, q: ArrayLike, by: ArrayLike) -> float:
+        """How far apart [joint units] two ways back to the reference end: straight, and by the tool pose of `by`."""
+        robot, task = self.strategy.task.robot, self.strategy.task
+        q, corner = robot.checked(q), robot.checked(by)
+        direct = transport(self.strategy, q, self._back(q))
+        pose = robot.pose(corner, task.tip)
+        there = transport(self.strategy, q, task.error(q, pose[:3, 3], pose[:3, :3]))
+        return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
+
+    def _back(self, q: Vector) -> Vector:
+        """The straight way (m,) from the tool pose at q to the reference, in task rates."""
+        pose = self._pose
+        return self.strategy.task.error(q, pose[:3, 3], pose[:3, :3])
+
+    def _back_slope(self, q: Vector) -> Matrix:
+        """-d(_back)/dq (m, n)."""
+        pose = self._pose
+        return -np.reshape(self._error_slope(q, pose[:3, 3], pose[:3, :3]), (self.strategy.task.m, len(q)))
+
+    @cached_property
+    def _pose(self) -> Matrix:
+        return frozen(self.strategy.task.robot.pose(self.reference, self.strategy.task.tip))
+
+    @cached_property
+    def _Z(self) -> Matrix:
+        return frozen(np.linalg.svd(self.strategy.task.jacobian(self.reference))[2][self.strategy.task.m :].T)
+
+    @cached_property
+    def _error_slope(self) -> Function:
+        task = self.strategy.task
+        q, p, R = symbol("q", task.n), symbol("p", 3), symbol("R", 3, 3)
+        error = task.error_expression(task.robot.kinematics(q, task.tip), p, R)
+        return Function("error_slope", {"q": q, "p": p, "R": R}, {"E": jacobian(error, q)})
+
+    @cached_property
+    def _flow(self) -> Function:
+        """(q, v, D, V) -> (G v, (G v)' D + G V, conditioning, margin)."""
+        e, task = self.strategy.expressions, self.strategy.task
+        v, D, V = symbol("v", task.m), symbol("D", task.n, task.n), symbol("V", task.m, task.n)
+        found = e.rate(v, written_out=True)
+        dD = jacobian(found.X, e.q) @ D + e.rate(V, written_out=True).X
+        outputs = {
+            "dq": found.X,
+            "dD": dD,
+            "conditioning": found.conditioning,
+            "margin": self.strategy.margin_expression,
+        }
+        return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
+
+    def check(self, q: ArrayLike) -> None:
+        """Look at the curvature at q and at 32 postures of its way back, where g and its gradient come from.
+
+        Raises: NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
+        """
+        q = self.strategy.task.robot.checked(q)
+        _refuse_curved(self.strategy, involutivity_at(self.strategy, way(self.strategy, q, self._back(q))))
+
+
+@typed
+def leaf_function(
+    strategy: Strategy, reference: ArrayLike, *, radius: float = 0.1, samples: int = 8, seed: int = 0
+) -> LeafFunction:
+    """g of an involutive strategy, given by N_G or G alone, near a reference posture (n,).
+
+    Before it is returned, `samples` postures within `radius` [joint units] of the reference are carried back straight
+    and by a detour, and must end within 1e-6 of each other; and the strategy must be holonomic by `involutivity` at 64
+    postures of that box, which sees a curvature too weak, or loops too symmetric, for the detours to show it.
+    Farther out nothing was looked at: `check(q)` does so for one posture.
+
+    Raises:
+        NotHolonomicError: two transports disagree, or there is curvature; it holds the witness.
+        SingularityError: on the way. EmptyRegionError: round-off hides all curvature. ShapeError, NotFiniteError.
+    """
+    robot: Robot = strategy.task.robot
+    start = robot.checked(reference, "the reference posture")
+    strategy(start)
+    g = LeafFunction(strategy, start)
+    whole("samples", samples)
+    rng = np.random.default_rng(whole("seed", seed, 0))
+    worst, witness = 0.0, start
+    for _ in range(samples):
+        q, corner = start + rng.uniform(-radius, radius, (2, robot.n))
+        gap = g.disagreement(q, corner)
+        if gap > worst:
+            worst, witness = gap, q
+    if worst > AGREE:
+        raise NotHolonomicError(strategy.name, witness, worst)
+    _refuse_curved(strategy, involutivity(strategy, around(start, radius), seed=seed))
+    return g
+
+
+def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
+    if not verdict.holonomic:
+        raise NotHolonomicError(strategy.name, verdict.witness, curvature=verdict.relative)

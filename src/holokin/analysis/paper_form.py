@@ -1,0 +1,79 @@
+"""Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) and (10) to (14) checked. [ZR11]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arguments import typed
+from ..strategies import Strategy
+from ..types import ArrayLike, Matrix, Value, Vector
+from .leaf_functions import leaf_function
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralForm(Value):
+    """The paper's general form of a holonomic strategy at q: G = H H^T J^T (J H H^T J^T)^-1, H = [N_G N].
+
+    J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) a basis of ker J_G, N (n, r) one of ker J.
+    """
+
+    q: Vector
+    J: Matrix
+    G: Matrix
+    J_G: Matrix
+    N_G: Matrix
+    N: Matrix
+
+    @property
+    def H(self) -> Matrix:
+        """H = [N_G N] (n, n)."""
+        return np.hstack([self.N_G, self.N])
+
+    @property
+    def J_A(self) -> Matrix:
+        """(11): the extended Jacobian [J; J_G] (n, n)."""
+        return np.vstack([self.J, self.J_G])
+
+    def residuals(self) -> dict[str, float]:
+        """How far each equation of the paper is from holding; (11) and (12) are margins, smallest singular values."""
+        m = len(self.J)
+        W = self.H @ self.H.T
+        seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)
+        blocks = self.J_A @ self.H
+        off = max(np.abs(blocks[:m, m:]).max(initial=0.0), np.abs(blocks[m:, :m]).max(initial=0.0))
+        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])
+        return {
+            "(7)": float(np.abs(seven - self.G).max()),
+            "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),
+            "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
+            "(12)": float(np.linalg.svd(self.H, compute_uv=False)[-1]),
+            "(13)": float(off),
+            "(14)": float(np.abs(self.J_A @ seven - identity).max()),
+        }
+
+
+@typed
+def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None = None) -> GeneralForm:
+    """Theorem III.2, 1 => 2: the general form of a holonomic strategy at q (n,). [ZR11]
+
+    J_G is the gradient of the strategy's constraint, or, if it has none, of the `leaf_function` recovered from G about
+    the reference (q itself by default), whose curvature must vanish near the reference and on the way to it from q.
+    The other direction, 2 => 1, is `null_basis` with `involutivity`.
+
+    Raises:
+        NotHolonomicError: there is no g, with a witness. SingularityError: J or H is singular at q.
+    """
+    task = strategy.task
+    posture = task.robot.checked(q)
+    G, J = strategy(posture), task.jacobian(posture)
+    if strategy.constraint is not None:
+        J_G = strategy.rows(posture)
+    else:
+        g = leaf_function(strategy, posture if reference is None else reference)
+        g.check(posture)
+        J_G = g.gradient(posture)
+    m = task.m
+    N_G = np.linalg.svd(J_G)[2][len(J_G) :].T if len(J_G) else np.eye(task.n)
+    return GeneralForm(posture, J, G, J_G, N_G[:, :m], task.null_space(posture))

@@ -1,0 +1,260 @@
+"""Any controller put to the test: do closed tool paths give closed joint paths, and if not, by how much, and why?
+
+The law is a black box: it is only run, through `simulate`, on loops, ways, speeds and starts, and judged by where the
+joints end. Every question is asked on its own: one that the law cannot answer is reported and the rest goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..analysis.brackets import pairs
+from ..arguments import typed
+from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
+from ..motion import as_control_law
+from ..path import Path, circle, polyline
+from ..robot import Robot
+from ..task import Task, pose
+from ..types import ArrayLike
+from .history import ask_history
+from .judge import Homecoming
+from .planes import looked_at, plane_name
+from .questions import (
+    Answer,
+    Bench,
+    PlaneDrift,
+    ask_cycles,
+    ask_plane,
+    ask_small_loops,
+    ask_speed,
+    ask_start,
+    ask_ways,
+    by_reason,
+    of_cycles,
+    step_alone,
+    tell_planes,
+    widest,
+    worst_plane,
+)
+
+TOLERANCE = 1e-3
+"""Joint difference [joint units] that counts: well over the round-off and step error of a sound loop, and about what
+shows on a robot, 1 mm at the end of 1 m."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One question's answer. `figures` by name [joint units unless the name says else]; `fault` if the law failed."""
+
+    question: str
+    sentence: str
+    figures: dict[str, float]
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What `audit` found: the verdict, each question apart from the others, and the planes of the task."""
+
+    controller: str
+    verdict: Homecoming
+    findings: tuple[Finding, ...]
+    tolerance: float
+    planes: tuple[PlaneDrift, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0: comes home; 1: it does not; 2: it could not be judged."""
+        return {Homecoming.COMES_HOME: 0, Homecoming.UNKNOWN: 2}.get(self.verdict, 1)
+
+    @property
+    def untested(self) -> tuple[str, ...]:
+        """The planes of two task rows in which no loop encloses area, or could be followed: nothing is said of them."""
+        return tuple(p.name for p in self.planes if not p.tested)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict, with what it does not cover."""
+        said = f"{self.controller}: {self.verdict.value}"
+        if self.untested and self.verdict is not Homecoming.UNKNOWN:
+            said += f"; NOT tested: loops in {', '.join(self.untested)}"
+        small = self["small loops"].figures
+        if self.verdict is Homecoming.DRIFTS and small.get("drift") == 0.0:
+            said += (
+                "; small loops at the start do not drift: the loops wind round a place where the law is not defined, "
+            )
+            said += "or meet curvature elsewhere"
+        return said
+
+    def __getitem__(self, question: str) -> Finding:
+        """A finding by its question. Raises: ArgumentError."""
+        for finding in self.findings:
+            if finding.question == question:
+                return finding
+        raise ArgumentError("the question", question, f"it asked: {', '.join(f.question for f in self.findings)}")
+
+    def __str__(self) -> str:
+        lines = [self.sentence]
+        lines += [f"  {f.question}: {'; '.join(filter(None, (f.sentence, f.fault)))}" for f in self.findings]
+        return "\n".join(lines)
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        findings = [
+            {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.figures for f in self.findings
+        ]
+        verdict = self.verdict.name.lower()
+        return {
+            "controller": self.controller, "verdict": verdict, "untested": list(self.untested), "findings": findings,
+        }  # fmt: skip
+
+
+@typed
+def audit(
+    controller: object,
+    robot: Robot,
+    task: Task | None = None,
+    loops: Sequence[Path] | None = None,
+    *,
+    start: ArrayLike,
+    dt: float = 0.01,
+    cycles: int = 6,
+    tolerance: float = TOLERANCE,
+    patience: float = 2.0,
+) -> Audit:
+    """Put any controller to the test.
+
+    A loop sees only the curvature of the planes in which it encloses area. By default the law is run round one more
+    loop in every plane of two task rows, of 0.1 m or 0.2 rad a side; the worst of them, if it drifts, for all cycles.
+
+    Args:
+        controller: a function (q, pose, twist, dt) -> dq, see `control.Law`; a `ControlLaw`; or a `Strategy`.
+        task: what the tool must do; its full pose by default.
+        loops: closed paths that begin at the tool pose of `start`; a circle and a square of 0.1 m, and a loop in every
+            plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
+        start: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
+        tolerance: joint difference that counts as one [joint units].
+        patience: seconds after which a call that does not return is given up.
+
+    Raises:
+        ArgumentError, ShapeError, NotFiniteError: bad arguments, not a bad law. OpenPathError: a loop is not closed.
+        StartError: a loop does not begin at the tool. SingularityError: the task has orientation rows alone, and their
+            representation is singular at the start.
+    """
+    chosen = task if task is not None else pose(robot)
+    if chosen.robot is not robot:
+        raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
+    q0 = robot.checked(start, "the start posture")
+    if cycles < 3 or not tolerance > 0 or not patience > 0:
+        raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
+    bench = Bench(as_control_law(controller), chosen, q0, dt, cycles, patience, tolerance)
+    paths = list(loops) if loops is not None else _default_loops(bench)
+    if not paths:
+        raise ArgumentError("the loops", loops, "give at least one, or None for the usual ones")
+    for path in paths:
+        if not path.closed:
+            raise OpenPathError("an audit", path.gap)
+    of = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
+    findings = [
+        _asked(f"cycles{word}", lambda path=path: ask_cycles(bench, path)) for word, path in zip(of, paths, strict=True)
+    ]
+    planes = _planes(bench, paths, given=loops is not None)
+    findings += _of_planes(bench, paths[0], planes, findings)
+    findings += [_asked("ways", lambda: ask_ways(bench, paths[0]))]
+    findings += [_asked("speed", lambda: ask_speed(bench, paths[0]))]
+    findings += [_asked("history", lambda: ask_history(bench, paths[0]))]
+    findings += [_asked("start", lambda: ask_start(bench, paths[0]))]
+    findings += [_asked("small loops", lambda: ask_small_loops(bench, widest(bench, planes)))]
+    return Audit(bench.law.name, _verdict(bench, findings, planes), tuple(findings), tolerance, tuple(planes))
+
+
+def _default_loops(bench: Bench) -> list[Path]:
+    """A circle and a square of 0.1 m in planes that the task has; loops in other planes where it has no such ones."""
+    point, rows = bench.tool[:3, 3], bench.task.rows
+    inward = np.diag(np.where(point > 0, -0.1, 0.1))
+    found: list[Path] = []
+    if {0, 1} <= set(rows):
+        found.append(circle(point, point + inward[0]))
+    upright = next((k for k in ((0, 2), (1, 2), (0, 1)) if set(k) <= set(rows)), None)
+    if upright is not None:
+        a, b = (inward[k] for k in upright)
+        found.append(polyline([point, point + a, point + a + b, point + b], closed=True))
+    planes = pairs(bench.task.m) or [(0, 0)]
+    return found or [bench.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
+
+
+def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
+    """The answer, or why there is none: a law's fault ends its question, not the audit."""
+    try:
+        sentence, figures = ask()
+    except ControllerError as problem:
+        return Finding(question, "", {}, problem.fact)
+    except HolokinError as problem:
+        if isinstance(problem, ArgumentError | OpenPathError | StartError):
+            raise
+        return Finding(question, "", {}, str(problem))
+    return Finding(question, sentence, figures)
+
+
+def _planes(bench: Bench, paths: list[Path], given: bool) -> list[PlaneDrift]:
+    """All planes of two task rows: the drift of a loop in each; of loops that are given, whether one encloses area."""
+    every = pairs(bench.task.m)
+    if not given:
+        return [ask_plane(bench, plane) for plane in every]
+    names = {plane: plane_name(bench.task, *plane) for plane in every}
+    try:
+        areas = looked_at(bench.task, paths, bench.tool[:3, :3]) if every else {}
+    except SingularityError as problem:
+        return [PlaneDrift(plane, names[plane], untested=str(problem), failed=True) for plane in every]
+    why = "no loop of yours encloses area there"
+    return [
+        PlaneDrift(plane, names[plane], size=areas[plane] ** 0.5) if plane in areas
+        else PlaneDrift(plane, names[plane], untested=why) for plane in every
+    ]  # fmt: skip
+
+
+def _of_planes(bench: Bench, first: Path, planes: list[PlaneDrift], before: list[Finding]) -> list[Finding]:
+    """The finding on all planes; and on the worst of them for all cycles, unless the law is known to drift anyway."""
+    sentence, figures = tell_planes(bench, planes)
+    fault = "; ".join(by_reason([p for p in planes if p.failed]))
+    found = [Finding("planes", sentence, figures, fault)]
+    worst = worst_plane(planes)
+    known = Homecoming.DRIFTS in _seen(before, bench)
+    if worst is None or known or worst.as_run <= bench.tolerance or _by_step(bench, worst):
+        return found
+    loop = bench.loop(worst.plane, worst.size)
+    slower = min(1.0, loop.duration / first.duration)  # what settles needs time: as long a cycle as the others have
+    loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
+    return [*found, _asked(f"cycles in {worst.name}", lambda: ask_cycles(bench, loop))]
+
+
+def _by_step(bench: Bench, plane: PlaneDrift) -> bool:
+    """Whether a plane's loop drifts by the error of the step alone."""
+    return plane.as_run > bench.tolerance and step_alone(plane.as_run, plane.drift, bench.tolerance)
+
+
+def _seen(findings: list[Finding], bench: Bench) -> set[Homecoming]:
+    """What the cycles of each loop say."""
+    loops = [f.figures for f in findings if f.question.startswith("cycles") and f.figures]
+    return {of_cycles(figures, bench.tolerance, bench.cycles) for figures in loops}
+
+
+def _verdict(bench: Bench, findings: list[Finding], planes: list[PlaneDrift]) -> Homecoming:
+    seen = _seen(findings, bench)
+    if not seen or (Homecoming.DRIFTS not in seen and any(f.fault for f in findings)):
+        return Homecoming.UNKNOWN
+    strayed = [p for p in planes if p.tested and p.as_run > bench.tolerance]
+    if any(_by_step(bench, p) for p in strayed):
+        seen.add(Homecoming.BUT_FOR_THE_STEP)
+    if not all(_by_step(bench, p) for p in strayed) and Homecoming.DRIFTS not in seen:
+        seen.add(Homecoming.CONVERGES)  # whatever the slower cycles in the worst plane say
+    others = [f.figures for f in findings if f.question in ("ways", "speed", "history")]
+    sound = all(f and f["apart"] <= bench.tolerance + f.get("of_the_step", 0.0) for f in others)
+    if seen <= {Homecoming.COMES_HOME, Homecoming.BUT_FOR_THE_STEP} and not sound:
+        return Homecoming.CONVERGES
+    order = (Homecoming.DRIFTS, Homecoming.CONVERGES, Homecoming.BUT_FOR_THE_STEP, Homecoming.COMES_HOME)
+    return next(word for word in order if word in seen)

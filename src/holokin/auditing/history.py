@@ -1,0 +1,166 @@
+"""Does a law answer the same call alike, whatever went before? Old calls are asked again, in many pasts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..motion import ControlLaw, Law
+from ..path import Path
+from ..types import Matrix, Vector
+from .questions import ALIKE, Answer, Bench, largest
+
+PLACES = 5
+"""Places along the way at which calls are asked again, in every past."""
+
+IN_A_ROW = 8
+"""How often one call is asked again at once: a law that alternates call by call does so within this many."""
+
+RUNS = 5
+"""Runs of the same way from the same start, so that a law that alternates between runs is seen to."""
+
+AT_ONCE, MIDWAY, NEW_RUN, BEGUN_THERE, SAME_RUN = (
+    "at once", "midway in a run", "in a new run", "in a run begun there", "in the same run again",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Call:
+    """One call of a law and its answer."""
+
+    q: Vector
+    pose: Matrix
+    twist: Vector
+    dt: float
+    answer: Vector
+
+    def again(self, law: Law) -> Vector:
+        """The law's answer now."""
+        return np.asarray(law(self.q.copy(), self.pose.copy(), self.twist.copy(), self.dt), dtype=float)
+
+    def alike(self, q: Vector, pose: Matrix, twist: Vector, dt: float) -> bool:
+        """Whether another call is the same one."""
+        same = np.array_equal(self.q, q) and np.array_equal(self.pose, pose) and np.array_equal(self.twist, twist)
+        return same and self.dt == dt
+
+
+@dataclass(eq=False)
+class _Tally:
+    """Answers compared, those that differed, and by how much at most, for each past.
+
+    `returned`: to one call, in one kind of past, another answer was followed by the first one again.
+    """
+
+    asked: dict[str, int] = field(default_factory=dict)
+    other: dict[str, int] = field(default_factory=dict)
+    rate: float = 0.0
+    share: float = 0.0
+    returned: bool = False
+    strayed: set[tuple[str, int]] = field(default_factory=set)
+
+    def note(self, past: str, call: _Call, answer: Vector) -> None:
+        """Compare an answer with the one the call got first."""
+        off = largest(answer - call.answer) if answer.shape == call.answer.shape else float("inf")
+        size = max(largest(call.answer), 1e-12)
+        self.asked[past] = self.asked.get(past, 0) + 1
+        if not off <= ALIKE * size:
+            self.other[past] = self.other.get(past, 0) + 1
+            self.rate, self.share = max(self.rate, off), max(self.share, off / size)
+            self.strayed.add((past, id(call)))
+        elif past != MIDWAY and (past, id(call)) in self.strayed:
+            self.returned = True
+
+
+def ask_history(bench: Bench, path: Path) -> Answer:
+    """Old calls asked again: at once, in the middle of a run, in new runs, in runs begun there; and whole runs again.
+
+    Raises: ControllerError.
+    """
+    half = path.part(0.0, 0.5)
+    first: list[_Call] = []
+    tally = _Tally()
+    ends = [bench.run_of(_recorded(bench.law, first), half).q[-1]]
+    for _ in range(RUNS - 1):
+        ends.append(bench.run_of(_compared(bench.law, first, tally), half).q[-1])
+    bench.run_of(_questioned(bench.law, first, tally, bench.start), half)
+    apart = max(largest(end - ends[0]) for end in ends)
+    asked, other = sum(tally.asked.values()), sum(tally.other.values())
+    figures = {
+        "calls": float(asked), "otherwise": float(other), "rates_apart": tally.rate, "share": tally.share,
+        "apart": apart,
+    }  # fmt: skip
+    if not other:
+        return f"no memory seen in {asked} calls asked again: {', '.join(tally.asked)}", figures
+    where = ", ".join(f"{past} {count} of {tally.asked[past]}" for past, count in tally.other.items())
+    size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
+    what = "remembers its past, or is random"
+    if set(tally.other) == {BEGUN_THERE}:
+        what = "remembers where its run began"
+    elif tally.returned:
+        what = "alternates between answers"
+    return f"{what}: asked again it answers otherwise, {where}, {size}", figures
+
+
+def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:
+    """The law, with its calls and answers written down."""
+
+    def see(_inner: Law, call: _Call, _step: int) -> None:
+        calls.append(call)
+
+    return _watched(law, see)
+
+
+def _compared(law: ControlLaw, first: list[_Call], tally: _Tally) -> ControlLaw:
+    """The law in a new run of the same way: its answers compared for as long as it is asked the same."""
+
+    def see(_inner: Law, call: _Call, step: int) -> None:
+        if step < len(first) and first[step].alike(call.q, call.pose, call.twist, call.dt):
+            tally.note(SAME_RUN, first[step], call.answer)
+
+    return _watched(law, see)
+
+
+def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, start: Vector) -> ControlLaw:
+    """The law in a run that is interrupted at some places, to ask old calls again."""
+    places = np.unique(np.linspace(0, len(first) - 1, PLACES).astype(int)).tolist()
+    questions: dict[int, list[int]] = {}
+    for step in places:
+        for k, old in enumerate(places):  # one a step: all at once would look like a call that does not return
+            questions.setdefault(min(step + k, len(first) - 1), []).append(old)
+
+    def see(inner: Law, call: _Call, step: int) -> None:
+        if step in places:
+            for _ in range(IN_A_ROW):
+                tally.note(AT_ONCE, call, call.again(inner))
+        for place in questions.get(step, ()):
+            old = first[place]
+            tally.note(MIDWAY, old, old.again(inner))
+            tally.note(NEW_RUN, old, old.again(law.begin(start.copy())))
+            tally.note(BEGUN_THERE, old, old.again(law.begin(old.q.copy())))
+
+    return _watched(law, see)
+
+
+def _watched(law: ControlLaw, see: Callable[[Law, _Call, int], None]) -> ControlLaw:
+    """The law, with somebody who sees each call of a run, and may ask more."""
+
+    def begin(q0: Vector) -> Law:
+        inner = law.begin(q0)
+        step = -1
+
+        def answered(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            nonlocal step
+            step += 1
+            answer = inner(q.copy(), pose.copy(), twist.copy(), dt)
+            try:
+                numbers = np.asarray(answer, dtype=float).copy()
+            except (TypeError, ValueError):
+                return answer  # `simulate` says what is wrong with it
+            see(inner, _Call(q, pose, twist, dt, numbers), step)
+            return answer
+
+        return answered
+
+    return ControlLaw(law.name, begin)

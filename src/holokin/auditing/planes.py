@@ -1,0 +1,105 @@
+"""Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such plane.
+
+The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij (theory 1.1): a loop
+sees only the curvature of the planes in which it encloses area.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..analysis.brackets import pairs
+from ..path import Path, polyline
+from ..task import Task
+from ..types import Array, Matrix, Vector
+
+SIDES = {"m": 0.1, "rad": 0.2}
+"""Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small
+enough that turns about different axes commute up to a tenth."""
+
+ENCLOSED = 0.1
+"""Area, as a share of the largest that one of the loops encloses in any plane, from which a plane counts as looked at:
+there a tolerance on the drift allows ten times the curvature."""
+
+LEAST = 1e-4
+"""Area, as a share of that of `SIDES`, below which a loop encloses nothing: 1 mm by 1 mm."""
+
+
+def plane_name(task: Task, i: int, j: int) -> str:
+    """For instance "x-wz"."""
+    return f"{task.row_names[i]}-{task.row_names[j]}"
+
+
+def sides(task: Task, i: int, j: int, size: float = 1.0) -> tuple[float, float]:
+    """Sides of a loop in the plane (i, j) [m or rad]."""
+    return size * SIDES[task.units[i]], size * SIDES[task.units[j]]
+
+
+def area_unit(task: Task, i: int, j: int) -> str:
+    """ "m^2", "m rad" or "rad^2"."""
+    a, b = task.units[i], task.units[j]
+    return f"{a}^2" if a == b else f"{a} {b}"
+
+
+def row_twists(task: Task, rotation: Matrix) -> Matrix:
+    """The least twists (m, 6) of a tool turned by R (3, 3) that change one task row each, at unit rate.
+
+    Raises: SingularityError where the representation is singular.
+    """
+    return np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
+
+
+def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
+    """A loop of four sides from a tool pose: row i, row j, row i back, and the way home.
+
+    Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
+    loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
+    by the size of the loop. One row alone (i = j) gives the way there and back.
+
+    Raises: SingularityError where the representation is singular.
+    """
+    from scipy.spatial.transform import Rotation
+
+    twists = row_twists(task, rotation)
+    a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
+    if i == j:
+        return polyline([position, position + a[:3]], turns=[a[3:], -a[3:]], closed=True)
+    turned = Rotation.from_rotvec(-a[3:]) * Rotation.from_rotvec(b[3:]) * Rotation.from_rotvec(a[3:])
+    corners = [position, position + a[:3], position + a[:3] + b[:3], position + b[:3]]
+    turns = [a[3:], b[3:], -a[3:], turned.inv().as_rotvec()]
+    return polyline(corners, turns=turns, closed=True)
+
+
+def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
+    """Area (m, m) that a closed path encloses in each plane of task rows, as a share of that of `plane_loop`.
+
+    A_ij = 1/2 of the integral of x_i dx_j - x_j dx_i, x the tool's way from its start in the task rows, to first
+    order in the turns.
+    """
+    from scipy.spatial.transform import Rotation
+
+    at = path.at(np.linspace(0.0, path.duration, 2001))
+    turns = Rotation.from_matrix(at.rotation).as_rotvec()
+    x = np.hstack([at.position - path.start, turns]) @ _rates(task, start_rotation).T
+    x /= [SIDES[unit] for unit in task.units]
+    after = np.roll(x, -1, axis=0)
+    return (x.T @ after - after.T @ x) / 2
+
+
+def looked_at(task: Task, paths: list[Path], start_rotation: Matrix) -> dict[tuple[int, int], float]:
+    """The planes in which one of the paths encloses area, with the largest share of `enclosed`."""
+    areas = np.max([np.abs(enclosed(task, path, start_rotation)) for path in paths], axis=0)
+    least = max(ENCLOSED * float(areas.max()), LEAST)
+    return {(i, j): float(areas[i, j]) for i, j in pairs(task.m) if areas[i, j] >= least}
+
+
+def _signed(task: Task, k: int, position: Vector) -> float:
+    row = task.rows[k]
+    towards_base = -1.0 if row < 3 and position[row] > 0 else 1.0
+    return towards_base * SIDES[task.units[k]]
+
+
+def _rates(task: Task, rotation: Matrix) -> Array:
+    """The map (m, 6) from the twist of a tool turned by R (3, 3) to the rates of the task rows."""
+    unit = np.eye(6)
+    return task.rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:]).T

@@ -1,0 +1,329 @@
+"""The questions that `audit` asks of a law. Each runs it, through `simulate`, and judges where the joints end.
+
+A question answers with a sentence and its figures, by name [joint units unless the name says else].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..analysis.brackets import pairs
+from ..analysis.drift_free_sets import self_motion
+from ..errors import ArgumentError, ControllerError, HolokinError
+from ..motion import ControlLaw, simulate
+from ..path import Path
+from ..task import Task
+from ..trajectory import Trajectory, whole_turns
+from ..types import Matrix, Vector
+from .judge import Homecoming
+from .planes import area_unit, enclosed, plane_loop, plane_name, sides
+
+Answer = tuple[str, dict[str, float]]
+
+NO_DRIFT = 1e-5
+"""Drift [joint units] of a loop of 0.07 m by 0.07 m that is none: a curvature of 0.002 per square metre."""
+
+FOLLOWED = 0.3
+"""Tool error, as a share of the loop's reach from its start, beyond which the law did not go round the loop: a law that
+stands still, or leaves the orientation alone, drifts nowhere. Soft laws with errors of 3 cm on 0.14 m still count."""
+
+SIZES = (1.0, 0.5, 0.25)
+"""Sizes of the loop in a plane, as a share of `planes.SIDES`: where the tool cannot go round one, the next is tried."""
+
+SMALL = 0.7
+"""Size of the small loops, and half of it, as a share of `planes.SIDES`: 0.07 m or 0.14 rad, of an area like that of a
+circle of 0.04 m in radius."""
+
+ALIKE = 1e-6
+"""Difference of two answers, as a share of the answer, up to which they are the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What every question needs."""
+
+    law: ControlLaw
+    task: Task
+    start: Vector
+    dt: float
+    cycles: int
+    patience: float
+    tolerance: float
+
+    @cached_property
+    def tool(self) -> Matrix:
+        """The tool pose (4, 4) at the start."""
+        return self.task.robot.pose(self.start, self.task.tip)
+
+    def run(self, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
+        """One run of the law. Raises: ControllerError."""
+        return self.run_of(self.law, path, start, cycles=cycles, dt=dt)
+
+    def run_of(
+        self, law: ControlLaw, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None
+    ) -> Trajectory:
+        """One run of another law, such as this one watched. Raises: ControllerError."""
+        begin = self.start if start is None else start
+        return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
+
+    def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
+        """`plane_loop` from the start. Raises: SingularityError."""
+        return plane_loop(self.task, self.tool[:3, 3], self.tool[:3, :3], *plane, scale)
+
+    def went_round(self, walk: Trajectory, path: Path) -> str:
+        """Why the tool did not go along the path; empty if it did."""
+        at = path.at(np.linspace(0.0, path.duration, 65))
+        reach = {
+            "m": float(np.linalg.norm(at.position - path.start, axis=1).max()),
+            "rad": float(np.arccos(np.clip((np.trace(at.rotation, axis1=1, axis2=2) - 1) / 2, -1, 1)).max()),
+        }
+        for unit, far in reach.items():
+            off = walk.tracking_error(unit)
+            if off > FOLLOWED * far and off > self.tolerance:
+                return (
+                    f"the tool did not follow: up to {off:.3g} {unit} off, on a path that leads {far:.3g} {unit} away"
+                )
+        return ""
+
+
+def largest(difference: Vector) -> float:
+    """The largest joint's difference."""
+    return float(np.abs(difference).max())
+
+
+def ask_cycles(bench: Bench, path: Path) -> Answer:
+    """Drift per cycle and after all, how it goes on, and the worst tracking. Raises: ControllerError."""
+    walk = bench.run(path, cycles=bench.cycles)
+    unfollowed = bench.went_round(walk, path)
+    if unfollowed:
+        raise ControllerError(bench.law.name, unfollowed, walk)
+    fine = bench.run(path, dt=bench.dt / 2)
+    each = np.abs(walk.drift()).max(axis=1)
+    total = largest(walk.drift_since_start()[-1])
+    finer = fine.drift()[0]
+    law = largest(2 * finer - walk.drift()[0])  # the step's share falls with the step: this is what is left of it
+    figures = {
+        "first": float(each[0]), "last": float(each[-1]), "after_all": total, "first_without_step": law,
+        "tracking_m": walk.tracking_error(), "tracking_rad": walk.tracking_error("rad"),
+    }  # fmt: skip
+    track = f"tracks to {1e3 * figures['tracking_m']:.3g} mm"
+    if walk.tracking_error("rad") > 0:
+        track += f", {figures['tracking_rad']:.2g} rad"
+    sentences = {
+        Homecoming.COMES_HOME: f"home to {max(float(each.max()), total):.1e} after {bench.cycles} cycles",
+        Homecoming.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {bench.dt:g} s alone",
+        Homecoming.CONVERGES: f"strays {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: settles",
+        Homecoming.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {bench.cycles}, "
+        f"{total:.3g} in all",
+    }
+    wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, bench.tolerance)
+    turned = [f"{name} by {k:+d}" for name, k in zip(walk.joint_names, wound, strict=True) if k]
+    if turned:
+        track = f"whole turns in the first cycle: {', '.join(turned)}; {track}"
+    return f"{sentences[of_cycles(figures, bench.tolerance, bench.cycles)]}; {track}", figures
+
+
+def of_cycles(figures: dict[str, float], tolerance: float, cycles: int) -> Homecoming:
+    """What the cycles of one loop say."""
+    first, last = figures["first"], figures["last"]
+    if max(first, figures["after_all"]) <= tolerance:
+        return Homecoming.COMES_HOME
+    if step_alone(first, figures["first_without_step"], tolerance) and figures["after_all"] <= 1.5 * cycles * first:
+        return Homecoming.BUT_FOR_THE_STEP
+    if last <= 0.5 * first or (last <= tolerance < first):
+        return Homecoming.CONVERGES
+    return Homecoming.DRIFTS
+
+
+def step_alone(drift: float, without_step: float, tolerance: float) -> bool:
+    """Whether a drift beyond the tolerance is the error of the step and no more."""
+    return without_step <= min(tolerance, 0.1 * drift)
+
+
+@dataclass(frozen=True)
+class PlaneDrift:
+    """One loop in the plane of two task rows: its drift.
+
+    plane: (i, j); name: of the two rows. drift [joint units]: the largest joint's, without the share of the step;
+    as_run: with it. per_area: drift over the area enclosed [unit]. size: the loop's sides, 1 for 0.1 m or 0.2 rad
+    (of loops that were given: the root of the area). untested: why nothing is known of this plane; empty if something
+    is. failed: the law failed there.
+    """
+
+    plane: tuple[int, int]
+    name: str
+    drift: float = float("nan")
+    as_run: float = float("nan")
+    per_area: float = float("nan")
+    unit: str = ""
+    size: float = 0.0
+    untested: str = ""
+    failed: bool = False
+
+    @property
+    def tested(self) -> bool:
+        """Whether a loop enclosed area in this plane, and the tool went round it."""
+        return not self.untested
+
+
+def ask_plane(bench: Bench, plane: tuple[int, int]) -> PlaneDrift:
+    """The drift of one loop in a plane. A law's fault there is told in the answer."""
+    name, unfollowed = plane_name(bench.task, *plane), ""
+    try:
+        for size in SIZES:
+            path = bench.loop(plane, size)
+            walk = bench.run(path)
+            why = bench.went_round(walk, path)
+            unfollowed = unfollowed or why
+            if not why:
+                return _plane_drift(bench, plane, name, path, walk, size)
+    except ControllerError as problem:
+        return PlaneDrift(plane, name, untested=problem.fact, failed=True)
+    except ArgumentError:
+        raise
+    except HolokinError as problem:
+        return PlaneDrift(plane, name, untested=str(problem), failed=True)
+    return PlaneDrift(plane, name, untested=unfollowed)
+
+
+def _plane_drift(
+    bench: Bench, plane: tuple[int, int], name: str, path: Path, walk: Trajectory, size: float
+) -> PlaneDrift:  # fmt: skip
+    drift = walk.drift()[0]
+    as_run = largest(drift)
+    if as_run > NO_DRIFT:
+        drift = 2 * bench.run(path, dt=bench.dt / 2).drift()[0] - drift
+    a, b = sides(bench.task, *plane)
+    area = a * b * abs(float(enclosed(bench.task, path, bench.tool[:3, :3])[plane]))
+    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(bench.task, *plane)}"
+    return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / area, unit, size)
+
+
+def worst_plane(planes: Sequence[PlaneDrift]) -> PlaneDrift | None:
+    """The plane whose loop drifts most."""
+    known = [p for p in planes if p.tested and np.isfinite(p.drift)]
+    return max(known, key=lambda p: p.drift, default=None)
+
+
+def tell_planes(bench: Bench, planes: Sequence[PlaneDrift]) -> Answer:
+    """The planes in one sentence: the worst, and those that were not tested."""
+    worst = worst_plane(planes)
+    figures = {p.name: p.drift for p in planes if p.tested and np.isfinite(p.drift)}
+    said = []
+    if worst is not None:
+        long = zip(sides(bench.task, *worst.plane, worst.size), worst.plane, strict=True)
+        a, b = (f"{side:g} {bench.task.units[k]}" for side, k in long)
+        figures["worst_per_area"] = worst.per_area
+        said.append(
+            f"{len(figures) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
+            f"{worst.name} round {a} by {b}, {worst.per_area:.3g} {worst.unit}"
+        )
+        if step_alone(worst.as_run, worst.drift, bench.tolerance):
+            said[-1] += f" ({worst.as_run:.2g} with the error of the step)"
+    elif any(p.tested for p in planes):
+        said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
+    elif not planes:
+        said.append("a task of one row has none: every closed way goes there and back")
+    said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
+    return "; ".join(said), figures
+
+
+def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
+    """The planes that were not tested, those with one reason together: "x-y, x-z (why)"."""
+    reasons: dict[str, list[str]] = {}
+    for p in planes:
+        if p.untested:
+            reasons.setdefault(p.untested, []).append(p.name)
+    return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
+
+
+def ask_ways(bench: Bench, path: Path) -> Answer:
+    """Two ways to one tool pose from the start. Raises: ControllerError."""
+    a, b = path.ways()
+    fresh = largest(bench.run(a).q[-1] - bench.run(b).q[-1])
+    finer = largest(bench.run(a, dt=bench.dt / 2).q[-1] - bench.run(b, dt=bench.dt / 2).q[-1])
+    figures = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
+    same = fresh <= bench.tolerance + figures["of_the_step"]
+    return f"{'the same' if same else 'not the same'} joints by two ways to one pose: {fresh:.2g} apart", figures
+
+
+def ask_speed(bench: Bench, path: Path) -> Answer:
+    """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
+
+    Raises: ControllerError.
+    """
+    half = path.part(0.0, 0.5)
+    ends = [bench.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
+    scaled = bench.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=bench.dt / 2).q[-1]
+    apart = max(largest(ends[0] - ends[1]), largest(ends[2] - ends[1]))
+    step = 2 * largest(ends[2] - scaled)
+    same = apart <= bench.tolerance + step
+    figures = {"apart": apart, "of_the_step": step}
+    return f"{'does not depend' if same else 'depends'} on speed: {apart:.2g} between half and twice", figures
+
+
+def ask_start(bench: Bench, path: Path) -> Answer:
+    """From another posture with the same tool pose: does the difference stay, or does the law forget it?
+
+    Raises: ControllerError.
+    """
+    if bench.task.n - bench.task.m != 1:
+        return "not asked: only the self-motions of one redundant joint are curves", {}
+    curve = self_motion(bench.task, bench.start, step=0.02, length=0.1)
+    other = curve.q[int(np.argmax(np.abs(curve.s)))]
+    before = largest(other - bench.start)
+    ends = [bench.run(path, q, cycles=bench.cycles).q[-1] for q in (bench.start, other)]
+    after = largest(ends[1] - ends[0])
+    figures = {"before": before, "after": after}
+    said = "forgets" if after < 0.5 * before else "keeps"
+    return f"{said} its start: {before:.2g} apart at first, {after:.2g} after {bench.cycles} cycles", figures
+
+
+def ask_small_loops(bench: Bench, plane: tuple[int, int] | None) -> Answer:
+    """A local strategy dq = G(q) x' drifts by area times curvature: as the size squared, and back if reversed.
+
+    Raises: ControllerError, SingularityError.
+    """
+    if plane is None:
+        return "not asked: a task of one row has no plane to loop in", {}
+    name = plane_name(bench.task, *plane)
+    drifts, shares = [], []
+    for scale, backward, seconds in (
+        (SMALL, False, 4.0), (SMALL / 2, False, 4.0), (SMALL / 2, True, 4.0), (SMALL / 2, False, 8.0),
+    ):  # fmt: skip
+        loop = bench.loop(plane, scale)
+        loop = loop.reversed() if backward else loop
+        slower = loop.duration / seconds
+        loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
+        d, finer = (bench.run(loop, dt=dt).drift()[0] for dt in (bench.dt, bench.dt / 2))
+        drifts.append(2 * finer - d)  # the step's share falls with the step
+        shares.append(largest(finer - d))
+    big, small, back, slow = drifts
+    size = max(largest(small), 1e-15)
+    a, b = sides(bench.task, *plane, SMALL / 2)
+    figures = {
+        "ratio": largest(big) / size, "turned": largest(small + back) / size,
+        "hurried": largest(small - slow) / size, "drift_per_area": size / (a * b),
+    }  # fmt: skip
+    figures["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]) else largest(big)
+    if not figures["drift"]:
+        return f"none drifts in {name}: {largest(big):.1e} at the most", figures
+    facts = (
+        f"in {name}: ratio {figures['ratio']:.2f} for twice the size, changed by {figures['turned']:.0%} backwards and "
+        f"by {figures['hurried']:.0%} at half the speed"
+    )
+    if 2.8 < figures["ratio"] < 5.6 and figures["turned"] < 0.5 and figures["hurried"] < 0.05:
+        per = f"{figures['drift_per_area']:.3g} per {area_unit(bench.task, *plane)}"
+        return f"obey the area law ({facts}): a local strategy, {per}", figures
+    return f"obey no area law ({facts}): not of the form dq = G(q) x'", figures
+
+
+def widest(bench: Bench, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:
+    """The plane for small loops: that which drifts most, else that in which the loops enclose most area."""
+    worst = worst_plane(planes) or max((p for p in planes if p.tested), key=lambda p: p.size, default=None)
+    every = pairs(bench.task.m)
+    return worst.plane if worst is not None else every[0] if every else None

@@ -1,0 +1,26 @@
+"""Constraints g(q) that complete a task to r + m = n rows."""
+
+from .arm import arm_angle, height
+from .base import Constraint, as_gain, custom, linear, lock, stack, tilted, total
+from .costs import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
+from .coupled_orientation import coupled
+
+__all__ = [
+    "Constraint",
+    "Cost",
+    "arm_angle",
+    "as_gain",
+    "centring_cost",
+    "coupled",
+    "custom",
+    "gravity_cost",
+    "height",
+    "linear",
+    "lock",
+    "manipulability_cost",
+    "posture_cost",
+    "stack",
+    "stationary",
+    "tilted",
+    "total",
+]

@@ -1,0 +1,18 @@
+"""Control laws that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo."""
+
+from .libraries import PostureTask, mink_law, pink_law, placo_law
+from .memory import impedance_with_memory
+from .textbook import asymptotically_cyclic, closed_loop, damped, gradient_projection, repetitive_motion
+
+__all__ = [
+    "PostureTask",
+    "asymptotically_cyclic",
+    "closed_loop",
+    "damped",
+    "gradient_projection",
+    "impedance_with_memory",
+    "mink_law",
+    "pink_law",
+    "placo_law",
+    "repetitive_motion",
+]

@@ -1,0 +1,82 @@
+"""Mussa-Ivaldi and Hogan's law with the tool force as a state: a controller with memory. [MIH91]"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ..arguments import made
+from ..constraints import Cost
+from ..errors import ArgumentError
+from ..motion.control_law import ControlLaw, Law
+from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness, null_basis_expression
+from ..symbolic import SX, Function, factorise, symbol, vertcat
+from ..task import Task
+from ..types import ArrayLike, Matrix, Vector, finite, frozen
+
+
+@made
+def impedance_with_memory(
+    task: Task, potential: Cost, force: ArrayLike | None = None, *, name: str = "impedance with memory"
+) -> ControlLaw:
+    """dq = W(F) J^T F', F' = (J W(F) J^T)^-1 x', W(F) = (K - Gamma(F))^-1: variant (iii) of theory 2d.
+
+    The force F at the tool is carried along. tau_0 = grad U - J^T F never changes, so the law is the extended Jacobian
+    of the potential U - tau_0 . q: it comes home from every start, but which leaves it has depends on the start.
+    Each step is one Runge-Kutta step of order 4 of (q, F).
+
+    Args:
+        potential: U with Hess U = K.
+        force: F (m,) at the start of every run; zero by default.
+
+    Raises:
+        ArgumentError: a task whose J is not df/dq (a twist). ShapeError: the force has not m entries.
+    """
+    if not task.exact:
+        raise ArgumentError(
+            "the task of an impedance", task.name, "its Hessians need coordinates: use a position, or 'rpy'"
+        )
+    first = np.zeros(task.m) if force is None else frozen(finite("the force", force, (task.m,)))
+
+    @cache
+    def functions() -> tuple[Function, Function]:
+        q, F, dx = symbol("q", task.n), symbol("F", task.m), symbol("dx", task.m)
+        k = task.robot.kinematics(q, task.tip)
+        J = task.jacobian_expression(k, q)
+        stiffness = gradient_and_stiffness(task, k, q, potential)[1] - geometric_stiffness(task, k, q)(q, F)
+        extended = factorise(vertcat(J, null_basis_expression(task, k, q).T @ stiffness))
+        dq = extended.solve(vertcat(dx, SX.zeros(task.n - task.m, 1)))
+        dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
+        outputs = {
+            "dq": dq,
+            "dF": dF,
+            "conditioning": extended.conditioning(),
+            "margin": task.margin_expression(k.rotation),
+        }
+        R, twist = symbol("R", 3, 3), symbol("twist", 6)
+        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, twist[:3], twist[3:])})
+        return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
+
+    def begin(q0: Vector) -> Law:
+        flow, wanted = functions()
+        F = first.copy()
+
+        def slope(q: Vector, force: Vector, dx: Vector) -> tuple[Vector, Vector]:
+            dq, dF, conditioning, margin = flow(q, force, dx)
+            check_regular(task, name, q, conditioning, margin)
+            return dq, np.atleast_1d(dF)
+
+        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            nonlocal F
+            dx = np.atleast_1d(wanted(pose[:3, :3], twist))
+            q1, F1 = slope(q, F, dx)
+            q2, F2 = slope(q + dt / 2 * q1, F + dt / 2 * F1, dx)
+            q3, F3 = slope(q + dt / 2 * q2, F + dt / 2 * F2, dx)
+            q4, F4 = slope(q + dt * q3, F + dt * F3, dx)
+            F = F + dt / 6 * (F1 + 2 * F2 + 2 * F3 + F4)
+            return (q1 + 2 * q2 + 2 * q3 + q4) / 6
+
+        return law
+
+    return ControlLaw(name, begin)

@@ -1,0 +1,166 @@
+"""The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
+
+All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the pose wanted now.
+With gain 1/dt a step goes all the way to the pose wanted at its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arguments import made
+from ..constraints import Constraint, Cost
+from ..errors import ArgumentError, InfeasibleError, ShapeError
+from ..motion.control_law import ControlLaw, Law, Symbols, compiled
+from ..strategies import Strategy, holonomic, null_basis_expression
+from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
+from ..task import Task
+from ..types import ArrayLike, Matrix, Vector, finite, frozen, number, numbers
+
+GAIN = 10.0
+"""Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
+
+
+@made
+def closed_loop(strategy: Strategy, gain: float = GAIN) -> ControlLaw:
+    """dq = G (x' + K e): closed-loop inverse kinematics of any strategy. [Sic90]"""
+    K = _positive("gain", gain)
+    name = f"closed loop, {strategy.name}"
+    return compiled(name, strategy.task, lambda s: strategy.expressions.rate(s.dx + K * s.error), strategy)
+
+
+@made
+def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str = "damped least squares") -> ControlLaw:
+    """dq = J^T (J J^T + damping^2)^-1 (x' + K e): bounded at singularities, where the tool lags. [NH86], [Wam86]
+
+    Args:
+        damping: in the units of J's singular values; against which metres and radians count alike.
+    """
+    K, size = _positive("gain", gain), _positive("damping", damping)
+
+    def rate(s: Symbols) -> Solution:
+        # least squares of [J; damping] dq = [u; 0], without squaring J
+        tall = factorise(vertcat(s.J, size * SX.eye(task.n)))
+        return Solution(tall.solve(vertcat(s.dx + K * s.error, SX.zeros(task.n, 1))), SX(1))
+
+    return compiled(name, task, rate)
+
+
+@made
+def gradient_projection(
+    task: Task, cost: Cost, weight: float = 1.0, gain: float = GAIN, *, name: str = "gradient projection"
+) -> ControlLaw:
+    """dq = J^+ (x' + K e) - weight (1 - J^+ J) grad U: the posture task of most libraries. [Lie77]
+
+    It repeats after a while, but which joints belong to a pose depends on the way and the speed.
+
+    Args:
+        cost: U, for instance `posture_cost(q_preferred)`.
+        weight: [1/s] of a cost in joint units squared.
+    """
+    K = _positive("gain", gain)
+
+    def rate(s: Symbols) -> Solution:
+        U = cost.expression(task, s.kinematics, s.q)
+        if U.shape != (1, 1):
+            raise ShapeError(f"the cost {cost.name!r}", (1, 1), U.shape, "give a scalar")
+        return _projected(s, K, -weight * jacobian(U, s.q).T)
+
+    return compiled(name, task, rate)
+
+
+@made
+def repetitive_motion(
+    task: Task, rate: float = 1.0, gain: float = GAIN, *, limits: bool = False, name: str = "repetitive motion"
+) -> ControlLaw:
+    """The minimum of 1/2 |dq + rate (q - q(0))|^2 on J dq = x' + K e: repetitive motion planning. [ZWX03, ZZ11]
+
+    Without limits it is dq = J^+ (x' + K e) - rate (1 - J^+ J)(q - q(0)), gradient projection on the posture that
+    the run began with. The error of closing a loop falls with rate^-2 (theory 2g).
+
+    Args:
+        rate: [1/s].
+        limits: keep joint speeds, and positions one step ahead, within the robot's limits, by a quadratic programme.
+
+    Raises (when it runs, with limits):
+        InfeasibleError: no joint rates within the limits follow the path.
+    """
+    K, pull = _positive("gain", gain), _positive("rate", rate)
+    if not limits:
+        return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
+    wanted = compiled(name, task, lambda s: Solution(vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
+    nearest, robot = NearestPoint(task.n, task.m), task.robot
+
+    def begin(q0: Vector) -> Law:
+        ask = wanted.begin(q0)
+
+        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            values = ask(q, pose, twist, dt)
+            u, J = values[: task.m], values[task.m :].reshape(task.n, task.m).T
+            lower = np.maximum(-robot.max_velocity, (robot.lower - q) / dt)
+            upper = np.minimum(robot.max_velocity, (robot.upper - q) / dt)
+            dq = nearest(-pull * (q - q0), J, u, np.minimum(lower, upper), np.maximum(lower, upper))
+            if dq is None:
+                raise InfeasibleError(name, q)
+            return dq
+
+        return law
+
+    return ControlLaw(name, begin)
+
+
+@made
+def asymptotically_cyclic(
+    task: Task,
+    g: Constraint,
+    leaf: ArrayLike,
+    leaf_gain: float = 1.0,
+    gain: float = GAIN,
+    *,
+    exact: bool = True,
+    name: str = "asymptotically cyclic",
+) -> ControlLaw:
+    """[J; J_g] dq = [x' + K e; -K_g (g(q) - leaf)]: cyclic once on the leaf, which it nears as e^(-K_g t). [DLO92]
+
+    Args:
+        g: constraint of r = n - m rows. leaf: the value (r,) of g to settle on.
+        leaf_gain: K_g [1/s].
+        exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which settles only to O(1/K_g).
+
+    Raises:
+        ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
+    """
+    K, pull = _positive("gain", gain), _positive("leaf_gain", leaf_gain)
+    strategy = holonomic(task, g)
+    c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", leaf)), (g.rows,), "give one for each row of g"))
+
+    def rate(s: Symbols) -> Solution:
+        e = strategy.expressions
+        u, pulled = s.dx + K * s.error, pull * strategy.leaf_gap(SX(c))
+        if exact:
+            return e.rate(u, pulled)
+        N = null_basis_expression(task, e.kinematics, e.q)
+        least = _least_norm(s, u)
+        return least._replace(X=least.X + N @ factorise(e.planes @ N).solve(pulled))
+
+    return compiled(name, task, rate, strategy)
+
+
+def _least_norm(s: Symbols, u: SX) -> Solution:
+    """(J^+ u, conditioning) by J^T = Q R: J^+ = Q R^-T."""
+    frame = factorise(s.J.T)
+    Q = frame.thin_q()
+    inner = factorise(s.J @ Q)
+    return Solution(Q @ inner.solve(u), inner.conditioning())
+
+
+def _projected(s: Symbols, K: float, z: SX) -> Solution:
+    """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
+    least = _least_norm(s, s.dx + K * s.error - s.J @ z)
+    return least._replace(X=least.X + z)
+
+
+def _positive(what: str, value: float) -> float:
+    if not 0 <= number(what, value) < np.inf:
+        raise ArgumentError(what, value, "give a number that is not negative")
+    return float(value)

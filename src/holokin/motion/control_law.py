@@ -1,0 +1,126 @@
+"""`ControlLaw`: a law that runs in a loop and need not be of the form dq = G(q) dx (3).
+
+It may have feedback, damping, a preferred posture, memory: whatever it is, it is called once a step with the
+joints and the wanted motion of the tool, and answers with joint rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, cast
+
+from ..arguments import Made
+from ..errors import ArgumentError
+from ..robot import Kinematics
+from ..strategies import Strategy, check_regular
+from ..symbolic import SX, Function, Solution, symbol
+from ..task import Task
+from ..types import Matrix, Value, Vector
+
+Law = Callable[[Vector, Matrix, Vector, float], Vector]
+"""(q, pose, twist, dt) -> dq, one step of a controller.
+
+q (n,): the joints now. pose (4, 4): where the tool is wanted at the end of the step. twist (6,): the constant twist
+(linear first, base frame) that takes the wanted pose of now there. dt [s]: the step. dq (n,): joint rates over it.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class ControlLaw(Made, Value):
+    """A control law: `begin(q0)` starts a run of it at the posture q0 and returns the `Law` of that run.
+
+    What a law remembers lives in its run, so every run begins afresh.
+    """
+
+    name: str
+    begin: Callable[[Vector], Law]
+
+    def __repr__(self) -> str:
+        return f"ControlLaw({self.name!r})"
+
+
+def as_control_law(thing: Any) -> ControlLaw:
+    """A controller of what people have: a `ControlLaw`, a `Strategy` (dq = G x'), or a function (q, pose, twist, dt).
+
+    A function is called as it is, in every run: what it remembers, it keeps from run to run.
+
+    Raises:
+        ArgumentError: none of these.
+    """
+    if isinstance(thing, ControlLaw):
+        return thing
+    if isinstance(thing, Strategy):
+        return open_loop(thing)
+    if callable(thing):
+        law = cast(Law, thing)
+        return ControlLaw(getattr(thing, "__name__", type(thing).__name__), lambda _q0: law)
+    raise ArgumentError("the controller", thing, "give a ControlLaw, a Strategy, or a function of (q, pose, twist, dt)")
+
+
+@dataclass(frozen=True, eq=False)
+class Symbols:
+    """What the expression of a law is made of.
+
+    q (n,) and its kinematics and task Jacobian J (m, n); the wanted rate dx (m,) and the task error (m,) to the
+    pose wanted now; the step dt [s]; the posture at which the run began, `start` (n,).
+    """
+
+    q: SX
+    kinematics: Kinematics
+    J: SX
+    dx: SX
+    error: SX
+    dt: SX
+    start: SX
+
+
+def compiled(
+    name: str,
+    task: Task,
+    rate: Callable[[Symbols], Solution],
+    strategy: Strategy | None = None,
+) -> ControlLaw:
+    """A controller from an expression of its rates, compiled when first begun.
+
+    Args:
+        rate: symbols -> dq (n,) with its conditioning, 1 where nothing can be singular.
+        strategy: the one whose expressions `rate` uses, if any.
+    """
+
+    @cache
+    def function() -> Function:
+        q = symbol("q", task.n) if strategy is None else strategy.expressions.q
+        k = task.robot.kinematics(q, task.tip)
+        p, R, twist, dt, start = (
+            symbol("p", 3),
+            symbol("R", 3, 3),
+            symbol("twist", 6),
+            symbol("dt", 1),
+            symbol("start", task.n),
+        )
+        dx = task.rates_expression(R, twist[:3], twist[3:])
+        now = task.error_expression(k, p, R) - dt * dx
+        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, now, dt, start))
+        margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
+        inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
+        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin}
+        return Function("law", inputs, outputs, found.system)
+
+    def begin(q0: Vector) -> Law:
+        step = function()
+
+        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            dq, conditioning, margin = step(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
+            check_regular(task, name, q, conditioning, margin)
+            return dq
+
+        return law
+
+    return ControlLaw(name, begin)
+
+
+def open_loop(strategy: Strategy) -> ControlLaw:
+    """dq = G(q) x': a strategy as it stands, without feedback. [ZR11, (3)]"""
+    return compiled(strategy.name, strategy.task, lambda s: strategy.expressions.rate(s.dx), strategy)

@@ -1,0 +1,186 @@
+"""`follow`: a strategy, a path and a start posture give a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import (
+    ArgumentError,
+    BranchError,
+    JointLimitError,
+    LimitReachedError,
+    OpenPathError,
+    OutOfReachError,
+    PathError,
+    PathSingularityError,
+    SingularityError,
+    SingularityKind,
+    StartError,
+    TrackingError,
+)
+from ..path import Path
+from ..progress import progress
+from ..sampling import Plan, make_plan, record
+from ..strategies import Strategy
+from ..tolerances import TOLERANCES
+from ..trajectory import Status, Trajectory
+from ..types import ArrayLike, Matrix, Vector, whole
+from .leaf import leaf_stepper, level_gap, native_leaf
+from .native import NativeWalk
+from .reach import out_of_reach
+from .velocity import native_velocity, velocity_stepper
+
+METHODS = ("velocity", "leaf")
+
+NATIVE_FROM = 5_000
+"""Steps from which following is worth a compiler's second, once."""
+
+BLOCK = 10_000
+"""Native steps between two looks at the clock and the keyboard."""
+
+
+@typed
+def follow(
+    strategy: Strategy,
+    path: Path,
+    q0: ArrayLike,
+    *,
+    samples: int = 500,
+    cycles: int = 1,
+    method: str | None = None,
+    limits: bool = True,
+) -> Trajectory:
+    """Follow a path from a start posture.
+
+    Args:
+        samples: steps a cycle, at least; corners of the path are always hit.
+        cycles: runs of a closed path.
+        method: "velocity" integrates dq = G x' by fixed-step RK4, as the paper does; "leaf" solves
+            [f(q) - x; g(q) - c] = 0 at every sample, for strategies from a constraint. By default "leaf" where
+            there is a constraint, else "velocity".
+        limits: stop at joint limits; False ignores them.
+
+    The orientation targets are the path's turns applied to the tool's orientation at q0; positions are the path's.
+
+    Raises:
+        StartError: the tool at q0 is not at the start of the path. JointLimitError: q0 is outside the limits.
+        OpenPathError: several cycles of an open path. ArgumentError, ShapeError, NotFiniteError: bad arguments.
+        PathError (LimitReachedError, OutOfReachError, PathSingularityError, BranchError, TrackingError): could not
+            be followed to its end; `.trajectory` holds what was computed.
+    """
+    task, robot = strategy.task, strategy.task.robot
+    start = robot.checked(q0, "the start posture")
+    if limits:
+        robot.check_limits(start)
+    chosen = _method(strategy, method)
+    if whole("cycles", cycles) > 1 and not path.closed:
+        raise OpenPathError(f"following {cycles} cycles", path.gap)
+    strategy(start)
+    tool = robot.pose(start, task.tip)
+    plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
+    off = task.error(start, *plan.first)
+    if np.abs(off).max() > TOLERANCES.start:
+        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0])
+    return _walk(strategy, plan, start, int(cycles), chosen, limits)
+
+
+def _method(strategy: Strategy, method: str | None) -> str:
+    if method is None:
+        return "leaf" if strategy.constraint is not None else "velocity"
+    if method not in METHODS:
+        raise ArgumentError("method", method, f"use one of {', '.join(METHODS)}")
+    if method == "leaf" and strategy.constraint is None:
+        raise ArgumentError(
+            "method", method, f"{strategy.name!r} has no constraint to hold; use 'velocity', or hk.holonomic(task, g)"
+        )
+    return method
+
+
+def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, limits: bool) -> Trajectory:
+    stepper = leaf_stepper(strategy, plan, q) if method == "leaf" else velocity_stepper(strategy, plan)
+    robot = strategy.task.robot
+    lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
+    total = whole("the number of steps of all cycles", cycles * plan.steps)
+    postures = np.empty((total + 1, len(q)))
+    postures[0] = q
+    done = 0
+
+    def so_far(status: Status) -> Trajectory:
+        postures.flags.writeable = False  # the trajectory keeps them as they are
+        return _record(strategy, plan, postures[: done + 1], cycles, status)
+
+    make = native_leaf if method == "leaf" else native_velocity
+    fast = make(strategy, plan, q, limits) if total >= NATIVE_FROM else None
+    native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
+    with progress(f"following by {method}: {strategy.name}", total) as report:
+        try:
+            for done, q in native:  # noqa: B007  q goes on below
+                report(done)
+            for step in range(done, total):
+                q = stepper(q, step % plan.steps)
+                if limits and not ((q >= lower) & (q <= upper)).all():
+                    robot.check_limits(q)
+                done = step + 1
+                postures[done] = q
+                report(done)
+        except JointLimitError as problem:
+            fact = f"stopped {_where(plan, done)}: {problem}"
+            raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
+        except (SingularityError, BranchError, TrackingError) as problem:
+            where = _where(plan, done)
+            undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
+            beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
+            if beyond is not None:
+                fact = (
+                    f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no search came "
+                    f"closer than {beyond[1]:.3g} (m or rad)"
+                )
+                raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from problem
+            fact = f"stopped {where}: {problem.fact if isinstance(problem, PathError) else problem}"
+            if isinstance(problem, SingularityError):
+                walk = so_far(Status.SINGULAR)
+                raise PathSingularityError(problem.kind, fact, "what was computed is in .trajectory", walk) from problem
+            status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
+            raise type(problem)(fact, problem.cure, so_far(status)) from problem
+    return so_far(Status.COMPLETE)
+
+
+def _native_steps(
+    fast: NativeWalk, plan: Plan, q: Vector, cycles: int, postures: Matrix
+) -> Iterator[tuple[int, Vector]]:
+    """(steps done, posture) after each block of native steps; ends early where they halt, for `stepper` to tell why."""
+    done = 0
+    for _ in range(cycles):
+        for first in range(0, plan.steps, BLOCK):
+            last = min(plan.steps, first + BLOCK)
+            did = fast.run(q, first, last, postures[done + 1 : done + 1 + last - first])
+            done += did
+            q = postures[done].copy()
+            yield done, q
+            if did < last - first:
+                return
+
+
+def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
+    task = strategy.task
+
+    def dq() -> Matrix:
+        rates = plan.rates_at_ends()
+        index = 1 + np.arange(len(q) - 1) % plan.steps
+        return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]]))[0].reshape(len(q), task.n)
+
+    def residual() -> Vector:
+        if strategy.constraint is None or task.n == task.m:
+            return np.zeros(len(q))
+        values = strategy.constraint_value.batch(q).reshape(len(q), -1)
+        return np.abs(level_gap(strategy, values - values[0])).max(axis=1)
+
+    return record(task, plan, q, dq, cycles, status, residual)
+
+
+def _where(plan: Plan, done: int) -> str:
+    cycle, step = divmod(done, plan.steps)
+    return f"in cycle {cycle + 1}, {100 * step / plan.steps:.1f} % along the path"

@@ -1,0 +1,109 @@
+"""Drift over the cycles of a closed path, and the spread between two ways to one tool pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, OpenPathError
+from ..path import Path
+from ..strategies import Strategy
+from ..trajectory import Trajectory
+from ..types import ArrayLike, Indices, Matrix, Value, Vector
+from .following import follow
+
+
+@dataclass(frozen=True, eq=False)
+class Drift(Value):
+    """Joint drift over the cycles of a closed path."""
+
+    trajectory: Trajectory
+
+    @property
+    def per_cycle(self) -> Matrix:
+        """Drift of each cycle (cycles, n) [joint units]."""
+        return self.trajectory.drift()
+
+    @property
+    def since_start(self) -> Matrix:
+        """Drift after 1, 2, ... cycles (cycles, n) [joint units]."""
+        return self.trajectory.drift_since_start()
+
+    @property
+    def largest(self) -> Vector:
+        """Largest joint's drift after 1, 2, ... cycles (cycles,) [joint units]."""
+        return np.abs(self.since_start).max(axis=1)
+
+    @property
+    def turns(self) -> Indices:
+        """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): drifts of 2 pi k to 1e-6 rad; 0 for others.
+
+        A loop that ends whole turns further winds: it cannot be drawn together to a point along the leaf. A loop
+        may wind with any other drift too; `winding` tells.
+        """
+        return self.trajectory.turns()
+
+    @property
+    def sentence(self) -> str:
+        """How far the joints end from their start after the last cycle, with whole turns by joint."""
+        last, units = self.since_start[-1], self.trajectory.joint_units
+        k = int(np.abs(last).argmax())
+        count = f"{len(self.since_start)} cycle{'s' * (len(self.since_start) > 1)}"
+        names = self.trajectory.joint_names
+        whole = [f"{name} by {turns:+d}" for name, turns in zip(names, self.turns[-1], strict=True) if turns]
+        said = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
+        return f"{said}; whole turns: {', '.join(whole)}" if whole else said
+
+    def __str__(self) -> str:
+        return ", ".join(f"{value:.4g}" for value in self.largest)
+
+
+@dataclass(frozen=True, eq=False)
+class Spread(Value):
+    """Joints reached by two ways to the same tool pose."""
+
+    a: Trajectory
+    b: Trajectory
+
+    @property
+    def difference(self) -> Vector:
+        """q at the end of a minus q at the end of b (n,) [joint units]."""
+        return self.a.q[-1] - self.b.q[-1]
+
+    @property
+    def largest(self) -> float:
+        """Largest joint's difference [joint units]."""
+        return float(np.abs(self.difference).max())
+
+
+@typed
+def drift(
+    strategy: Strategy, path: Path, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: str | None = None,
+    limits: bool = True,
+) -> Drift:  # fmt: skip
+    """Follow a closed path for some cycles and say where the joints stand after each.
+
+    Raises: OpenPathError, and what `follow` raises.
+    """
+    if not path.closed:
+        raise OpenPathError("drift", path.gap)
+    return Drift(follow(strategy, path, q0, samples=samples, cycles=cycles, method=method, limits=limits))
+
+
+@typed
+def path_spread(
+    strategy: Strategy, path_a: Path, path_b: Path, q0: ArrayLike, *, samples: int = 500, method: str | None = None,
+    limits: bool = True,
+) -> Spread:  # fmt: skip
+    """Follow two paths from the same start posture to the same tool pose and compare the joints.
+
+    Raises: ArgumentError when the paths end apart, and what `follow` raises.
+    """
+    apart = float(np.linalg.norm(path_a.end - path_b.end))
+    turned = float(np.abs(path_a.turned - path_b.turned).max())
+    if max(apart, turned) > 1e-9:
+        raise ArgumentError("the distance between the ends of the two paths", max(apart, turned), "let both end alike")
+    a = follow(strategy, path_a, q0, samples=samples, method=method, limits=limits)
+    return Spread(a, follow(strategy, path_b, q0, samples=samples, method=method, limits=limits))

@@ -1,0 +1,174 @@
+"""`simulate`: runs a controller round a path, step by step, as the loop of a robot would."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
+from ..path import Path
+from ..progress import progress
+from ..sampling import Plan, make_plan, record
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..trajectory import Status, Trajectory
+from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
+from .control_law import ControlLaw, Law, as_control_law
+
+
+@typed
+def simulate(
+    controller: object,
+    task: Task,
+    path: Path,
+    q0: ArrayLike,
+    *,
+    dt: float = 0.01,
+    cycles: int = 1,
+    patience: float | None = None,
+) -> Trajectory:
+    """Run a controller along a path: q <- q + dt law(q, pose, twist, dt), one step after the other.
+
+    Args:
+        controller: a `ControlLaw`, a `Strategy`, or a function (q, pose, twist, dt) -> dq; see `Law`.
+        task: what the tool must do; the record's error and singular values are of it.
+        dt: longest step [s]; steps are made even so that they end at the corners of the path.
+        cycles: runs of a closed path.
+        patience: seconds after which a call that has not returned is given up; None waits for ever.
+
+    Joint limits do not stop it: a law must know them itself.
+
+    Raises:
+        StartError: the tool at q0 is not at the start of the path. OpenPathError: several cycles of an open path.
+        ControllerError: the law threw, blocked, or returned something that is not n finite numbers; `.trajectory`
+            holds what was computed.
+    """
+    chosen = as_control_law(controller)
+    start = task.robot.checked(q0, "the start posture")
+    positive("dt", dt, "give a positive step in seconds")
+    if patience is not None:
+        positive("patience", patience, "give positive seconds, or None")
+    if whole("cycles", cycles) > 1 and not path.closed:
+        raise OpenPathError(f"driving {cycles} cycles", path.gap)
+    tool = task.robot.pose(start, task.tip)
+    steps = np.ceil(path.duration / dt - 1e-9)
+    if not steps * cycles <= MOST:
+        raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
+    plan = make_plan(task, path, int(steps), tool[:3, :3])
+    off = float(np.abs(task.error(start, *plan.first)).max())
+    if off > TOLERANCES.start:
+        raise StartError(off, tool[:3, 3], plan.first[0])
+    return _Run(chosen, task, plan, start, cycles).go(patience)
+
+
+@dataclass(eq=False)
+class _Run:
+    """One run: the postures so far, and the pulse by which a watcher sees whether the law still answers."""
+
+    controller: ControlLaw
+    task: Task
+    plan: Plan
+    start: Vector
+    cycles: int
+
+    def __post_init__(self) -> None:
+        total = self.cycles * self.plan.steps
+        self.q = np.empty((total + 1, self.task.n))
+        self.dq = np.zeros((total + 1, self.task.n))
+        self.q[0] = self.start
+        self.done = 0
+        self.stopped = False
+        self.fault: tuple[str, BaseException | None] | None = None
+        self.pulse = time.monotonic()
+
+    def go(self, patience: float | None) -> Trajectory:
+        """Run to the end, or to the law's first fault. Raises: ControllerError."""
+        total = len(self.q) - 1
+        with progress(f"driving {self.controller.name}", total) as report:
+            if patience is None:
+                self._loop(report)
+            else:
+                self._watched(patience, report)
+        status = Status.COMPLETE if self.fault is None else Status.FAULT
+        k = self.done + 1
+        self.dq[k - 1] = self.dq[max(k - 2, 0)]  # rates are of the steps; the last sample repeats the last one
+        walk = record(self.task, self.plan, self.q[:k].copy(), self.dq[:k].copy(), self.cycles, status)
+        if self.fault is None:
+            return walk
+        said, cause = self.fault
+        cycle, step = divmod(self.done, self.plan.steps)
+        where = f"in cycle {cycle + 1}, {100 * step / self.plan.steps:.1f} % along the path"
+        raise ControllerError(self.controller.name, f"{where}: {said}", walk) from cause
+
+    def _watched(self, patience: float, report: Callable[[int], None]) -> None:
+        """The loop in a thread of its own, left behind if a call does not come back."""
+        worker = threading.Thread(target=self._loop, args=(lambda _done: None,), daemon=True)
+        worker.start()
+        try:
+            while worker.is_alive():
+                worker.join(0.02)
+                report(self.done)
+                if worker.is_alive() and time.monotonic() - self.pulse > patience:
+                    self.stopped = True
+                    self.fault = (f"it did not return within {patience:g} s", None)
+                    return
+        except KeyboardInterrupt:
+            self.stopped = True
+            raise
+
+    def _loop(self, report: Callable[[int], None]) -> None:
+        plan, n = self.plan, self.task.n
+        poses, twists = _targets(plan)
+        self.pulse = time.monotonic()
+        q = self.start.copy()
+        try:
+            law: Law = self.controller.begin(self.start.copy())
+            for step in range(len(self.q) - 1):
+                i = step % plan.steps
+                self.pulse = time.monotonic()
+                answer = law(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i]))
+                if self.stopped:
+                    return
+                fault = _flaw(answer, n)
+                if fault:
+                    self.fault = (fault, None)
+                    return
+                self.dq[step] = np.asarray(answer, dtype=float)
+                q = q + plan.h[i] * self.dq[step]
+                self.q[step + 1] = q
+                self.done = step + 1
+                report(self.done)
+        except HolokinError as problem:
+            self.fault = (str(problem), problem)
+        except Exception as problem:  # noqa: BLE001  a black box may throw anything
+            self.fault = (f"it threw {type(problem).__name__}: {problem}", problem)
+
+
+def _flaw(answer: object, n: int) -> str:
+    """What is wrong with a law's answer; empty if nothing is."""
+    try:
+        dq = np.asarray(answer, dtype=float)
+    except (TypeError, ValueError):
+        return f"it returned {type(answer).__name__}, not {n} numbers"
+    if dq.shape != (n,):
+        return f"it returned shape {dq.shape}, expected ({n},)"
+    if not np.isfinite(dq).all():
+        return f"it returned NaN or infinite rates: {dq.tolist()}"
+    return ""
+
+
+def _targets(plan: Plan) -> tuple[Array, Matrix]:
+    """Wanted poses (k, 4, 4) at the ends of the steps, and the constant twists (k, 6) that lead there."""
+    from scipy.spatial.transform import Rotation
+
+    p = np.vstack([plan.first[0][None], plan.position])
+    R = np.concatenate([plan.first[1][None], plan.rotation])
+    poses = np.tile(np.eye(4), (plan.steps, 1, 1))
+    poses[:, :3, 3], poses[:, :3, :3] = p[1:], R[1:]
+    turned = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).as_rotvec()
+    return poses, np.hstack([np.diff(p, axis=0), turned]) / plan.h[:, None]

@@ -1,0 +1,213 @@
+"""What `follow` and `simulate` walk along: the targets and task rates of one cycle, and the record of a walk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .path import Path, Samples
+from .task import Task
+from .tolerances import TOLERANCES
+from .trajectory import Measures, Status, Trajectory
+from .types import Array, Indices, Matrix, Vector
+
+BLOCK = 1024
+"""Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Some steps of a cycle: targets at their ends, their lengths [s], and task rates at starts, middles and ends."""
+
+    position: Matrix
+    rotation: Array
+    h: Vector
+    rates: tuple[Matrix, Matrix, Matrix]
+    margin: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """One cycle of a path in at least `samples` steps. Arrays over all steps are made when first asked for."""
+
+    path: Path
+    task: Task
+    samples: int
+    start_rotation: Matrix
+
+    @cached_property
+    def counts(self) -> Indices:
+        """Steps of each of the path's segments."""
+        return self.path.counts(self.samples)
+
+    @property
+    def steps(self) -> int:
+        """Steps a cycle."""
+        return int(self.counts.sum())
+
+    @cached_property
+    def first(self) -> tuple[Vector, Matrix]:
+        """Position (3,) and rotation (3, 3) at the start."""
+        at = self.path.on(np.zeros(1, dtype=int), np.zeros(1))
+        return at.position[0], at.rotation[0] @ self.start_rotation
+
+    @cached_property
+    def h(self) -> Vector:
+        """Length of each step [s]."""
+        return np.repeat(self.path.durations / self.counts, self.counts)
+
+    @cached_property
+    def position(self) -> Matrix:
+        """Wanted positions (steps, 3) at the ends of the steps."""
+        return self._ends.position
+
+    @cached_property
+    def rotation(self) -> Array:
+        """Wanted rotations (steps, 3, 3) at the ends of the steps."""
+        return self._ends.rotation @ self.start_rotation
+
+    @cached_property
+    def rates(self) -> tuple[Matrix, Matrix, Matrix]:
+        """Task rates x' (steps, m) at the starts, middles and ends of the steps.
+
+        Raises:
+            SingularityError: the path turns through a singularity of the task's representation.
+        """
+        segment, u0, u1 = self._grid
+        return tuple(self._rates_at(self.path.on(segment, u)) for u in (u0, (u0 + u1) / 2, u1))  # type: ignore[return-value]
+
+    def target(self, step: int, share: float) -> tuple[Vector, Matrix]:
+        """Position (3,) and rotation (3, 3) at a share in [0, 1] of a step."""
+        if share == 1.0:
+            block = self._block(step)
+            return block.position[step % BLOCK], block.rotation[step % BLOCK]
+        segment, u0, u1 = self._locate(np.array([step]))
+        at = self.path.on(segment, u0 + share * (u1 - u0))
+        return at.position[0], at.rotation[0] @ self.start_rotation
+
+    def bends(self, step: int) -> tuple[float, float]:
+        """(|d^2 p / du^2| [m], turn [rad]) of a step, u from 0 to 1 over it."""
+        return self._bends[int(np.searchsorted(self._last, step))]
+
+    @cached_property
+    def _last(self) -> Indices:
+        return np.cumsum(self.counts) - 1
+
+    @cached_property
+    def _bends(self) -> list[tuple[float, float]]:
+        pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
+        return [((s.angle / k) ** 2 * float(np.linalg.norm(s.x)), float(np.linalg.norm(s.turn)) / k) for s, k in pairs]
+
+    def ends(self, step: Indices) -> Vector:
+        """Times at the ends of steps [s]."""
+        segment, _, u = self._locate(step)
+        return self.path.starts[segment] + u * self.path.durations[segment]
+
+    def step_rates(self, step: int) -> tuple[float, Vector, Vector, Vector]:
+        """(length [s], task rates x' (m,) at start, middle and end) of a step.
+
+        Raises:
+            SingularityError: the path turns through a singularity of the task's representation there.
+        """
+        block, i = self._block(step), step % BLOCK
+        if not block.margin[i] > TOLERANCES.representation:
+            self.task.check_representation(np.full(self.task.n, np.nan), block.margin[i])
+        x0, x1, x2 = block.rates
+        return float(block.h[i]), x0[i], x1[i], x2[i]
+
+    def _block(self, step: int) -> _Block:
+        first = step - step % BLOCK
+        if first not in self._kept:
+            segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
+            found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
+            turned = [at.rotation @ self.start_rotation for at in found]
+            pairs = zip(found, turned, strict=True)
+            rates, margins = zip(*(self.task.rates_batch(R, at.velocity, at.angular) for at, R in pairs), strict=True)
+            self._kept.clear()
+            h = self.path.durations[segment] / self.counts[segment]
+            self._kept[first] = _Block(found[2].position, turned[2], h, rates, np.min(margins, axis=0))
+        return self._kept[first]
+
+    @cached_property
+    def _kept(self) -> dict[int, _Block]:
+        return {}
+
+    def _locate(self, step: Indices) -> tuple[Indices, Vector, Vector]:
+        return self.path.locate(self.counts, step)
+
+    def rates_at_ends(self) -> Matrix:
+        """x' (steps + 1, m) at the start and at the end of each step. Raises: SingularityError."""
+        return np.vstack(
+            [self._rates_at(self.path.on(np.zeros(1, dtype=int), np.zeros(1))), self._rates_at(self._ends)]
+        )
+
+    def _rates_at(self, at: Samples) -> Matrix:
+        return self.task.rates(at.rotation @ self.start_rotation, at.velocity, at.angular)
+
+    @cached_property
+    def _grid(self) -> tuple[Indices, Vector, Vector]:
+        return self._locate(np.arange(self.steps))
+
+    @cached_property
+    def _ends(self) -> Samples:
+        segment, _, u1 = self._grid
+        return self.path.on(segment, u1)
+
+
+def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> Plan:
+    """Plan one run of a path in at least `samples` steps. Raises: ArgumentError."""
+    plan = Plan(path, task, samples, start_rotation)
+    plan.counts  # noqa: B018  so that a bad number of samples is told here
+    return plan
+
+
+def record(
+    task: Task,
+    plan: Plan,
+    q: Matrix,
+    dq: Matrix | Callable[[], Matrix],
+    cycles: int,
+    status: Status,
+    residual: Callable[[], Vector] | None = None,
+) -> Trajectory:
+    """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
+    robot = task.robot
+    count, steps = len(q) - 1, plan.steps
+    t = np.empty(count + 1)
+    t[0] = 0.0
+    for first in range(0, count, BLOCK):
+        lap, step = np.divmod(np.arange(first, min(first + BLOCK, count)), steps)
+        t[1 + first : 1 + first + len(step)] = plan.ends(step) + lap * plan.path.duration
+    t.flags.writeable = False  # the trajectory keeps it as it is
+
+    def error() -> Matrix:
+        index = np.arange(count) % steps
+        p = np.vstack([plan.first[0][None], plan.position[index]])
+        R = np.concatenate([plan.first[1][None], plan.rotation[index]])
+        return task.error_batch(q, p, R)
+
+    def sigma() -> Vector:
+        J, _ = task.jacobian_batch(q)
+        return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
+
+    measures = Measures(
+        dq=dq if callable(dq) else lambda: dq,
+        x=lambda: task.value_batch(q),
+        error=error,
+        sigma=sigma,
+        residual=residual or (lambda: np.zeros(len(q))),
+    )
+    return Trajectory(
+        joint_names=robot.joint_names,
+        joint_units=tuple(c.unit for c in robot.coordinates),
+        row_names=task.row_names,
+        row_units=task.units,
+        t=t,
+        q=q,
+        marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
+        status=status,
+        measures=measures,
+    )

@@ -1,0 +1,145 @@
+"""The strategies: Moore-Penrose, weighted, null-basis, any given G, holonomic, rows that need not be a gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..arguments import made
+from ..constraints import Constraint, as_gain
+from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..robot import Kinematics
+from ..symbolic import SX, Function, as_expression, symbol
+from ..task import Task
+from ..types import ArrayLike, finite, frozen
+from .base import Strategy, gradient_rows
+
+
+@made
+def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
+    """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
+    frame = lambda task, k, q: task.jacobian_expression(k, q).T  # noqa: E731
+    return Strategy(name, task, "span", frame, constant_weight=np.eye(task.n))
+
+
+@made
+def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
+    """G = W J^T (J W J^T)^-1: least dq^T W^-1 dq. [ZR11, (6)]
+
+    Args:
+        W: symmetric positive definite (n, n), constant, or a function q -> CasADi expression (n, n).
+
+    Raises:
+        ArgumentError: W is not symmetric positive definite (a function: at one of eight postures within the limits).
+        ShapeError, NotFiniteError.
+    """
+    constant = None
+    if callable(W):
+        field = W
+        _check_weight(task, W)
+    else:
+        constant = frozen(finite("the weight W", W, (task.n, task.n)))
+        _positive_definite("the weight W", constant)
+        field = lambda _q: SX(constant)  # noqa: E731
+
+    def frame(task: Task, k: Kinematics, q: SX) -> SX:
+        value = as_expression(field(q))
+        if value.shape != (task.n, task.n):
+            raise ShapeError("the weight W", (task.n, task.n), value.shape)
+        return value @ task.jacobian_expression(k, q).T
+
+    return Strategy(name, task, "span", frame, constant_weight=constant)
+
+
+def _positive_definite(what: str, W: np.ndarray) -> None:
+    if not np.isfinite(W).all():
+        raise NotFiniteError(what, W.tolist())
+    if not np.allclose(W, W.T, rtol=1e-9, atol=1e-12 * np.abs(W).max()) or np.linalg.eigvalsh(W)[0] <= 0:
+        raise ArgumentError(what, W.tolist(), "give a symmetric positive definite matrix")
+
+
+def _check_weight(task: Task, W: Callable[[SX], Any]) -> None:
+    q = symbol("q", task.n)
+    value = as_expression(W(q))
+    if value.shape != (task.n, task.n):
+        raise ShapeError("the weight W", (task.n, task.n), value.shape)
+    weight = Function("weight", {"q": q}, {"W": value})
+    for posture in _postures(task):
+        at = np.array2string(posture, precision=3)
+        _positive_definite(f"the weight W at q = {at}", np.reshape(weight(posture), (task.n, task.n)))
+
+
+def _postures(task: Task) -> np.ndarray:
+    """Eight random postures within the limits and 1 of zero: enough to see a formula that is wrong."""
+    low, high = np.clip(task.robot.lower, -1.0, None), np.clip(task.robot.upper, None, 1.0)
+    return np.random.default_rng(0).uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n))
+
+
+@made
+def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
+    """The paper's general form (7): G = H H^T J^T (J H H^T J^T)^-1 with H = [N_G N], computed as N_G (J N_G)^-1.
+
+    Holonomic exactly when N_G spans an involutive distribution; `involutivity` tells. [ZR11, Theorem III.2]
+
+    Args:
+        N_G: q -> CasADi expression (n, m), or nested lists of them.
+
+    Raises:
+        ShapeError (when first used): N_G is not (n, m).
+    """
+    return Strategy(name, task, "span", lambda _task, _k, q: as_expression(N_G(q)))
+
+
+@made
+def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy:
+    """The extended Jacobian of a constraint: G = [J; J_g]^-1 [1; 0], holonomic by construction. [Bai85]
+
+    Raises:
+        ConstraintRowsError: g has not r = n - m rows.
+    """
+    strategy = Strategy(name or g.name, task, "kernel", gradient_rows(g), g)
+    strategy.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
+    return strategy
+
+
+@made
+def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> Strategy:
+    """G = [J; A]^-1 [1; 0] for rows A(q) dq = 0 that need not be integrable; `involutivity` tells whether they are.
+
+    Args:
+        A: q -> CasADi expression (r, n), r = n - m.
+    """
+    return Strategy(name, task, "kernel", lambda _task, _k, q: as_expression(A(q)))
+
+
+@made
+def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") -> Strategy:
+    """Any right inverse that is given as a matrix: q -> G (n, m) with J G = 1.
+
+    Unlike `null_basis`, which takes any frame of the planes and makes J G = 1 true, this one checks it.
+
+    Raises:
+        ShapeError: G is not (n, m). ArgumentError: J G is not 1, with the posture that shows it.
+    """
+    strategy = null_basis(task, G, name=name)
+    for q in _postures(task):
+        off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
+        if not off < 1e-6:
+            at = np.array2string(q, precision=3)
+            raise ArgumentError(f"|J G - 1| of {name!r} at q = {at}", float(off), "give a right inverse, or null_basis")
+    return strategy
+
+
+@made
+def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:
+    """w + Lambda v = 0: the paper's (28) with the geometric J_o in place of Euler angle rates.
+
+    Not holonomic for Lambda != 0: (J_w + lambda J_p)[G_i, G_j] = -lambda^2 eps_ijk e_k (theory E3).
+
+    Args:
+        gain: Lambda in rad/m, a number or (3, 3).
+    """
+    L = as_gain(gain, (3, 3))
+    return Strategy(name, task, "kernel", lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])

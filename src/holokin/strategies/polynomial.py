@@ -1,0 +1,135 @@
+"""`fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
+
+A radial twin integrates a ray at every call. Near a start its constraint is a smooth function of the tool pose x
+and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in (x, phi) of low degree stands for
+it. Whatever the fit, the result is the gradient of a function: it is exactly holonomic, and only as near to the
+given strategy as the fit is good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from ..arguments import made
+from ..constraints import Constraint
+from ..errors import ArgumentError
+from ..robot import Kinematics
+from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
+from ..task import Task
+from ..types import ArrayLike, Matrix, finite, frozen, whole
+from .base import Field, Strategy
+from .build import holonomic
+
+
+@made
+def fitted(
+    strategy: Strategy,
+    Q: ArrayLike,
+    *,
+    degree: int = 4,
+    rows: tuple[int, ...] | None = None,
+    name: str | None = None,
+) -> Strategy:
+    """The holonomic strategy whose constraint is the polynomial in (x, phi) nearest to the given one's over Q.
+
+    g_fit(q) = phi(q) + sum_a c_a u^a, u = (x - mean, phi - mean) / spread; the c_a are fitted by least squares to
+    the values and the gradients of g at the postures, both at once. phi = Z^T (q - q_0), Z (n, r) the self-motions at
+    the middle posture. Use it only where Q was.
+
+    Args:
+        strategy: one with a constraint, for instance a `radial` twin.
+        Q: postures (k, n) of the region of use; a few hundred.
+        degree: total degree of the polynomial; 4 has 70 terms in 4 variables, 330 in 7.
+        rows: task rows it depends on, all by default; for constant orientation the position rows alone.
+
+    Raises:
+        ArgumentError: no constraint, a degree < 1, or fewer postures than can determine the terms. ShapeError.
+    """
+    task = strategy.task
+    postures = frozen(finite("the postures", Q, ("k", task.n)))
+    if strategy.constraint is None:
+        raise ArgumentError("the strategy", strategy.name, "fitting needs a constraint: hk.radial(G, q) makes one")
+    whole("degree", degree)
+    chosen = list(range(task.m) if rows is None else rows)
+    if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= set(range(task.m)):
+        raise ArgumentError("rows", rows, f"name some of the {task.m} task rows, from 0, each once")
+    if not len(postures):
+        raise ArgumentError("the number of postures", 0, "give a few hundred")
+    q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
+    Z = np.linalg.svd(task.jacobian(q0))[2][task.m :].T
+    chart = task
+    if task.orientation in ("twist", "rotation-vector"):  # rotation vectors jump half a turn from their reference
+        chart = replace(task, reference=task.robot.pose(q0, task.tip)[:3, :3])
+    x = chart.value_batch(postures)[:, chosen]
+    u = np.hstack([x, (postures - q0) @ Z])
+    middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
+    exponents = _exponents(u.shape[1], degree)
+    if len(exponents) > len(postures) * (1 + len(chosen)):
+        cure = f"give at least {len(exponents) // (1 + len(chosen)) + 1} postures, or a lower degree"
+        raise ArgumentError(f"the number of postures for {len(exponents)} terms", len(postures), cure)
+
+    def variables(_task: Task, k: Kinematics, q: SX) -> SX:
+        phi = SX(Z.T) @ (q - SX(q0))
+        return (vertcat(chart.value_expression(k)[chosen], phi) - SX(middle)) / SX(spread)
+
+    others = [i for i in range(task.m) if i not in chosen]
+    coefficients = _least_squares(strategy, postures, Z, q0, variables, exponents, others)
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        terms = _monomials(variables(task, k, q), exponents)
+        return SX(Z.T) @ (q - SX(q0)) + SX(coefficients.T) @ terms
+
+    constraint = Constraint(
+        name or f"fitted {strategy.name}", task.n - task.m, expression, (False,) * (task.n - task.m)
+    )
+    return holonomic(task, constraint)
+
+
+def _exponents(variables: int, degree: int) -> list[tuple[int, ...]]:
+    """The variables that each monomial multiplies, by increasing degree from 1: () would be a constant."""
+    return [c for d in range(1, degree + 1) for c in combinations_with_replacement(range(variables), d)]
+
+
+def _monomials(u: SX, exponents: list[tuple[int, ...]]) -> SX:
+    """All monomials (k,), each one product more than one of lower degree."""
+    known: dict[tuple[int, ...], SX] = {(): SX(1)}
+    for factors in exponents:
+        known[factors] = known[factors[:-1]] * u[factors[-1]]
+    return vertcat(*(known[factors] for factors in exponents))
+
+
+def _least_squares(
+    strategy: Strategy,
+    Q: Matrix,
+    Z: Matrix,
+    q0: Matrix,
+    variables: Field,
+    exponents: list[tuple[int, ...]],
+    others: list[int],
+) -> Matrix:
+    """Coefficients (terms, r) from the values of g - phi, measured from their mean, and from its gradients.
+
+    Gradients count in the directions that leave the task rows `others` alone, which the polynomial cannot follow.
+    """
+    task = strategy.task
+    r = task.n - task.m
+    q = symbol("q", task.n)
+    terms = _monomials(variables(task, task.robot.kinematics(q, task.tip), q), exponents)
+    basis = Function("monomials", {"q": q}, {"terms": terms, "slopes": as_expression(jacobian(terms, q))})
+    T, S = basis.batch(Q)
+    g = strategy.constraint_value.batch(Q).reshape(len(Q), r)
+    if strategy.constraint is not None and any(strategy.constraint.angular):  # angles count from the middle, unwrapped
+        angular, gap = np.array(strategy.constraint.angular), g - np.atleast_1d(strategy.constraint_value(q0))
+        g = np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
+    g = g - (Q - q0) @ Z
+    slopes = np.stack([strategy.rows(one) for one in Q]) - Z.T
+    span = float(np.abs(Q - q0).max()) or 1.0  # gradients count as the changes they make across the region
+    J = task.jacobian_batch(Q)[0][:, others]
+    free = span * np.linalg.svd(J)[2][:, len(others) :] if others else span * np.tile(np.eye(task.n), (len(Q), 1, 1))
+    S = np.einsum("kdi,kti->kdt", free, S.reshape(len(Q), len(exponents), task.n))
+    A = np.vstack([T - T.mean(axis=0), S.reshape(-1, len(exponents))])
+    b = np.vstack([g - g.mean(axis=0), np.einsum("kdi,kri->kdr", free, slopes).reshape(-1, r)])
+    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)

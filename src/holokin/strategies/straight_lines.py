@@ -1,0 +1,147 @@
+"""`radial`: the holonomic twin of any strategy, by transport along straight tool segments (theory 5.3).
+
+From a centre x0 every tool pose x is reached along a straight segment; carrying a posture of the centre's
+fibre along it by the given strategy makes the joints a function of x. These postures are the leaves. The twin equals
+the given strategy along segments and at x0, and near x0 |G_rad - G| <= 1/2 |x - x0| sup |F|, to first order in
+|x - x0|: on the PPR arm at 0.7 m it is 12 % more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import reduce
+
+from ..arguments import made
+from ..constraints import Constraint
+from ..robot import Kinematics
+from ..symbolic import SX, as_map, fmax, fmin, gradient, if_else, norm_2, symbol, vertcat
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import ArrayLike, Matrix, frozen, whole
+from .base import Strategy
+from .label import label_of
+
+ARRIVED = 0.01
+"""How far the integrated transport may miss the centre, as a share of the joints' way. Of 960 random postures of four
+arms, up to 2 rad from the start, with 4 steps, 855 miss by less and pass `DIP`: there the whole integration error was
+below 1 % of the way on 850, and 7 % at most. Those that miss by more all had an error above 1 %."""
+
+DIP = 0.01
+"""Conditioning that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
+that passes a singular posture, where a step can jump to anywhere and still arrive."""
+
+AT_CENTER = 1e-6
+"""Way [joint units] added to a posture's own, so that round-off at the centre itself is no miss."""
+
+
+@made
+def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> Strategy:
+    """The holonomic strategy whose leaves are carried by `strategy` along straight segments from the pose at `start`.
+
+    Its constraint g labels q_b, where `strategy` leads from q when the tool goes straight back to the centre, in
+    position and along log(R R0^T) in orientation. With one redundant joint g is arc length along the self-motion from
+    `start` to q_b, as an angle: a full turn is once round a closed self-motion, half a turn the length of an open one.
+    With r > 1, and near a singular posture where the self-motion turns too sharply, it is Z^T (q_b - start), Z (n, r)
+    the self-motions at `start`.  q_b is integrated by `steps` Runge-Kutta steps; any number gives an exactly holonomic
+    strategy, more steps one nearer to the ideal twin (the error goes with steps^-4).
+
+    It ends, with a SingularityError (REPRESENTATION), where
+    - the integrated transport misses the centre by more than 1 % of the joints' way, or comes a hundred times nearer
+      to a singularity of `strategy` than its ends are: the segment passes too near one, or is too long for `steps`;
+    - q_b is not on the self-motion through `start`: it is on another branch, or beyond a singular end of this one;
+    - g is Z^T (q_b - start) and det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there this label turns.
+    Elsewhere [J; J_g] is regular, up to the error of the steps: an estimate, since what is between steps is not seen.
+    Size: about 4 `steps` times the given strategy.
+
+    Args:
+        start: posture (n,) at the centre x0.
+        steps: Runge-Kutta steps of one segment.
+
+    Raises:
+        ArgumentError: steps < 1.
+        SingularityError: `strategy` is singular at `start`.
+    """
+    task = strategy.task
+    q0 = frozen(task.robot.checked(start, "the start posture"))
+    whole("steps", steps)
+    strategy(q0)
+    r = task.n - task.m
+    chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
+    charted = replace(strategy, task=chart)
+    x0, label, conditioning = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
+
+    def build(k: Kinematics, q: SX) -> _Ray:
+        e = charted.expressions
+        dx = symbol("dx", task.m)
+        moved = e.rate(dx, written_out=True)
+        rate = as_map([e.q, dx], vertcat(moved.X, moved.conditioning))
+        v = chart.value_expression(k) - SX(x0)
+        h = -1.0 / steps
+        back, sound = q, []
+        for _ in range(steps):
+            k1 = rate(back, v)
+            k2 = rate(back + h / 2 * k1[: task.n], v)
+            k3 = rate(back + h / 2 * k2[: task.n], v)
+            k4 = rate(back + h * k3[: task.n], v)
+            back = back + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)[: task.n]
+            sound += [fmax(0, k[task.n]) for k in (k1, k2, k3, k4)]  # fmax makes 0 of what is not a number
+        missed = SX(x0) - chart.value_expression(task.robot.kinematics(back, task.tip))
+        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
+        arrived = fmax(0, 1 - norm_2(rate(back, missed)[: task.n]) / way)
+        passed = 1 - DIP * fmin(sound[0], conditioning) / reduce(fmin, sound)
+        margin = reduce(fmin, [fmax(0, passed), arrived, fmax(0, label.margin(back))])
+        regular = sound[0] > TOLERANCES.singular
+        return _Ray(label.value(back), if_else(regular, margin, 1), regular)
+
+    ray = _kept(build)
+    constraint = Constraint(
+        f"radial twin of {strategy.name}",
+        r,
+        lambda _task, k, q: ray(k, q).label,
+        (label.angular,) * r,
+        lambda _task, k, q: ray(k, q).margin,
+    )
+
+    def rows(bound: Task, k: Kinematics, q: SX) -> SX:
+        value = constraint.bind(bound, k, q)
+        slopes = vertcat(SX(0, task.n), *(gradient(value[i], q) for i in range(r)))
+        return slopes * ray(k, q).regular  # where J is singular they are not numbers, or huge: conditioning 0 says so
+
+    twin = Strategy(name or constraint.name, task, "kernel", rows, constraint)
+    twin.expressions  # noqa: B018  built now, as `holonomic` does
+    return twin
+
+
+@dataclass(frozen=True)
+class _Ray:
+    """Expressions of one transport back to the centre: regular is 0 where the given strategy is singular at q itself,
+    and elsewhere 1; the margin tells of the rest of the way.
+    """
+
+    label: SX
+    margin: SX
+    regular: SX
+
+
+def _kept(build: Callable[[Kinematics, SX], _Ray]) -> Callable[[Kinematics, SX], _Ray]:
+    """`build`, its last answer kept: the label, its gradient and the margin then share one transport."""
+    last: list[tuple[SX, _Ray]] = []
+
+    def ray(k: Kinematics, q: SX) -> _Ray:
+        if not last or last[0][0] is not q:
+            last[:] = [(q, build(k, q))]
+        return last[0][1]
+
+    return ray
+
+
+def _chart(task: Task, center: Matrix) -> Task:
+    """The same rows in coordinates whose straight lines from the centre are p0 + t v, exp(t w) R0.
+
+    Along such a line the twist is (v, w), constant, so the geometric Jacobian serves for all full orientations.
+    """
+    angular = sum(i > 2 for i in task.rows)
+    if angular == 3 or task.robot.planar:
+        return replace(task, orientation="twist", reference=center)
+    return task
