@@ -131,7 +131,8 @@ def mutated(table: Any, chance: random.Random) -> Any:
             case 0:
                 del here[key]
             case 1 if isinstance(here, list):
-                here.extend(copy.deepcopy([here[key]] * chance.choice((1, 5, 200))))
+                with suppress(RecursionError):  # what is nested too deep for a copy stays single
+                    here.extend(copy.deepcopy([here[key]] * chance.choice((1, 5, 200))))
             case 1 | 2 if isinstance(here, dict):
                 word = chance.choice((*NAMES, *here, f"{key}s"))
                 here[word] = here.pop(key)
