@@ -309,10 +309,14 @@ def test_a_pipe_as_a_job_is_refused_and_not_waited_for(holokin: Command, tmp_pat
 
 @pytest.mark.parametrize("lost", ["", "raise ImportError", "raise NotImplementedError('Wrong number of arguments')"])
 def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
-    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, lost: str
-) -> None:
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest,
+    lost: str,
+) -> None:  # fmt: skip
     """A library may drop the KeyboardInterrupt, or make another error of it."""
     import holokin.output.report as report
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background ignore it
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
 
     fill = report._fill
 

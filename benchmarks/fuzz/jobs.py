@@ -119,6 +119,14 @@ def places(table: Any) -> list[tuple[Any, Any]]:
     return found
 
 
+def copied(value: Any) -> Any:
+    """A copy; 0 of what is nested too deep for one."""
+    try:
+        return copy.deepcopy(value)
+    except RecursionError:
+        return 0
+
+
 def mutated(table: Any, chance: random.Random) -> Any:
     """A copy with a few values deleted, doubled, moved, replaced or renamed."""
     out = copy.deepcopy(table)
@@ -131,17 +139,18 @@ def mutated(table: Any, chance: random.Random) -> Any:
             case 0:
                 del here[key]
             case 1 if isinstance(here, list):
-                here.extend(copy.deepcopy([here[key]] * chance.choice((1, 5, 200))))
+                here.extend([copied(here[key])] * chance.choice((1, 5, 200)))
             case 1 | 2 if isinstance(here, dict):
                 word = chance.choice((*NAMES, *here, f"{key}s"))
                 here[word] = here.pop(key)
             case 3:
                 there, other = chance.choice(spots)
-                here[key] = copy.deepcopy(there[other]) if isinstance(there, dict) and other in there else 0
+                here[key] = copied(there[other]) if isinstance(there, dict) and other in there else 0
             case 4 | 5:
                 here[key] = hostile(chance)
             case _ if isinstance(here[key], int | float) and not isinstance(here[key], bool):
-                here[key] *= chance.choice((2, 3, -1, -0.5, 0.1, 1.5, 10))
+                with suppress(OverflowError):  # a whole number beyond all floats stays
+                    here[key] *= chance.choice((2, 3, -1, -0.5, 0.1, 1.5, 10))
     return out
 
 
