@@ -135,7 +135,8 @@ def test_a_cache_that_takes_no_file(
 
 FULL = """
 import numpy as np, casadi as ca
-from holokin.symbolic import Function, engine, function, symbol
+from holokin.codegen import engine
+from holokin.symbolic import Function, function, symbol
 function.NATIVE_FROM, x, X = 1, symbol("x", 1), np.linspace(-3, 3, 64)
 for k in (1, 2):
     assert abs(Function("sine", {"x": x}, {"y": ca.sin(k * x)}).batch(X[:, None]) - np.sin(k * X)).max() < 1e-15

@@ -272,9 +272,8 @@ def test_a_long_csv_is_read_and_judged_in_little_memory(tmp_path: Path) -> None:
             del q, a
         robot = hk.load("panda")
         make(100_000)
-        hk.audit_recording(recording.Recording(robot.joint_names, np.arange(300.), np.sin(np.arange(300.))[:,
-            None] * 0.1
-            * np.ones(7) + [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5], "warm"), robot)
+        sines = 0.1 * np.sin(np.arange(300.))[:, None] * np.ones(7) + [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+        hk.audit_recording(hk.recording.Recording(robot.joint_names, np.arange(300.), sines, "warm"), robot)
         base = peak()
         log = hk.read_recording({str(tmp_path / "log.csv")!r}, robot)
         read = peak()
