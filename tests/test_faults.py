@@ -332,3 +332,16 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     assert outcome.code == 130
     assert outcome.err.startswith("stopped") and outcome.err.count("\n") == 1
     assert hidden(out) == []
+
+
+def test_ctrl_c_that_comes_where_nothing_can_be_raised_is_one_line_all_the_same(tmp_path: Path) -> None:
+    """In the end of an object, for instance, Python prints what it cannot raise."""
+    setup = (
+        "import signal\nimport holokin.output.report as report\nfill = report._fill\n"
+        "class Last:\n    def __del__(self): signal.raise_signal(signal.SIGINT)\n"
+        "def loses(*arguments):\n    Last()\n    fill(*arguments)\nreport._fill = loses\n"
+    )
+    process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", setup)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said.startswith("stopped") and said.count("\n") == 1

@@ -281,7 +281,9 @@ def main() -> None:
             code = _ending.tell(escaped.__cause__ or escaped)
     except BaseException as problem:  # noqa: BLE001
         code = _ending.tell(problem)
-    sys.exit(finish(code))
+    code = finish(code)
+    _ending.leave()
+    sys.exit(code)
 
 
 if __name__ == "__main__":

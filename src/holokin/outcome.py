@@ -37,6 +37,7 @@ class Ending:
 
     def __init__(self, whole: bool = False) -> None:
         self.whole, self.heard = whole, False
+        self._unraisable_before = sys.unraisablehook
 
     def listen(self) -> None:
         """Note Ctrl-C from now on, unless this process was started to ignore it (in the background)."""
@@ -44,11 +45,21 @@ class Ending:
         ours = getattr(before, "__func__", before) in (Ending._hear, signal.default_int_handler)
         if ours and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, self._hear)
+            sys.unraisablehook = self._unraisable
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
+
+    def _unraisable(self, lost: Any) -> None:
+        """A KeyboardInterrupt that came where nothing can be raised is noted already, and needs no traceback."""
+        if not (self.heard and isinstance(lost.exc_value, KeyboardInterrupt)):
+            self._unraisable_before(lost)
 
     def _hear(self, *_details: object) -> None:
         self.heard = True
         raise KeyboardInterrupt
+
+    def leave(self) -> None:
+        """Give back what `listen` took, but for the signal."""
+        sys.unraisablehook = self._unraisable_before
 
     def check(self) -> None:
         """Raises: KeyboardInterrupt: Ctrl-C was heard, whatever became of it."""
