@@ -37,9 +37,26 @@ def test_hessians_meet_finite_differences(name: str) -> None:
         assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
 
 
-def test_hessians_of_mimic_joints_and_sliders_meet_finite_differences() -> None:
-    robot = hk.from_dh([{"a": 0.3}, {"kind": "prismatic", "alpha": 0.7}, {"a": 0.4, "alpha": -0.5}, {"d": 0.2}])
-    q, h = np.array([0.3, 0.2, -0.6, 0.9]), 1e-6
+GRIPPING = """<robot name="gripping"><link name="root"/><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="turn" type="revolute"><parent link="root"/><child link="a"/><origin xyz="0 0.1 0.3" rpy="0.2 0 1"/>
+    <axis xyz="0 1 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0" rpy="0 0.4 0"/>
+    <axis xyz="1 0 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="half" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0.1"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>
+    <mimic joint="turn" multiplier="-0.5" offset="0.2"/></joint>
+  <joint name="other" type="revolute"><parent link="c"/><child link="d"/><origin xyz="0 0.2 0.4"/>
+    <axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_hessians_of_mimic_joints_and_sliders_meet_finite_differences(tmp_path) -> None:
+    """A revolute joint that follows another by -1/2, behind a slider: three joints of which one moves two axes."""
+    file = tmp_path / "gripping.urdf"
+    file.write_text(GRIPPING)
+    robot = hk.from_urdf(file, tip="d")
+    assert robot.joint_names == ("turn", "slide", "other")
+    q, h = np.array([0.3, 0.2, -0.6]), 1e-6
+    assert np.abs(robot.jacobian(q)[3:, 0]).max() > 0.1
     slopes = [(robot.jacobian(q + e) - robot.jacobian(q - e)) / (2 * h) for e in np.eye(robot.n) * h]
     assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
 
