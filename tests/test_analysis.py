@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
@@ -258,11 +259,25 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
     }[case]()
     form = hk.analysis.general_form(strategy, q, reference)
     residuals = form.residuals()
-    assert max(residuals[key] for key in ("(7)", "(10)", "(13)", "(14)")) < 1e-9
-    assert min(residuals["(11)"], residuals["(12)"]) > 1e-3
+    assert max(residuals[key] for key in ("(7)", "(8)", "(10)", "(13)", "(14)")) < 1e-9
+    assert min(residuals[key] for key in ("(9)", "(11)", "(12)", "H")) > 1e-3
+    assert residuals["(12)"] == pytest.approx(np.sin(subspace_angles(form.N, form.N_G).min()), rel=1e-9)
     assert form.H.shape == (strategy.task.n, strategy.task.n)
 
 
 def test_theorem_III_2_is_refused_to_a_strategy_that_has_none(r3: hk.Strategy) -> None:
     with pytest.raises(NotHolonomicError):
         hk.analysis.general_form(r3, R3_START, R3_START)
+
+
+def test_twelve_is_the_angle_between_the_kernels_and_not_the_size_of_H(planar_3r: hk.Robot) -> None:
+    """Near an algorithmic singularity of q1 = const both fade; where links are long H grows, and the angle does not."""
+    near, far = (
+        hk.analysis.general_form(hk.holonomic(hk.position(planar_3r), hk.lock("q1")), [0.4, 0.9, q3]).residuals()
+        for q3 in (1e-4, 1.2)
+    )
+    assert near["(12)"] < 1e-3 < 0.1 < far["(12)"]
+    long = hk.from_dh([{"a": 10.0}] * 3)
+    grown = hk.analysis.general_form(hk.holonomic(hk.position(long), hk.lock("q1")), [0.4, 0.9, 1.2]).residuals()
+    assert grown["(12)"] == pytest.approx(far["(12)"], rel=1e-9)
+    assert grown["H"] != pytest.approx(far["H"], rel=1e-2)
