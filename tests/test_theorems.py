@@ -69,8 +69,12 @@ def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> No
     assert np.abs(first + second - third + fourth).max() > 0.1  # (34) as printed
     turned = ca.Function("turned", [q], [directional(J_ours, q, N_ours[:, j]) @ N_ours[:, i]])
     assert np.array(turned(values))[:, 0] == pytest.approx(first, abs=1e-12)
-    reverse = ca.Function("reverse", [q], [J_ours @ lie_bracket(N_ours[:, j], N_ours[:, i], q)])  # J [N_j, N_i]
-    assert np.array(reverse(values))[:, 0] == pytest.approx(second - fourth, abs=1e-12)
+    reverse = ca.Function("reverse", [q], [lie_bracket(N_ours[:, j], N_ours[:, i], q)])
+    value = np.array(reverse(values))[:, 0]  # [N_j, N_i]
+    assert np.array(J.subs(point), dtype=float) @ value == pytest.approx(second - fourth, abs=1e-12)  # (35): zero
+    inner = N[:, i].jacobian(U) * N[:, j] - N[:, j].jacobian(U) * N[:, i]  # sum over u of (35), for each s
+    assert value == pytest.approx(np.array(inner.subs(point), dtype=float)[:, 0], abs=1e-12)
+    assert np.abs(value).max() > 0.01  # not zero by itself, so that its sign is seen
 
 
 @pytest.mark.parametrize("exact", [True, False])
