@@ -295,7 +295,7 @@ def test_rows_of_a_task_are_a_task(panda: hk.Robot) -> None:
 
 
 def test_a_single_row_is_always_holonomic(planar_3r: hk.Robot) -> None:
-    """m = 1: curves have no curvature (theory 2i)."""
+    """m = 1: curves have no curvature (theory 1.1)."""
     strategy = hk.moore_penrose(hk.position(planar_3r)[0])
     assert hk.involutivity(strategy, hk.around(R3_START, 0.3)).holonomic
     assert hk.curvature(strategy, R3_START).shape == (3, 1, 1)
