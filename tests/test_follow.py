@@ -99,7 +99,7 @@ def test_a_leaf_that_folds_is_an_error_of_its_own_and_never_a_jump() -> None:
 
 
 def test_leaf_following_with_few_samples_finds_the_same_joints_as_with_many() -> None:
-    """Steps are halved until Newton provably stays on the branch."""
+    """Steps are halved until a bound shows that Newton stays on the branch."""
     strategy = r3(hk.linear([0, 1.0, -1.0]))
     start = tool(strategy, R3_START)
     path = hk.polyline([start, [-0.5, 1.2, 0], [-1.0, -1.0, 0], [0.8, -0.9, 0]])
