@@ -18,6 +18,7 @@ from holokin import cli
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
 
 PANDA_START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+R3_START = np.array([0.3, 0.9, 0.7])
 IRB_START = np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
 IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])
 PPR_START = np.array([0.9022932188134525, -0.3035067811865475, np.pi / 4])

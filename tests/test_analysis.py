@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
@@ -37,9 +38,26 @@ def test_hessians_meet_finite_differences(name: str) -> None:
         assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
 
 
-def test_hessians_of_mimic_joints_and_sliders_meet_finite_differences() -> None:
-    robot = hk.from_dh([{"a": 0.3}, {"kind": "prismatic", "alpha": 0.7}, {"a": 0.4, "alpha": -0.5}, {"d": 0.2}])
-    q, h = np.array([0.3, 0.2, -0.6, 0.9]), 1e-6
+GRIPPING = """<robot name="gripping"><link name="root"/><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="turn" type="revolute"><parent link="root"/><child link="a"/><origin xyz="0 0.1 0.3" rpy="0.2 0 1"/>
+    <axis xyz="0 1 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0" rpy="0 0.4 0"/>
+    <axis xyz="1 0 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="half" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0.1"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>
+    <mimic joint="turn" multiplier="-0.5" offset="0.2"/></joint>
+  <joint name="other" type="revolute"><parent link="c"/><child link="d"/><origin xyz="0 0.2 0.4"/>
+    <axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_hessians_of_mimic_joints_and_sliders_meet_finite_differences(tmp_path) -> None:
+    """A revolute joint that follows another by -1/2, behind a slider: three joints of which one moves two axes."""
+    file = tmp_path / "gripping.urdf"
+    file.write_text(GRIPPING)
+    robot = hk.from_urdf(file, tip="d")
+    assert robot.joint_names == ("turn", "slide", "other")
+    q, h = np.array([0.3, 0.2, -0.6]), 1e-6
+    assert np.abs(robot.jacobian(q)[3:, 0]).max() > 0.1
     slopes = [(robot.jacobian(q + e) - robot.jacobian(q - e)) / (2 * h) for e in np.eye(robot.n) * h]
     assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
 
@@ -241,11 +259,25 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
     }[case]()
     form = hk.analysis.general_form(strategy, q, reference)
     residuals = form.residuals()
-    assert max(residuals[key] for key in ("(7)", "(10)", "(13)", "(14)")) < 1e-9
-    assert min(residuals["(11)"], residuals["(12)"]) > 1e-3
+    assert max(residuals[key] for key in ("(7)", "(8)", "(10)", "(13)", "(14)")) < 1e-9
+    assert min(residuals[key] for key in ("(9)", "(11)", "(12)", "H")) > 1e-3
+    assert residuals["(12)"] == pytest.approx(np.sin(subspace_angles(form.N, form.N_G).min()), rel=1e-9)
     assert form.H.shape == (strategy.task.n, strategy.task.n)
 
 
 def test_theorem_III_2_is_refused_to_a_strategy_that_has_none(r3: hk.Strategy) -> None:
     with pytest.raises(NotHolonomicError):
         hk.analysis.general_form(r3, R3_START, R3_START)
+
+
+def test_twelve_is_the_angle_between_the_kernels_and_not_the_size_of_H(planar_3r: hk.Robot) -> None:
+    """Near an algorithmic singularity of q1 = const both fade; where links are long H grows, and the angle does not."""
+    near, far = (
+        hk.analysis.general_form(hk.holonomic(hk.position(planar_3r), hk.lock("q1")), [0.4, 0.9, q3]).residuals()
+        for q3 in (1e-4, 1.2)
+    )
+    assert near["(12)"] < 1e-3 < 0.1 < far["(12)"]
+    long = hk.from_dh([{"a": 10.0}] * 3)
+    grown = hk.analysis.general_form(hk.holonomic(hk.position(long), hk.lock("q1")), [0.4, 0.9, 1.2]).residuals()
+    assert grown["(12)"] == pytest.approx(far["(12)"], rel=1e-9)
+    assert grown["H"] != pytest.approx(far["H"], rel=1e-2)

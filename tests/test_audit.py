@@ -6,21 +6,13 @@ import time
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
+from black_boxes import locked, pull
+from conftest import PANDA_START, R3_START
 from holokin.errors import ArgumentError, OpenPathError, StartError
-from test_control import START as R3_START
 
 COARSE = {"start": PANDA_START, "dt": 0.02, "cycles": 4}
-
-
-def pull(robot: hk.Robot, q: np.ndarray, pose: np.ndarray, dt: float) -> np.ndarray:
-    """Twist (6,) that reaches the wanted pose at the end of the step."""
-    here = robot.pose(q)
-    turn = Rotation.from_matrix(pose[:3, :3] @ here[:3, :3].T).as_rotvec()
-    return np.concatenate([pose[:3, 3] - here[:3, 3], turn]) / dt
 
 
 def pseudo_inverse(robot: hk.Robot):
@@ -35,14 +27,6 @@ def posture_task(robot: hk.Robot, preferred: np.ndarray, weight: float):
         J = robot.jacobian(q)
         P = np.linalg.pinv(J)
         return P @ pull(robot, q, pose, dt) + weight * (np.eye(7) - P @ J) @ (preferred - q)
-
-    return law
-
-
-def locked(robot: hk.Robot, joint: int):
-    def law(q, pose, twist, dt):
-        row = np.eye(7)[joint]
-        return np.linalg.solve(np.vstack([robot.jacobian(q), row]), np.append(pull(robot, q, pose, dt), 0.0))
 
     return law
 

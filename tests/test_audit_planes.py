@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
+from black_boxes import locked, pull
 from conftest import PANDA_START
 from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import Bench, ask_plane, worst_plane
 from holokin.motion import as_control_law
-from test_audit import locked, pull
 
 QUICK = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
 ROWS = ("x", "y", "z", "wx", "wy", "wz")

@@ -12,11 +12,18 @@ from scipy.optimize import minimize
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.errors import ArgumentError, ControllerError, OpenPathError, ShapeError, SingularityError, StartError
+from conftest import R3_START as START
+from holokin.errors import (
+    ArgumentError,
+    ControllerError,
+    OpenPathError,
+    ShapeError,
+    SingularityError,
+    StartError,
+    UnknownNameError,
+)
 from holokin.motion import as_control_law
 from holokin.trajectory import Status
-
-START = np.array([0.3, 0.9, 0.7])
 
 
 @pytest.fixture(scope="module")
@@ -307,14 +314,15 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
     ):
         with pytest.raises(error):
             hk.simulate(**({"controller": law, "task": task, "path": loop, "q0": START} | arguments))
-    for make in (
-        lambda: hk.laws.damped(task, -1.0),
-        lambda: hk.laws.closed_loop(hk.moore_penrose(task), np.nan),
-        lambda: hk.laws.asymptotically_cyclic(task, hk.lock(0), [1.0, 2.0]),
-        lambda: hk.laws.impedance_with_memory(hk.pose(hk.load("panda")), hk.constraints.posture_cost(PANDA_START)),
-        lambda: hk.strategies.impedance(hk.pose(hk.load("panda")), hk.constraints.posture_cost(PANDA_START)),
-        lambda: hk.laws.impedance_with_memory(task, stiff(3), [1.0]),
-        lambda: hk.strategies.impedance(task, stiff(3), force="brute"),
+    twist, springs = hk.pose(hk.load("panda")), hk.constraints.posture_cost(PANDA_START)
+    for make, error, said in (
+        (lambda: hk.laws.damped(task, -1.0), ArgumentError, "-1.0"),
+        (lambda: hk.laws.closed_loop(hk.moore_penrose(task), np.nan), ArgumentError, "nan"),
+        (lambda: hk.laws.asymptotically_cyclic(task, hk.lock(0), [1.0, 2.0]), ShapeError, r"\(1,\)"),
+        (lambda: hk.laws.impedance_with_memory(twist, springs), ArgumentError, "coordinates"),
+        (lambda: hk.strategies.impedance(twist, springs), ArgumentError, "coordinates"),
+        (lambda: hk.laws.impedance_with_memory(task, stiff(3), [1.0]), ShapeError, r"\(2,\)"),
+        (lambda: hk.strategies.impedance(task, stiff(3), force="brute"), UnknownNameError, "brute"),
     ):
-        with pytest.raises(hk.HolokinError):
+        with pytest.raises(error, match=said):
             make()

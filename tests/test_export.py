@@ -13,17 +13,16 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from chains import chain, shared_bend
 from conftest import PANDA_START, Command, assert_refused, assert_untouched
 from exported import LEAF, ON_ANYTHING, STRICT, program, rates
 from holokin.codegen import native
 from holokin.errors import ArgumentError, ExportError, SingularityError
 from holokin.export import Exported, c_name, check, export_c
 from holokin.job import job_strategy, open_job, packaged_jobs
-from test_growth import chain, shared_bend
 
 GOLDEN = Path(__file__).parent / "golden"
 compiled = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
-RNG = np.random.default_rng(6)
 
 
 def sew() -> hk.Strategy:
@@ -111,8 +110,9 @@ def test_a_million_postures_agree(written: Exported, tmp_path: Path, monkeypatch
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     strategy, count = sew(), 1_000_000
     robot = strategy.task.robot
-    Q = RNG.uniform(robot.lower, robot.upper, (count, 7)).astype(np.float32).astype(float)
-    X = RNG.uniform(-0.2, 0.2, (count, 6)).astype(np.float32).astype(float)
+    rng = np.random.default_rng(6)
+    Q = rng.uniform(robot.lower, robot.upper, (count, 7)).astype(np.float32).astype(float)
+    X = rng.uniform(-0.2, 0.2, (count, 6)).astype(np.float32).astype(float)
     expected, conditioning, margin = strategy.rate.batch(Q, X)
     sound = (conditioning > 1e-10) & (margin > 1e-6)
     size = np.maximum(1.0, np.abs(expected).max(axis=1))

@@ -10,32 +10,22 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
+from chains import chain, shared_bend
 from conftest import PANDA_START, urdf
 from holokin.codegen import LARGEST, native
 from holokin.errors import SingularityError
+from holokin.motion import following
 from holokin.motion.control_step import StepStatus
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
-from test_native import FOLLOW
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
-RNG = np.random.default_rng(4)
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
-
-
-def chain(n: int) -> hk.Robot:
-    """A planar arm of n equal links, 1 m long in all."""
-    return hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"planar-{n}r")
-
-
-def shared_bend(n: int) -> hk.Constraint:
-    """g_i = q_(i+1) - 2 q_i + q_(i-1), one for each inner joint, a little bent: the arm stays a smooth curve."""
-    return hk.custom(lambda q: [q[i + 1] - 2 * q[i] + q[i - 1] + 0.1 * q[i] ** 2 for i in range(1, n - 1)], rows=n - 2)
 
 
 def panda() -> hk.Strategy:
@@ -71,7 +61,7 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
     assert numbers.gain.program.after is not None
     monkeypatch.setattr(function_module, "NATIVE_FROM", 1 if engine == "native" else 10**9)
     n = written.task.n
-    Q = (PANDA_START if n == 7 else np.full(n, 0.15)) + RNG.uniform(-0.1, 0.1, (600, n))
+    Q = (PANDA_START if n == 7 else np.full(n, 0.15)) + np.random.default_rng(4).uniform(-0.1, 0.1, (600, n))
     p, R = written.task.robot.pose_batch(Q + 0.01)
     c = np.atleast_2d(written.constraint_value.batch(Q).T).T * 0.9
     for arguments, name in (((Q,), "gain"), ((Q, np.ones(written.task.m)), "rate"), ((Q, p, R, c), "leaf_step")):
@@ -89,7 +79,7 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
 
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_long_arm_comes_home(native_from: int, monkeypatch: Patch) -> None:
-    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     strategy, q0 = snake(), np.full(12, 0.2)
     at = strategy.task.robot.pose(q0)[:3, 3]
     walk = hk.follow(strategy, hk.circle(at, at - [0.1, 0.05, 0]), q0, samples=60, cycles=2)
@@ -105,7 +95,8 @@ def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> N
     strategy, q0 = snake(), np.full(12, 0.2)
     task, robot = strategy.task, strategy.task.robot
     servo = hk.controller(strategy, dt=1e-3, start=q0, gain=10.0, leaf_gain=20.0)
-    q, goal, dx = q0 + RNG.uniform(-0.05, 0.05, 12), robot.pose(q0)[:3, 3].copy(), np.array([0.1, -0.2])
+    q = q0 + np.random.default_rng(4).uniform(-0.05, 0.05, 12)
+    goal, dx = robot.pose(q0)[:3, 3].copy(), np.array([0.1, -0.2])
     gap = strategy.constraint_value(q) - strategy.constraint_value(q0)
     u = np.concatenate([dx + 10.0 * (goal - robot.pose(q)[:3, 3])[:2], -20.0 * gap])
     expected = np.linalg.solve(np.vstack([task.jacobian(q), strategy.rows(q)]), u)
@@ -127,7 +118,8 @@ def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
         solve_numbers(A, np.ones((3, 2)), X, figures)
         assert not figures[0] > 1e-15
     X, figures = np.zeros((3, 2, 5)), np.zeros((2, 5))
-    A, B = RNG.normal(size=(3, 3, 5)), RNG.normal(size=(3, 2, 5))
+    rng = np.random.default_rng(4)
+    A, B = rng.normal(size=(3, 3, 5)), rng.normal(size=(3, 2, 5))
     solve_numbers(A, B, X, figures)
     for i in range(5):
         assert A[..., i] @ X[..., i] == pytest.approx(B[..., i])
@@ -158,8 +150,7 @@ def test_from_hand_to_hand_two_arms_are_one_chain_as_pinocchio_has_it() -> None:
     data = model.createData()
     left, right = (model.getFrameId(f"{side}_gripper") for side in ("left", "right"))
     place = [model.joints[model.getJointId(name)].idx_q for name in robot.joint_names]
-    for _trial in range(5):
-        q = RNG.uniform(np.maximum(robot.lower, -3), np.minimum(robot.upper, 3))
+    for q in np.random.default_rng(4).uniform(np.maximum(robot.lower, -3), np.minimum(robot.upper, 3), (5, 14)):
         full = pin.neutral(model)
         full[place] = q
         pin.framesForwardKinematics(model, data, full)
@@ -182,7 +173,7 @@ def test_another_base_moves_no_mass_and_no_limit() -> None:
         a, b = robot.joint_index(name), usual.joint_index(name)
         assert (robot.lower[a], robot.upper[a]) == (usual.lower[b], usual.upper[b])
     held = baxter(locked={"left_w2": 0.3})
-    q = RNG.uniform(-0.5, 0.5, 14)
+    q = np.random.default_rng(4).uniform(-0.5, 0.5, 14)
     q[robot.joint_index("left_w2")] = 0.3
     rest = [i for i, name in enumerate(robot.joint_names) if name != "left_w2"]
     assert held.pose(q[rest]) == pytest.approx(robot.pose(q), abs=1e-14)
@@ -193,7 +184,7 @@ def test_an_arm_seen_from_its_hand_is_the_inverse() -> None:
     arm = hk.from_urdf(path, tip="panda_hand_tcp", locked={"panda_finger_joint1": 0.0})
     back = hk.from_urdf(path, base="panda_hand_tcp", tip="panda_link0")
     assert back.joint_names == arm.joint_names[:7][::-1]
-    q = RNG.uniform(arm.lower, arm.upper)[:7]
+    q = np.random.default_rng(4).uniform(arm.lower, arm.upper)[:7]
     assert back.pose(q[::-1]) @ arm.pose(q) == pytest.approx(np.eye(4), abs=1e-14)
 
 
@@ -202,7 +193,7 @@ def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(
     native_from: int, monkeypatch: Patch
 ) -> None:
     """The left arm does four tenths of what the right one does, mirrored; one more row holds."""
-    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     robot = baxter()
     q0 = np.zeros(14)
     for side, sign in (("left", -1), ("right", 1)):
@@ -212,7 +203,7 @@ def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(
     for k, joint in enumerate(("s0", "s1", "e0", "e1", "w0", "w1", "w2")):
         rows[k, robot.joint_index(f"left_{joint}")] = 1.0
         rows[k, robot.joint_index(f"right_{joint}")] = -0.4 if joint in ("s1", "e1", "w1") else 0.4
-    rows[7] = RNG.normal(size=14)
+    rows[7] = np.random.default_rng(4).normal(size=14)
     strategy = hk.holonomic(hk.pose(robot), hk.linear(rows))
     at = robot.pose(q0)[:3, 3]
     walk = hk.follow(strategy, hk.circle(at, at + [0.04, 0.03, 0]), q0, samples=60, cycles=2)
@@ -243,8 +234,8 @@ def test_sliders_and_mimics_turn_round_with_the_tree(tmp_path: Path) -> None:
     usual = hk.from_urdf(file, tip=["c", "d"])
     turned = hk.from_urdf(file, base="c", tip=["root", "d"])
     assert set(turned.joint_names) == set(usual.joint_names) == {"turn", "slide", "other"}
-    for _trial in range(5):
-        q = dict(zip(usual.joint_names, RNG.uniform(-1, 1, 3), strict=True))
+    for values in np.random.default_rng(4).uniform(-1, 1, (5, 3)):
+        q = dict(zip(usual.joint_names, values, strict=True))
         there, here = (np.array([q[name] for name in robot.joint_names]) for robot in (usual, turned))
         c, d = usual.pose(there, "c"), usual.pose(there, "d")
         assert turned.pose(here, "root") @ c == pytest.approx(np.eye(4), abs=1e-14)
@@ -261,7 +252,7 @@ def test_a_base_at_the_end_of_the_tree_asks_for_a_tip() -> None:
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_constraint_written_in_tiny_units_follows_as_well(native_from: int, monkeypatch: Patch) -> None:
     """det [J; J_g] of 30 joints would be 1e-168; the sign is all that is needed."""
-    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     bends = 1e-6 * np.diff(np.eye(30), 2, axis=0)
     strategy, q0 = hk.holonomic(hk.position(chain(30)), hk.linear(bends)), np.full(30, 0.08)
     at = strategy.task.robot.pose(q0)[:3, 3]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -13,11 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, urdf
+from conftest import IRB_START, PANDA_START, PPR_START, R3_START, urdf
 from holokin.task import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
 
-R3_START = np.array([0.3, 0.9, 0.7])
 ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it
 BEST = np.array(
     [0.32594975, -0.39113262, 0.02312585, -2.00451891, 0.2251744, 1.72044542, 0.56278515]
@@ -25,15 +23,14 @@ BEST = np.array(
 IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 0.6, 0.0])  # the tool tilted, away from the zyz singularity
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
+    """A strategy and whether mathematics says that it is holonomic."""
+
     name: str
-    robot: str
     start: np.ndarray
     holonomic: bool
-
-    def strategy(self) -> hk.Strategy:
-        return _strategies()[self.name]
+    strategy: hk.Strategy
 
 
 def _weight(q: ca.SX) -> ca.SX:
@@ -43,33 +40,51 @@ def _weight(q: ca.SX) -> ca.SX:
     return ca.SX.eye(n) + v @ v.T
 
 
-@cache
-def _strategies() -> dict[str, hk.Strategy]:
-    ppr, r3, irb, panda, iiwa = (hk.load(n) for n in ("ppr", "planar-3r", "irb140", "panda", "iiwa14"))
-    p, t, i = hk.position(ppr), hk.position(r3), hk.position(irb)
-    out = {
-        "ppr moore-penrose": hk.moore_penrose(p),
-        "ppr weighted": hk.weighted(p, np.diag([1.0, 2.0, 0.5])),
-        "ppr paper": hk.null_basis(p, paper_frame),
-        "ppr de luca": hk.holonomic(p, hk.custom(de_luca_g)),
-        "3r moore-penrose": hk.moore_penrose(t),
-        "3r weighted q": hk.weighted(t, _weight),
-        "3r linear": hk.holonomic(t, hk.linear([0.0, 1.0, -1.0])),
-        "3r custom": hk.holonomic(t, hk.custom(lambda q: q[0] + 0.4 * ca.sin(q[1]) * q[2])),
-        "irb140 moore-penrose": hk.moore_penrose(i),
-        "irb140 coupled zyz": hk.holonomic(i, hk.coupled(1.0)),
-        "irb140 coupled rpy": hk.holonomic(i, hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")),
-        "irb140 coupled geometric": hk.strategies.coupled_twist(i, 1.0),
-        "irb140 stack": hk.holonomic(
-            i, hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
-        ),
+ROBOTS = {name: hk.load(name) for name in ("ppr", "planar-3r", "irb140", "panda", "iiwa14")}
+PPR, R3, IRB = (hk.position(ROBOTS[name]) for name in ("ppr", "planar-3r", "irb140"))
+ARM, TURNED = hk.pose(ROBOTS["panda"]), hk.pose(ROBOTS["iiwa14"], "rpy")
+EVERY_ORIENTATION = [
+    (f"{name} {orientation}", hk.pose(ROBOTS[name], orientation, reference=ROBOTS[name].pose(start)[:3, :3]), start)
+    for orientation in ORIENTATIONS
+    for name, start in (("panda", PANDA_START), ("iiwa14", IIWA_START))
+]
+
+
+def _curved() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+    """Strategies without leaves: pseudo-inverses, weighted or not, and the coupling with the geometric Jacobian."""
+    return {
+        "ppr moore-penrose": (PPR_START, hk.moore_penrose(PPR)),
+        "ppr weighted": (PPR_START, hk.weighted(PPR, np.diag([1.0, 2.0, 0.5]))),
+        "3r moore-penrose": (R3_START, hk.moore_penrose(R3)),
+        "3r weighted q": (R3_START, hk.weighted(R3, _weight)),
+        "irb140 moore-penrose": (IRB_START, hk.moore_penrose(IRB)),
+        "irb140 coupled geometric": (IRB_START, hk.strategies.coupled_twist(IRB, 1.0)),
+        **{f"{name} moore-penrose": (start, hk.moore_penrose(task)) for name, task, start in EVERY_ORIENTATION},
+        "panda inertia weighted": (PANDA_START, hk.strategies.inertia_weighted(_heavy())),
     }
-    for orientation in ORIENTATIONS:
-        for name, robot, start in (("panda", panda, PANDA_START), ("iiwa14", iiwa, IIWA_START)):
-            task = hk.pose(robot, orientation, reference=robot.pose(start)[:3, :3])
-            out[f"{name} {orientation} moore-penrose"] = hk.moore_penrose(task)
-            out[f"{name} {orientation} linear"] = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
-    return out | _more(p, t, hk.pose(panda), hk.pose(iiwa, "rpy"))
+
+
+def _flat() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+    """Strategies with leaves: from a constraint, an involutive N_G, springs of one redundant joint, or a transport."""
+    stacked = hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
+    angles = hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")
+    slope = hk.linear([1, 0, -1, 0, 0.2, 0, 0])
+    return {
+        "ppr paper": (PPR_START, hk.null_basis(PPR, paper_frame)),
+        "ppr de luca": (PPR_START, hk.holonomic(PPR, hk.custom(de_luca_g))),
+        "3r linear": (R3_START, hk.holonomic(R3, hk.linear([0.0, 1.0, -1.0]))),
+        "3r custom": (R3_START, hk.holonomic(R3, hk.custom(lambda q: q[0] + 0.4 * ca.sin(q[1]) * q[2]))),
+        "irb140 coupled zyz": (IRB_START, hk.holonomic(IRB, hk.coupled(1.0))),
+        "irb140 coupled rpy": (IRB_START, hk.holonomic(IRB, angles)),
+        "irb140 stack": (IRB_START, hk.holonomic(IRB, stacked)),
+        **{f"{name} linear": (start, hk.holonomic(task, slope)) for name, task, start in EVERY_ORIENTATION},
+        **_more(),
+    }
+
+
+def _heavy() -> hk.Task:
+    """The Panda of a URDF, which has masses."""
+    return hk.pose(hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp"))
 
 
 def paper_inverse(q: ca.SX) -> list:
@@ -77,13 +92,10 @@ def paper_inverse(q: ca.SX) -> list:
     return [[ca.cos(q[2]) ** 2, 0], [ca.sin(q[2]) * ca.cos(q[2]), 1], [-ca.sin(q[2]), 0]]
 
 
-def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk.Strategy]:
-    """Every other constraint and strategy of the library."""
+def _more() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+    """Every other constraint and holonomic strategy of the library."""
     springs = hk.constraints.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
     tilt = hk.constraints.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
-    heavy = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
-    weight = hk.pose(heavy)
-    given = hk.moore_penrose(arm)
     postures = PANDA_START + np.random.default_rng(0).uniform(-0.4, 0.4, (300, 7))
     constraints = {
         "arm angle": hk.arm_angle(),
@@ -93,46 +105,35 @@ def _more(p: hk.Task, t: hk.Task, arm: hk.Task, turned: hk.Task) -> dict[str, hk
         "tilted": tilt,
         "total": hk.constraints.total(hk.lock(2), hk.constraints.height("panda_joint4"), weights=[1.0, 0.5]),
     }
-    out = {f"panda {name}": hk.holonomic(arm, g) for name, g in constraints.items()}
+    out = {f"panda {name}": (PANDA_START, hk.holonomic(ARM, g)) for name, g in constraints.items()}
+    linear = hk.holonomic(ARM, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
+    transport = hk.strategies.from_transport(
+        PPR, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
+        around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
+    )  # fmt: skip
     return out | {
-        "aside height": hk.holonomic(arm, hk.constraints.height("panda_joint4")),
-        "best stationary manipulability": hk.holonomic(arm, hk.stationary(hk.constraints.manipulability_cost())),
-        "iiwa14 rpy arm angle": hk.holonomic(turned, hk.arm_angle()),
-        "iiwa14 rpy radial": hk.radial(hk.moore_penrose(turned), IIWA_START, steps=1),
-        "panda radial": hk.radial(given, PANDA_START, steps=1),
-        "panda fitted": hk.strategies.fitted(hk.holonomic(arm, hk.linear([1, 0, -1, 0, 0.2, 0, 0])), postures,
-            degree=3),
-        "panda gravity": hk.holonomic(weight, hk.stationary(hk.constraints.gravity_cost())),
-        "panda inertia weighted": hk.strategies.inertia_weighted(weight),
-        "3r impedance": hk.strategies.impedance(t, springs),
-        "3r impedance by stiffness": hk.strategies.impedance(t, springs, force="stiffness"),
-        "ppr given": hk.strategies.right_inverse(p, paper_inverse),
-        "ppr from transport": hk.strategies.from_transport(
-            p, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
-            around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
+        "aside height": (ASIDE, hk.holonomic(ARM, hk.constraints.height("panda_joint4"))),
+        "best stationary manipulability": (
+            BEST,
+            hk.holonomic(ARM, hk.stationary(hk.constraints.manipulability_cost())),
         ),
-    }  # fmt: skip
-
-
-def _cases() -> list[Case]:
-    starts = {
-        "ppr": PPR_START,
-        "3r": R3_START,
-        "irb140": IRB_START,
-        "panda": PANDA_START,
-        "iiwa14": IIWA_START,
-        "aside": ASIDE,
-        "best": BEST,
+        "iiwa14 rpy arm angle": (IIWA_START, hk.holonomic(TURNED, hk.arm_angle())),
+        "iiwa14 rpy radial": (IIWA_START, hk.radial(hk.moore_penrose(TURNED), IIWA_START, steps=1)),
+        "panda radial": (PANDA_START, hk.radial(hk.moore_penrose(ARM), PANDA_START, steps=1)),
+        "panda fitted": (PANDA_START, hk.strategies.fitted(linear, postures, degree=3)),
+        "panda gravity": (PANDA_START, hk.holonomic(_heavy(), hk.stationary(hk.constraints.gravity_cost()))),
+        "3r impedance": (R3_START, hk.strategies.impedance(R3, springs)),
+        "3r impedance by stiffness": (R3_START, hk.strategies.impedance(R3, springs, force="stiffness")),
+        "ppr given": (PPR_START, hk.strategies.right_inverse(PPR, paper_inverse)),
+        "ppr from transport": (PPR_START, transport),
     }
-    fails = ("moore-penrose", "weighted", "weighted q", "geometric")
-    out = []
-    for name in _strategies():
-        robot = name.split()[0]
-        out.append(Case(name, robot, starts[robot], not name.endswith(fails)))
-    return out
 
 
-CASES = _cases()
+CASES = [
+    Case(name, start, holonomic, strategy)
+    for holonomic, group in ((False, _curved()), (True, _flat()))
+    for name, (start, strategy) in group.items()
+]
 every = pytest.mark.parametrize("case", CASES, ids=[c.name for c in CASES])
 
 
@@ -142,14 +143,14 @@ def postures(case: Case, count: int, radius: float = 0.2) -> np.ndarray:
 
 @every
 def test_a_strategy_is_a_right_inverse(case: Case) -> None:
-    G = case.strategy()
+    G = case.strategy
     for q in postures(case, 10):
         assert np.abs(G.task.jacobian(q) @ G(q) - np.eye(G.task.m)).max() < 1e-11
 
 
 @every
 def test_holonomic_strategies_have_no_curvature_and_the_others_have(case: Case) -> None:
-    verdict = hk.involutivity(case.strategy(), hk.around(case.start, 0.2))
+    verdict = hk.involutivity(case.strategy, hk.around(case.start, 0.2))
     assert verdict.holonomic is case.holonomic
     assert verdict.relative < 1e-12 if case.holonomic else verdict.relative > 1e-3
     assert ("NOT" in str(verdict)) is not case.holonomic
@@ -158,7 +159,7 @@ def test_holonomic_strategies_have_no_curvature_and_the_others_have(case: Case) 
 @every
 def test_curvature_is_vertical_and_meets_finite_differences(case: Case) -> None:
     """F_ij = (1 - G J)[G_i, G_j] with [G_i, G_j] by central differences of G: no shared derivative code."""
-    G = case.strategy()
+    G = case.strategy
     q, h = postures(case, 1)[0], 1e-5
     slopes = np.stack([(G(q + h * e) - G(q - h * e)) / (2 * h) for e in np.eye(len(q))], axis=2)  # (n, m, n)
     value = G(q)
@@ -172,7 +173,7 @@ def test_curvature_is_vertical_and_meets_finite_differences(case: Case) -> None:
 
 @every
 def test_a_batch_is_the_same_as_one_by_one(case: Case) -> None:
-    G = case.strategy()
+    G = case.strategy
     Q = postures(case, 300)
     batch = G.batch(Q)
     assert batch.shape == (300, G.task.n, G.task.m)
@@ -182,7 +183,7 @@ def test_a_batch_is_the_same_as_one_by_one(case: Case) -> None:
 
 @every
 def test_the_task_jacobian_meets_finite_differences(case: Case) -> None:
-    task = case.strategy().task
+    task = case.strategy.task
     q, h = postures(case, 1)[0], 1e-6
     J = task.jacobian(q)
     for i, e in enumerate(np.eye(task.n) * h):
@@ -197,7 +198,7 @@ def test_the_task_jacobian_meets_finite_differences(case: Case) -> None:
 @given(st.sampled_from(CASES), st.lists(st.floats(-1, 1), min_size=12, max_size=12))
 def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: list[float]) -> None:
     """A random closed polygon (pose tasks: with turns of the tool that cancel): home, if holonomic."""
-    strategy = case.strategy()
+    strategy = case.strategy
     task = strategy.task
     start = task.robot.pose(case.start)[:3, 3]
     offsets = 0.04 * np.array([[0, 0, 0], c[0:3], c[3:6], c[6:9]])
@@ -220,16 +221,16 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
 
 @every
 def test_two_ways_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> None:
-    strategy = case.strategy()
+    strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]
     circle = hk.circle(start, start - [0.08, 0, 0])
     spread = hk.path_spread(strategy, *circle.ways(), case.start, samples=150)
     assert spread.largest < 1e-9 if case.holonomic else spread.largest > 1e-5
 
 
-@pytest.mark.parametrize("case", [c for c in CASES if _strategies()[c.name].constraint], ids=lambda c: c.name)
+@pytest.mark.parametrize("case", [c for c in CASES if c.strategy.constraint], ids=lambda c: c.name)
 def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
-    strategy = case.strategy()
+    strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]
     circle = hk.circle(start, start - [0.08, 0, 0])
     leaf = hk.follow(strategy, circle, case.start, samples=200, method="leaf")
@@ -241,10 +242,9 @@ def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
 
 def test_halving_the_step_divides_the_leaf_error_by_sixteen() -> None:
     """Theory 5.9: RK4 leaves the leaf with the fourth power of the step."""
-    strategy = _strategies()["panda twist linear"]
-    start = strategy.task.robot.pose(PANDA_START)[:3, 3]
+    start = ROBOTS["panda"].pose(PANDA_START)[:3, 3]
     # a nonlinear constraint: RK4 keeps linear ones to round-off
-    strategy = hk.holonomic(strategy.task, hk.custom(lambda q: q[0] - q[2] + 0.2 * ca.sin(q[3])))
+    strategy = hk.holonomic(ARM, hk.custom(lambda q: q[0] - q[2] + 0.2 * ca.sin(q[3])))
     circle = hk.circle(start, start - [0.1, 0, 0])
     errors = [
         hk.follow(strategy, circle, PANDA_START, samples=s, method="velocity").residual.max() for s in (40, 80, 160)
@@ -295,7 +295,7 @@ def test_rows_of_a_task_are_a_task(panda: hk.Robot) -> None:
 
 
 def test_a_single_row_is_always_holonomic(planar_3r: hk.Robot) -> None:
-    """m = 1: curves have no curvature (theory 2i)."""
+    """m = 1: curves have no curvature (theory 1.1)."""
     strategy = hk.moore_penrose(hk.position(planar_3r)[0])
     assert hk.involutivity(strategy, hk.around(R3_START, 0.3)).holonomic
     assert hk.curvature(strategy, R3_START).shape == (3, 1, 1)

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from bags import JOINTS, write_bag
 from holokin import auditing, recording
 from holokin.auditing.cycles import find_cycles
 from holokin.errors import ArgumentError, RecordingError
-from test_recording import JOINTS, write_bag
 
 PANDA, PPR = hk.load("panda"), hk.load("ppr")
 

@@ -21,8 +21,9 @@ from holokin.errors import (
     ShapeError,
     SingularityError,
 )
+from holokin.motion import following
+from holokin.motion.native import NativeWalk
 from holokin.symbolic import function as function_module
-from test_native import FOLLOW
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -37,16 +38,72 @@ def cache(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
 
 
+@pytest.fixture
+def natively(monkeypatch: Patch) -> list[int]:
+    """Steps that native code did, one entry a call of it."""
+    did: list[int] = []
+    run = NativeWalk.run
+
+    def counted(self: NativeWalk, *arguments) -> int:
+        did.append(run(self, *arguments))
+        return did[-1]
+
+    monkeypatch.setattr(NativeWalk, "run", counted)
+    return did
+
+
 def both(run: Callable[[], object], monkeypatch: Patch) -> list:
     """What `run` gives by native code and by Python; an error counts as what it gives."""
     out: list = []
     for native_from in (1, 10**9):
-        monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+        monkeypatch.setattr(following, "NATIVE_FROM", native_from)
         try:
             out.append(run())
         except PathError as problem:
             out.append(problem)
     return out
+
+
+@compiled
+def test_following_by_native_code_is_the_same_to_1e_14(monkeypatch: Patch, natively: list[int]) -> None:
+    """A circle and a polygon with turns, several cycles, and a start in the middle of nothing special."""
+    robot = hk.load("panda")
+    point = robot.pose(PANDA_START)[:3, 3]
+    corners = point + np.array([[0, 0, 0], [0, 0.08, 0], [0, 0.08, 0.08], [0, 0, 0]])
+    turns = np.array([[0.3, 0, 0], [0, 0, 0], [-0.3, 0, 0]])
+    for path in (hk.circle(point, point - [0.1, 0, 0]), hk.polyline(corners, turns=turns)):
+        walks = []
+        for native_from in (1, 10**9):
+            natively.clear()
+            monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+            strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())
+            walks.append(hk.follow(strategy, path, PANDA_START, samples=150, cycles=3))
+            assert sum(natively) == (len(walks[0]) - 1 if native_from == 1 else 0)
+        assert np.abs(walks[0].q - walks[1].q).max() < 1e-14
+        assert walks[0].t == pytest.approx(walks[1].t)
+        assert np.abs(walks[0].drift()).max() < 1e-13
+
+
+@compiled
+def test_native_following_halts_where_the_machine_does(monkeypatch: Patch, natively: list[int]) -> None:
+    robot = hk.load("panda")
+    point = robot.pose(PANDA_START)[:3, 3]
+    held = hk.holonomic(hk.pose(robot), hk.lock(2))
+    for path, error in (
+        (hk.line(point, point + [2.0, 0, 0]), OutOfReachError),
+        (hk.line(point, point - [0.35, 0, 0.2]), LimitReachedError),
+    ):
+        ends = []
+        for native_from in (1, 10**9):
+            natively.clear()
+            monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+            with pytest.raises(error) as caught:
+                hk.follow(held, path, PANDA_START, samples=200)
+            ends.append(caught.value.trajectory)
+            assert sum(natively) == (len(ends[0]) - 1 if native_from == 1 else 0)
+        assert 20 < len(ends[0]) == len(ends[1]) < 200
+        assert ends[0].status is ends[1].status
+        assert np.abs(ends[0].q - ends[1].q).max() < 1e-12
 
 
 @compiled
@@ -82,7 +139,7 @@ def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_don
     native_from: int, monkeypatch: Patch
 ) -> None:
     """The pitch grows to 90 degrees at nine tenths of the path."""
-    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     robot = hk.load("panda")
     q0 = PANDA_START
     strategy = hk.moore_penrose(hk.pose(robot, "rpy"))
@@ -99,7 +156,7 @@ def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_don
 @pytest.mark.parametrize("method", ["leaf", "velocity"])
 def test_following_allocates_its_outputs_and_no_more(method: str, native_from: int, monkeypatch: Patch) -> None:
     """q and t: 64 bytes a sample; targets and rates are made in blocks."""
-    monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+    monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
     loop = hk.circle(POINT, POINT - [0.1, 0, 0])
     short, long = (20_000, 60_000) if native_from == 1 else (3_000, 7_000)

@@ -23,7 +23,6 @@ from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch
-FOLLOW = sys.modules["holokin.motion.following"]
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 
@@ -118,45 +117,6 @@ def test_a_large_batch_is_the_small_batches(
     assert np.abs(G[17] - strategy(Q[17])).max() < 1e-12 * np.abs(G[17]).max()
 
 
-@compiled
-def test_following_by_native_code_is_the_same_to_the_last_bit(cache: Path, monkeypatch: Patch) -> None:
-    """A circle and a polygon with turns, several cycles, and a start in the middle of nothing special."""
-    robot = hk.load("panda")
-    point = robot.pose(PANDA_START)[:3, 3]
-    corners = point + np.array([[0, 0, 0], [0, 0.08, 0], [0, 0.08, 0.08], [0, 0, 0]])
-    turns = np.array([[0.3, 0, 0], [0, 0, 0], [-0.3, 0, 0]])
-    for path in (hk.circle(point, point - [0.1, 0, 0]), hk.polyline(corners, turns=turns)):
-        walks = []
-        for native_from in (1, 10**9):
-            monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
-            strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())
-            walks.append(hk.follow(strategy, path, PANDA_START, samples=150, cycles=3))
-        assert np.abs(walks[0].q - walks[1].q).max() < 1e-14
-        assert walks[0].t == pytest.approx(walks[1].t)
-        assert np.abs(walks[0].drift()).max() < 1e-13
-
-
-@compiled
-def test_native_following_halts_where_the_machine_does(cache: Path, monkeypatch: Patch) -> None:
-    from holokin.errors import LimitReachedError, OutOfReachError
-
-    robot = hk.load("panda")
-    point = robot.pose(PANDA_START)[:3, 3]
-    held = hk.holonomic(hk.pose(robot), hk.lock(2))
-    for path, error in (
-        (hk.line(point, point + [2.0, 0, 0]), OutOfReachError),
-        (hk.line(point, point - [0.35, 0, 0.2]), LimitReachedError),
-    ):
-        ends = []
-        for native_from in (1, 10**9):
-            monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
-            with pytest.raises((error, OutOfReachError, LimitReachedError)) as caught:
-                hk.follow(held, path, PANDA_START, samples=200)
-            ends.append((type(caught.value), len(caught.value.trajectory), caught.value.trajectory.q[-1]))
-        assert ends[0][:2] == ends[1][:2]
-        assert np.abs(ends[0][2] - ends[1][2]).max() < 1e-12
-
-
 # --- the control step ---
 
 
@@ -224,12 +184,26 @@ def test_limits_slow_the_step_and_never_bend_it(cache: Path, strategy: hk.Strate
         assert servo.status is StepStatus.SLOWED
         assert dq == pytest.approx(servo.scale * wish, rel=1e-12)
         assert (np.abs(dq) / robot.max_velocity).max() == pytest.approx(1.0, rel=1e-9)
-        at = PANDA_START.copy()
-        k = int(np.argmax(np.abs(wish)))
-        at[k] = robot.upper[k] if wish[k] > 0 else robot.lower[k]
-        servo.step(at, robot.pose(at), np.sign(wish[k]) * np.abs(fast))
-        held = free.step(at, robot.pose(at), np.sign(wish[k]) * np.abs(fast))[k] * np.sign(wish[k]) > 0
-        assert servo.status is (StepStatus.LIMIT if held else servo.status)
+
+
+def test_a_joint_at_its_limit_is_held_there_and_free_to_leave_it(
+    cache: Path, strategy: hk.Strategy, monkeypatch: Patch
+) -> None:
+    robot = strategy.task.robot
+    slow = np.array([0.1, 0, 0, 0, 0, 0])
+    engines, without = (servos(strategy, monkeypatch, limits=limits) for limits in (True, False))
+    for servo, free in zip(engines, without, strict=True):
+        for joint in (4, 5, 6):
+            for bound, outward in ((robot.upper, 1.0), (robot.lower, -1.0)):
+                at = PANDA_START.copy()
+                at[joint] = bound[joint]
+                for dx in (slow, -slow):
+                    wish = free.step(at, robot.pose(at), dx).copy()
+                    dq = servo.step(at, robot.pose(at), dx)
+                    further = outward * wish[joint]  # [rad/s] into the limit
+                    assert abs(further) > 0.01
+                    assert servo.status is (StepStatus.LIMIT if further > 0 else StepStatus.OK)
+                    assert dq == pytest.approx(np.zeros(7) if further > 0 else wish, abs=1e-12)
 
 
 def test_bad_numbers_give_a_status_and_no_motion(cache: Path, strategy: hk.Strategy, monkeypatch: Patch) -> None:

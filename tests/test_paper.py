@@ -8,10 +8,11 @@ import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.symbolic import lie_bracket
+from holokin.symbolic import lie_bracket, pairwise_brackets
 from papers_arm import C3, G22, G23, J18, N19, NG20, NG25, S3, Q, de_luca_frame, de_luca_g, paper_frame
 from sympy_bridge import to_sympy
 
@@ -48,13 +49,29 @@ def test_the_null_space_of_ppr_is_the_papers_19(ppr: hk.Robot) -> None:
         assert task.null_space(q)[:, 0] == pytest.approx([np.sin(q3), -np.cos(q3), 1.0], abs=1e-15)
 
 
-def test_brackets_of_20_and_25_and_of_22_and_23_vanish_exactly() -> None:
-    for frame in (NG20, G22, G23):
-        assert bracket(frame[:, 0], frame[:, 1]) == sp.zeros(3, 1)
-    # (25) is involutive without commuting: its bracket lies in its span, which ker J_G is.
-    gradient = sp.Matrix([[1, 1, -1 + C3 - S3]])
-    assert (gradient * NG25).applyfunc(sp.simplify) == sp.zeros(1, 2)
-    assert (gradient * bracket(NG25[:, 0], NG25[:, 1])).applyfunc(sp.simplify) == sp.zeros(1, 1)
+def fields(rows: list) -> ca.SX:
+    """A frame (3, 2) of nested lists as an expression."""
+    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+
+
+def inverse_22(q: ca.SX) -> list:
+    return [[ca.cos(q[2]) ** 2, 0], [ca.sin(q[2]) * ca.cos(q[2]), 1], [-ca.sin(q[2]), 0]]
+
+
+def inverse_23(q: ca.SX) -> list:
+    return [[1 + ca.sin(q[2]), ca.sin(q[2])], [-ca.cos(q[2]), 1 - ca.cos(q[2])], [1, 1]]
+
+
+def test_our_brackets_of_20_22_23_and_25_vanish_exactly() -> None:
+    q = ca.SX.sym("q", 3)
+    for frame, exact in ((paper_frame, NG20), (inverse_22, G22), (inverse_23, G23), (de_luca_frame, NG25)):
+        B = fields(frame(q))
+        assert (to_sympy(B, q, Q) - exact).applyfunc(sp.simplify) == sp.zeros(3, 2)
+        (ours,) = pairwise_brackets(B, q).values()
+        value = to_sympy(ours, q, Q)
+        assert (value - bracket(exact[:, 0], exact[:, 1])).applyfunc(sp.simplify) == sp.zeros(3, 1)
+        assert value.applyfunc(sp.simplify) == sp.zeros(3, 1)
+        assert hk.analysis.involutivity_of(frame, 3).holonomic
 
 
 def test_our_lie_bracket_agrees_with_sympy(ppr: hk.Robot) -> None:
@@ -73,18 +90,38 @@ def test_H_of_20_has_determinant_one_everywhere_21(ppr: hk.Robot) -> None:
         assert np.linalg.det(strategy.H(q)) == pytest.approx(1.0, abs=1e-14)
 
 
-def test_seven_gives_22_and_23_symbolically() -> None:
-    for frame, G in ((NG20, G22), (NG25, G23)):
-        H = frame.row_join(N19)
+def test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23(ppr: hk.Robot) -> None:
+    """(6) with W = H H^T is (7), and gives the paper's G; SymPy does the same with exact numbers."""
+    task = hk.position(ppr)
+    for frame, exact, G in ((paper_frame, NG20, G22), (de_luca_frame, NG25, G23)):
+        H = exact.row_join(N19)
         W = H * H.T
         assert (W * J18.T * (J18 * W * J18.T).inv() - G).applyfunc(sp.simplify) == sp.zeros(3, 2)
 
+        def weight(q: ca.SX, frame=frame) -> ca.SX:
+            h = ca.horzcat(fields(frame(q)), ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1))
+            return h @ h.T
 
-def test_det_of_the_extended_jacobian_24_is_minus_one_and_of_H_hat_is_one() -> None:
-    gradient = sp.Matrix([[1, 1, -1 + C3 - S3]])
-    assert sp.simplify(J18.col_join(gradient).det()) == -1
+        seven_as_six, by_frame = hk.weighted(task, weight), hk.null_basis(task, frame)
+        for q in np.random.default_rng(6).uniform(-1.2, 1.2, (5, 3)):
+            assert seven_as_six(q) == pytest.approx(numeric(G, q), abs=1e-12)
+            assert by_frame.weight(q) == pytest.approx(numeric(W, q), abs=1e-13)
+            assert seven(task.jacobian(q), by_frame.H(q)) == pytest.approx(numeric(G, q), abs=1e-12)
+
+
+def test_our_extended_jacobian_is_24_its_determinant_minus_one_and_its_kernel_25(ppr: hk.Robot) -> None:
+    task = hk.position(ppr)
+    J24 = J18.col_join(sp.Matrix([[1, 1, -1 + C3 - S3]]))
+    assert sp.simplify(J24.det()) == -1
     assert sp.simplify(NG25.row_join(N19).det()) == 1
-    assert (gradient * G23).applyfunc(sp.simplify) == sp.zeros(1, 2)
+    strategy, by_frame = hk.holonomic(task, hk.custom(de_luca_g)), hk.null_basis(task, de_luca_frame)
+    for q in np.random.default_rng(7).uniform(-3, 3, (10, 3)):
+        form = hk.analysis.general_form(strategy, q)
+        assert pytest.approx(numeric(J24, q), abs=1e-14) == form.J_A
+        assert np.linalg.det(form.J_A) == pytest.approx(-1, abs=1e-13)
+        assert np.abs(form.J_G @ numeric(NG25, q)).max() < 1e-14
+        assert subspace_angles(form.N_G, numeric(NG25, q)).max() < 1e-7
+        assert np.linalg.det(by_frame.H(q)) == pytest.approx(1, abs=1e-13)
 
 
 @settings(max_examples=50, deadline=None)
@@ -183,6 +220,10 @@ def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str, s
         J_A = np.vstack([J, J_G])  # (11)
         N_G = np.linalg.svd(J_G)[2][J_G.shape[0] :].T
         H = np.hstack([N_G, task.null_space(q)])
+        form = hk.analysis.general_form(strategy, q)
+        assert subspace_angles(form.N_G, N_G).max() < 1e-7
+        assert pytest.approx(np.hstack([form.N_G, task.null_space(q)]), abs=1e-15) == form.H
+        assert pytest.approx(J_A, abs=1e-13) == form.J_A
         block = J_A @ H  # (13)
         assert np.abs(block[: task.m, task.m :]).max() < 1e-12
         assert np.abs(block[task.m :, : task.m]).max() < 1e-12
@@ -192,24 +233,20 @@ def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str, s
         assert np.abs(J_A @ seven(J, H) - identity).max() < 1e-9  # (14)
 
 
-def test_the_frame_form_keeps_the_digits_that_seven_loses() -> None:
+def test_our_strategy_keeps_the_digits_that_seven_loses(panda: hk.Robot) -> None:
     """Theory 1.3: with N_G at an angle of 1e-6 to ker J, (7) keeps four digits and N_G (J N_G)^-1 ten."""
-    rng = np.random.default_rng(5)
-    losses = []
-    for _ in range(20):
-        J = rng.normal(size=(6, 7))
-        N = np.linalg.svd(J)[2][6:].T
-        N_G = np.linalg.qr(rng.normal(size=(7, 6)))[0]
-        N_G[:, 0] = N[:, 0] + 1e-6 * N_G[:, 0]
-        frame, *_ = np.linalg.qr(N_G)
-        truth = sp.Matrix(frame.tolist())  # exact rational arithmetic on the doubles
-        inverse = (sp.Matrix(J.tolist()).applyfunc(sp.Rational) * truth.applyfunc(sp.Rational)).inv()
-        G = np.array((truth.applyfunc(sp.Rational) * inverse).evalf(17), dtype=float)
-        ours = frame @ np.linalg.inv(J @ frame)
-        size = np.abs(G).max()
-        losses.append((np.abs(seven(J, np.hstack([frame, N])) - G).max() / size, np.abs(ours - G).max() / size))
-        if len(losses) == 3:
-            break
-    squared, plain = np.median(losses, axis=0)
-    assert plain < 1e-9
-    assert squared > 1e3 * plain
+    task, q = hk.pose(panda), PANDA_START
+    J = task.jacobian(q)
+    J_exact = sp.Matrix(J.tolist()).applyfunc(sp.Rational)  # exact rational arithmetic on the doubles
+    squared, plain = [], []
+    for seed in range(3):
+        N_G = np.linalg.qr(np.random.default_rng(seed).normal(size=(7, 6)))[0]
+        N_G[:, 0] = np.linalg.svd(J)[2][6] + 1e-6 * N_G[:, 0]
+        N_G, *_ = np.linalg.qr(N_G)
+        frame = sp.Matrix(N_G.tolist()).applyfunc(sp.Rational)
+        G = np.array((frame * (J_exact * frame).inv()).evalf(17), dtype=float)
+        strategy = hk.null_basis(task, lambda _q, N_G=N_G: N_G.tolist())
+        plain.append(np.abs(strategy(q) - G).max() / np.abs(G).max())
+        squared.append(np.abs(seven(J, strategy.H(q)) - G).max() / np.abs(G).max())
+    assert np.median(plain) < 1e-9
+    assert np.median(squared) > 1e3 * np.median(plain)

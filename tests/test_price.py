@@ -141,7 +141,7 @@ def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -
     for said in (
         "at least 3.9",
         "some posture",
-        "proven",
+        "by a theorem",
         "120 sampled points",
         "20 sampled postures",
         "at most",

@@ -12,35 +12,57 @@ from hypothesis import strategies as st
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis.brackets import curvature_function
+from holokin.symbolic import directional, jacobian, lie_bracket, pairwise_brackets
 from papers_arm import G22, N19, S3, paper_frame
+from sympy_bridge import to_sympy
 
 # --- Lemma III.1 and its proof, with the errata E1 ---
 
 
-def exact_jacobian() -> tuple[sp.Matrix, sp.Matrix, list[sp.Symbol]]:
-    """A random exact J (2 x 4) = df/dq and a smooth basis N = [-J_a^-1 J_b; 1]."""
-    q = list(sp.symbols("u1:5", real=True))
-    f = sp.Matrix([q[0] + q[1] * q[2] + sp.sin(q[3]), q[1] + q[0] * q[3] + q[2] ** 2])
-    J = f.jacobian(q)
-    N = (-J[:, :2].inv() * J[:, 2:]).col_join(sp.eye(2))
-    return J, N, q
+U = sp.symbols("u1:5", real=True)
+
+
+def exact_jacobian() -> tuple[ca.SX, ca.SX, ca.SX]:
+    """An exact J (2, 4) = df/dq and a smooth basis N (4, 2) = [-J_a^-1 J_b; 1] M of its kernel, over q.
+
+    The columns of [-J_a^-1 J_b; 1] commute, so M(q) is there to give N a bracket.
+    """
+    q = ca.SX.sym("u", 4)
+    J = jacobian(ca.vertcat(q[0] + q[1] * q[2] + q[3] ** 3, q[1] + q[0] * q[3] + q[2] ** 2), q)
+    a, b, c, d = J[0, 0], J[0, 1], J[1, 0], J[1, 1]
+    inverse = ca.vertcat(ca.horzcat(d, -b), ca.horzcat(-c, a)) / (a * d - b * c)
+    M = ca.vertcat(ca.horzcat(1, q[2]), ca.horzcat(q[0], 2))
+    return J, ca.vertcat(-inverse @ J[:, 2:], ca.SX.eye(2)) @ M, q
 
 
 def test_a_null_space_basis_is_involutive_lemma_III_1_36() -> None:
+    """J [N_1, N_2] = 0 of our brackets, in exact fractions; and our test of a bare distribution finds it."""
     J, N, q = exact_jacobian()
-    value = N[:, 1].jacobian(q) * N[:, 0] - N[:, 0].jacobian(q) * N[:, 1]
-    assert (J * value).applyfunc(sp.simplify) == sp.zeros(2, 1)
+    (ours,) = pairwise_brackets(N, q).values()
+    J_exact, N_exact, value = to_sympy(J, q, U), to_sympy(N, q, U), to_sympy(ours, q, U)
+    theirs = N_exact[:, 1].jacobian(U) * N_exact[:, 0] - N_exact[:, 0].jacobian(U) * N_exact[:, 1]
+    for values in ((1, 2, 3, 4), (5, -7, 2, 3), (-2, 3, 11, 5)):
+        point = {u: sp.Rational(v, 10) for u, v in zip(U, values, strict=True)}
+        J_here, N_here, here = (M.subs(point) for M in (J_exact, N_exact, value))
+        assert J_here * N_here == sp.zeros(2, 2)  # (30)
+        assert here == theirs.subs(point) != sp.zeros(4, 1)
+        assert J_here * here == sp.zeros(2, 1)  # (36)
+    basis = ca.Function("N", [q], [N])
+    assert hk.analysis.involutivity_of(basis, 4, hk.around(np.zeros(4), 0.3)).holonomic
 
 
 def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> None:
-    J, N, q = exact_jacobian()
-    point = dict(zip(q, (0.3, -0.2, 0.5, 0.7), strict=True))
+    """Each term of (34) by SymPy; the second less the fourth is J times our bracket, of the sign opposite to (36)."""
+    J_ours, N_ours, q = exact_jacobian()
+    J, N = to_sympy(J_ours, q, U), to_sympy(N_ours, q, U)
+    values = (0.3, -0.2, 0.5, 0.7)
+    point = dict(zip(U, values, strict=True))
     i, j = 0, 1
     terms = np.zeros((2, 4))
     for k in range(2):
         for u in range(4):
             for s in range(4):
-                dJ, dNi, dNj = J[k, s].diff(q[u]), N[s, i].diff(q[u]), N[s, j].diff(q[u])
+                dJ, dNi, dNj = J[k, s].diff(U[u]), N[s, i].diff(U[u]), N[s, j].diff(U[u])
                 four = [
                     N[u, j] * dJ * N[s, i],
                     N[u, j] * J[k, s] * dNi,
@@ -52,8 +74,33 @@ def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> No
     assert first - third == pytest.approx([0, 0], abs=1e-12)  # "vanish" means: cancel each other
     assert first + second - third - fourth == pytest.approx([0, 0], abs=1e-12)
     assert np.abs(first + second - third + fourth).max() > 0.1  # (34) as printed
-    reverse = N[:, i].jacobian(q) * N[:, j] - N[:, j].jacobian(q) * N[:, i]  # [N_j, N_i]
-    assert second - fourth == pytest.approx(np.array((J * reverse).subs(point), dtype=float)[:, 0], abs=1e-12)
+    turned = ca.Function("turned", [q], [directional(J_ours, q, N_ours[:, j]) @ N_ours[:, i]])
+    assert np.array(turned(values))[:, 0] == pytest.approx(first, abs=1e-12)
+    reverse = ca.Function("reverse", [q], [lie_bracket(N_ours[:, j], N_ours[:, i], q)])
+    value = np.array(reverse(values))[:, 0]  # [N_j, N_i]
+    assert np.array(J.subs(point), dtype=float) @ value == pytest.approx(second - fourth, abs=1e-12)  # (35): zero
+    inner = N[:, i].jacobian(U) * N[:, j] - N[:, j].jacobian(U) * N[:, i]  # sum over u of (35), for each s
+    assert value == pytest.approx(np.array(inner.subs(point), dtype=float)[:, 0], abs=1e-12)
+    assert np.abs(value).max() > 0.01  # not zero by itself, so that its sign is seen
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_the_bracket_of_a_kernel_needs_the_rows_derivative_only_33_to_35(planar_3r: hk.Robot, exact: bool) -> None:
+    """A [G_i, G_j] = -(DA[G_i] G_j - DA[G_j] G_i): the proof of Lemma III.1 read backwards; 0 when A is a gradient."""
+    task = hk.position(planar_3r)
+
+    def rows(q: ca.SX) -> ca.SX:
+        g = ca.sin(q[0]) * q[1] + q[2] ** 2 + q[1] * q[2]
+        return jacobian(g, q) if exact else ca.horzcat(ca.sin(q[1]) * q[2], 1 + q[0], q[0] * q[2])
+
+    strategy = hk.strategies.pfaffian(task, rows)
+    q, h = np.array([0.3, 0.9, 0.7]), 1e-5
+    slopes = np.stack([(strategy(q + e) - strategy(q - e)) / (2 * h) for e in np.eye(3) * h], axis=2)  # (3, 2, 3)
+    G = strategy(q)
+    bracket = slopes[:, 1, :] @ G[:, 0] - slopes[:, 0, :] @ G[:, 1]  # [G_1, G_2] by central differences
+    A = strategy.rows(q)
+    assert A @ hk.curvature(strategy, q, method="ad")[:, 0, 1] == pytest.approx(A @ bracket, abs=1e-7)
+    assert bool(np.abs(A @ bracket).max() < 1e-7) is exact
 
 
 # --- Proposition 1 of [RM93], Theorem III.3 ---
@@ -98,6 +145,31 @@ def test_the_planes_do_not_depend_on_the_representation_of_orientation_III_3(pan
         assert stacked[6] < 1e-12 * stacked[0]
         T = b.task.jacobian(q) @ a(q)  # J_b G_a is the change of coordinates
         assert np.abs(b(q) @ T - a(q)).max() < 1e-10
+
+
+@pytest.mark.parametrize("orientation", ["zyz", "rpy", "rotation-vector"])
+def test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_to_17(
+    panda: hk.Robot, orientation: str
+) -> None:
+    """J_w = T J, with T^-1 from how the angles change as the tool turns: no joint is in it. ZYZ has a closed T."""
+    start = PANDA_START - np.array([0, 0, 0, 0, 0, 0.5, 0])
+    task = hk.pose(panda, orientation, reference=panda.pose(start)[:3, :3])
+    for q in start + np.random.default_rng(3).uniform(-0.1, 0.1, (5, 7)):
+        geometric, J, R = panda.jacobian(q), task.jacobian(q), panda.pose(q)[:3, :3]
+        inverse = task.rates(np.broadcast_to(R, (6, 3, 3)), np.eye(6)[:, :3], np.eye(6)[:, 3:]).T  # T^-1 (6, 6)
+        assert np.abs(inverse @ geometric - J).max() < 1e-13  # (15), (17)
+        T = np.linalg.inv(inverse)
+        assert np.abs(geometric.T @ np.linalg.inv(T.T) - J.T).max() < 1e-12  # (16)
+        if orientation == "zyz":
+            phi, theta, _ = task(q)[3:]
+            closed = np.array(
+                [
+                    [0, -np.sin(phi), np.cos(phi) * np.sin(theta)],
+                    [0, np.cos(phi), np.sin(phi) * np.sin(theta)],
+                    [1, 0, np.cos(theta)],
+                ]
+            )
+            assert T[3:, 3:] == pytest.approx(closed, abs=1e-12)
 
 
 # --- T14, T16 ---

@@ -1,4 +1,4 @@
-"""holokin: makes redundant robots repeatable, and proves it.
+"""holokin: makes redundant robots repeatable, and tests it.
 
 The flow:
 

@@ -43,7 +43,7 @@ _ending = Ending()
 app = typer.Typer(
     name="holokin",
     cls=_Commands,
-    help="Makes redundant robots repeatable, and proves it.",
+    help="Makes redundant robots repeatable, and tests it.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -70,7 +70,7 @@ def _options(
         bool, typer.Option("--traceback", help="Of an error show where it arose, too; with any subcommand.")
     ] = False,
 ) -> None:
-    """Makes redundant robots repeatable, and proves it."""
+    """Makes redundant robots repeatable, and tests it."""
 
 
 @app.command()

@@ -211,7 +211,7 @@ class Path(Value):
             p[here], v[here] = segment.position(u[here]), segment.derivative(u[here]) / self._durations[i]
             w[here] = segment.turn / self._durations[i]
             R[here] = _rotations(u[here, None] * segment.turn) @ self._rotations[i]
-        if self.closed and k:  # a closed path ends where it starts to the last bit
+        if self.closed and k:  # a closed path ends exactly where it starts
             last = (index == len(self.segments) - 1) & (u == 1.0)
             p[last], R[last] = self.start, np.eye(3)
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)

@@ -1,4 +1,4 @@
-"""Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) and (10) to (14) checked. [ZR11]"""
+"""Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) to (14) checked. [ZR11]"""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from .leaf_functions import leaf_function
 class GeneralForm(Value):
     """The paper's general form of a holonomic strategy at q: G = H H^T J^T (J H H^T J^T)^-1, H = [N_G N].
 
-    J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) a basis of ker J_G, N (n, r) one of ker J.
+    J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) an orthonormal basis of ker J_G, N (n, r) a basis
+    of ker J.
     """
 
     q: Vector
@@ -37,20 +38,30 @@ class GeneralForm(Value):
         return np.vstack([self.J, self.J_G])
 
     def residuals(self) -> dict[str, float]:
-        """How far each equation of the paper is from holding; (11) and (12) are margins, smallest singular values."""
+        """How far (7), (8), (10), (13), (14) are from holding, and how safely (9), (11), (12) and "H" hold.
+
+        The margins are smallest singular values, of J N_G (9), J_A (11) and H, which Theorem III.2 asks to be
+        nonsingular; and for (12), Null(J) and Null(J_G) meet in 0 alone, the sine of the smallest angle between them.
+        """
         m = len(self.J)
         W = self.H @ self.H.T
         seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)
+        eight = W @ self.J.T - self.N_G @ (self.J @ self.N_G).T
+        kernel = np.linalg.qr(self.N)[0]
+        sines = np.linalg.svd(kernel - self.N_G @ (self.N_G.T @ kernel), compute_uv=False)
         blocks = self.J_A @ self.H
         off = max(np.abs(blocks[:m, m:]).max(initial=0.0), np.abs(blocks[m:, :m]).max(initial=0.0))
         identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])
         return {
             "(7)": float(np.abs(seven - self.G).max()),
+            "(8)": float(np.abs(eight).max()),
+            "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),
             "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),
             "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
-            "(12)": float(np.linalg.svd(self.H, compute_uv=False)[-1]),
+            "(12)": float(sines.min(initial=1.0)),
             "(13)": float(off),
             "(14)": float(np.abs(self.J_A @ seven - identity).max()),
+            "H": float(np.linalg.svd(self.H, compute_uv=False)[-1]),
         }
 
 

@@ -1,4 +1,4 @@
-"""`export_c`: a strategy as plain C for a controller, with what proves it right."""
+"""`export_c`: a strategy as plain C for a controller, with a self-test."""
 
 from .building import check
 from .folder import Exported, c_name, export_c
