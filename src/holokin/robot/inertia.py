@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from ..arguments import typed
 from ..errors import MassError
 from ..symbolic import SX, Function, dot, symbol
-from ..types import ArrayLike, Matrix, Vector
+from ..types import ArrayLike, Matrix, Vector, kept
 from .model import Body, Robot
-
-_CACHE: WeakKeyDictionary[Robot, Function] = WeakKeyDictionary()
 
 
 @typed
@@ -23,10 +19,13 @@ def mass_matrix(robot: Robot, q: ArrayLike) -> Matrix:
         MassError: the description has no masses. ShapeError, NotFiniteError.
     """
     q = robot.checked(q)
-    if robot not in _CACHE:
-        s = symbol("q", robot.n)
-        _CACHE[robot] = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(robot, s)})
-    return np.reshape(_CACHE[robot](q), (robot.n, robot.n))
+    return np.reshape(_mass_matrix(robot)(q), (robot.n, robot.n))
+
+
+@kept
+def _mass_matrix(robot: Robot) -> Function:
+    q = symbol("q", robot.n)
+    return Function("mass_matrix", {"q": q}, {"M": mass_matrix_expression(robot, q)})
 
 
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from ..symbolic import SX, Function, cross, symbol, vertcat
-from ..types import Array, ArrayLike
+from ..types import Array, ArrayLike, kept
 from .model import Robot
-
-_CACHE: WeakKeyDictionary[Robot, dict[str, Function]] = WeakKeyDictionary()
 
 
 def hessian(robot: Robot, q: ArrayLike, tip: str | None = None) -> Array:
@@ -19,14 +15,13 @@ def hessian(robot: Robot, q: ArrayLike, tip: str | None = None) -> Array:
     Raises: ShapeError, NotFiniteError, UnknownNameError.
     """
     q = robot.checked(q)
-    known = _CACHE.setdefault(robot, {})
-    name = tip or robot.tips[0].name
-    if name not in known:
-        s = symbol("q", robot.n)
-        columns = hessian_expression(robot, s, tip)
-        outputs = {f"row{i}": SX(block) for i, block in enumerate(columns)}
-        known[name] = Function("hessian", {"q": s}, outputs)
-    return np.stack([np.reshape(block, (robot.n, robot.n)) for block in known[name](q)])
+    return np.stack([np.reshape(block, (robot.n, robot.n)) for block in _hessian(robot, tip)(q)])
+
+
+@kept
+def _hessian(robot: Robot, tip: str | None) -> Function:
+    q = symbol("q", robot.n)
+    return Function("hessian", {"q": q}, {f"row{i}": SX(H) for i, H in enumerate(hessian_expression(robot, q, tip))})
 
 
 def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:
