@@ -39,10 +39,15 @@ class FrameStrategy(Strategy):
 class KernelStrategy(Strategy):
     """Planes that rows A(q) (r, n) annul: G = [J; A]^-1 [1; 0]. Abstract: the rows are given, or a gradient."""
 
-    @cached_property
     @abstractmethod
+    def field(self) -> Field:
+        """The field of the rows A."""
+
+    @cached_property
     def expressions(self) -> RowExpressions:
         """The expressions over one symbol q; `planes` is A."""
+        shape = (self.task.n - self.task.m, self.task.n)
+        return RowExpressions(*self._written("the constraint rows", self.field(), shape))
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """G (n, m), the canonical frame (theory 1.4)."""
@@ -52,9 +57,6 @@ class KernelStrategy(Strategy):
         """A (r, n) at q (n,)."""
         return self._planes_at(q)
 
-    def _annulled_by(self, rows: Field) -> RowExpressions:
-        return RowExpressions(*self._written("the constraint rows", rows, (self.task.n - self.task.m, self.task.n)))
-
 
 @final
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,10 +65,9 @@ class RowStrategy(KernelStrategy):
 
     annulling: Field
 
-    @cached_property
-    def expressions(self) -> RowExpressions:
-        """The expressions over one symbol q; `planes` is A."""
-        return self._annulled_by(self.annulling)
+    def field(self) -> Field:
+        """The field of the rows, as given."""
+        return self.annulling
 
 
 @final
@@ -80,10 +81,9 @@ class HolonomicStrategy(KernelStrategy):
         "give a strategy with leaves: hk.holonomic(task, g) makes one of a constraint, hk.radial(G, q0) one of any G"
     )
 
-    @cached_property
-    def expressions(self) -> RowExpressions:
-        """The expressions over one symbol q; `planes` is J_g."""
-        return self._annulled_by(self.constraint.slopes)
+    def field(self) -> Field:
+        """J_g of the constraint."""
+        return self.constraint.slopes
 
     @property
     def margin_expression(self) -> SX:
