@@ -66,11 +66,6 @@ class Winding(Value):
     joint_units: tuple[str, ...]
 
     @property
-    def winds(self) -> bool:
-        """True when the drift, or the largest part of it, is due to a place that the loop winds round."""
-        return self.cause in (Cause.WINDING, Cause.TOOL_TURNS)
-
-    @property
     def drift(self) -> Vector:
         """Drift of the whole loop (n,) [joint units]."""
         return self.drifts[0]

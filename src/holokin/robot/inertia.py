@@ -4,32 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
 from ..errors import MassError
-from ..symbolic import SX, Function, dot, symbol
-from ..types import ArrayLike, Matrix, Vector, kept
+from ..symbolic import SX, dot
+from ..types import Matrix, Vector
 from .model import Body, Robot
 
 
-@typed
-def mass_matrix(robot: Robot, q: ArrayLike) -> Matrix:
+def mass_matrix_expression(robot: Robot, q: SX) -> SX:
     """M(q) (n, n), symmetric: kinetic energy 1/2 dq^T M dq [kg m^2, kg m, kg].
 
-    Raises:
-        MassError: the description has no masses. ShapeError, NotFiniteError.
+    M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: MassError: the description has no masses.
     """
-    q = robot.checked(q)
-    return np.reshape(_mass_matrix(robot)(q), (robot.n, robot.n))
-
-
-@kept
-def _mass_matrix(robot: Robot) -> Function:
-    q = symbol("q", robot.n)
-    return Function("mass_matrix", {"q": q}, {"M": mass_matrix_expression(robot, q)})
-
-
-def mass_matrix_expression(robot: Robot, q: SX) -> SX:
-    """M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: MassError."""
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
         k = robot.kinematics_at(q, body.joint, _frame(body))

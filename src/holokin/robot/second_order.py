@@ -2,30 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..symbolic import SX, Function, cross, symbol, vertcat
-from ..types import Array, ArrayLike, kept
+from ..symbolic import SX, cross, vertcat
 from .model import Robot
 
 
-def hessian(robot: Robot, q: ArrayLike, tip: str | None = None) -> Array:
-    """H (6, n, n), H[:, a, b] = d J[:, a] / d q_b of the geometric Jacobian [m or 1 per joint unit squared].
-
-    Raises: ShapeError, NotFiniteError, UnknownNameError.
-    """
-    q = robot.checked(q)
-    return np.stack([np.reshape(block, (robot.n, robot.n)) for block in _hessian(robot, tip)(q)])
-
-
-@kept
-def _hessian(robot: Robot, tip: str | None) -> Function:
-    q = symbol("q", robot.n)
-    return Function("hessian", {"q": q}, {f"row{i}": SX(H) for i, H in enumerate(hessian_expression(robot, q, tip))})
-
-
 def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:
-    """H_i = d J_i^T / d q (n, n) for the six rows i of the geometric Jacobian.
+    """H_i (n, n) for the six rows i of the geometric Jacobian, H_i[a, b] = d J_ia / d q_b [m or 1 per joint unit^2].
 
     A joint b at or before a turns a's column, w_b x (v_a, w_a); one behind it moves the tool's point, w_a x v_b.
     """
