@@ -25,6 +25,7 @@ import holokin as hk
 from holokin.codegen import compiler, native
 from holokin.errors import BranchError, SingularityError
 from holokin.export import export_c
+from holokin.motion.leaf import leaf_step
 
 STEPS = 3000
 PANDA = np.array([0.0, -0.3, 0.2, -2.0, 0.1, 1.8, 0.7])
@@ -90,7 +91,7 @@ class Continuation:
     def __init__(self, case: Case, poses: np.ndarray) -> None:
         s = case.strategy
         home = s.task.robot.pose(case.start, s.task.tip)
-        self.correct, self.c = s.leaf_step, np.atleast_1d(s.constraint_value(case.start))
+        self.correct, self.c = leaf_step(s), np.atleast_1d(s.constraint_value(case.start))
         self.p0, self.R0, self.p = home[:3, 3], home[:3, :3], poses[:, :3, 3]
         self.turn = Rotation.from_matrix(poses[:, :3, :3] @ self.R0.T).as_rotvec()
         self.q = np.tile(case.start, (len(poses), 1))

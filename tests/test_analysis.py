@@ -11,7 +11,8 @@ import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.analysis.transport import transport
 from holokin.errors import ArgumentError, NotHolonomicError, OpenPathError
-from holokin.robot import hessian
+from holokin.robot import hessian_expression
+from holokin.symbolic import Function, symbol
 from papers_arm import de_luca_frame, paper_frame
 
 R3_START = np.array([0.3, 0.9, 0.7])
@@ -28,6 +29,12 @@ def panda_given(panda: hk.Robot) -> hk.Strategy:
 
 
 # --- curvature from Hessians ---
+
+
+def hessian(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
+    s = symbol("q", robot.n)
+    rows = Function("hessian", {"q": s}, {f"row{i}": H for i, H in enumerate(hessian_expression(robot, s))})(q)
+    return np.stack([np.reshape(H, (robot.n, robot.n)) for H in rows])
 
 
 @pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])

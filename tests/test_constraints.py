@@ -9,7 +9,6 @@ from scipy.optimize import minimize
 
 import holokin as hk
 from conftest import IIWA_START, IRB_START, PANDA_START
-from holokin.constraints.costs import unit_null_vector
 from holokin.errors import (
     ArgumentError,
     ConstraintRowsError,
@@ -18,7 +17,7 @@ from holokin.errors import (
     SingularityKind,
     UnknownNameError,
 )
-from holokin.symbolic import Function, jacobian, symbol
+from holokin.symbolic import Function, jacobian, null_vector_expression, symbol
 
 R3_START = np.array([0.3, 0.9, 0.7])
 
@@ -183,7 +182,7 @@ def test_baillieuls_and_changs_forms_share_the_zero_leaf(planar_3r: hk.Robot) ->
 
 def test_the_unit_null_vector_is_smooth_with_a_right_derivative(panda: hk.Robot) -> None:
     q = symbol("q", 7)
-    n = unit_null_vector(hk.pose(panda).jacobian_expression(panda.kinematics(q), q))
+    n = null_vector_expression(hk.pose(panda).jacobian_expression(panda.kinematics(q), q))
     f = Function("n", {"q": q}, {"n": n, "dn": jacobian(n, q)})
     h = 1e-6
     for posture in PANDA_START + np.random.default_rng(3).uniform(-0.3, 0.3, (4, 7)):

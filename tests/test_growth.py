@@ -16,6 +16,7 @@ from holokin.codegen import LARGEST, native
 from holokin.errors import SingularityError
 from holokin.motion import following
 from holokin.motion.control_step import StepStatus
+from holokin.motion.leaf import leaf_step
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
 
@@ -45,7 +46,7 @@ def both_ways(make: Callable[[], hk.Strategy], monkeypatch: Patch) -> list[hk.St
     for dense_from in (99, 0):
         monkeypatch.setattr(linear, "DENSE_FROM", dense_from)
         strategy = make()
-        strategy.gain, strategy.rate, strategy.leaf_step  # noqa: B018
+        strategy.gain, strategy.rate, leaf_step(strategy)
         out.append(strategy)
     return out
 
@@ -64,15 +65,16 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
     Q = (PANDA_START if n == 7 else np.full(n, 0.15)) + np.random.default_rng(4).uniform(-0.1, 0.1, (600, n))
     p, R = written.task.robot.pose_batch(Q + 0.01)
     c = np.atleast_2d(written.constraint_value.batch(Q).T).T * 0.9
-    for arguments, name in (((Q,), "gain"), ((Q, np.ones(written.task.m)), "rate"), ((Q, p, R, c), "leaf_step")):
-        ours, theirs = (getattr(one, name).batch(*arguments, threads=1) for one in (numbers, written))
+    gain, rate = (lambda s: s.gain), (lambda s: s.rate)
+    for arguments, verb in (((Q,), gain), ((Q, np.ones(written.task.m)), rate), ((Q, p, R, c), leaf_step)):
+        ours, theirs = (verb(one).batch(*arguments, threads=1) for one in (numbers, written))
         for a, b in zip(ours, theirs, strict=True):
             assert a.shape == b.shape
-            assert np.abs(a - b).max() < 1e-11 * max(1.0, np.abs(b).max()), name
-        one = getattr(numbers, name)(*(value[0] if len(value) == 600 else value for value in arguments))
+            assert np.abs(a - b).max() < 1e-11 * max(1.0, np.abs(b).max()), verb
+        one = verb(numbers)(*(value[0] if len(value) == 600 else value for value in arguments))
         for a, b in zip(one, theirs, strict=True):
             assert np.abs(a - b[0]).max() < 1e-11 * max(1.0, np.abs(b[0]).max())
-    side = numbers.leaf_step.batch(Q, p, R, c)[3]
+    side = leaf_step(numbers).batch(Q, p, R, c)[3]
     A = np.concatenate([written.task.jacobian_batch(Q)[0], np.array([written.rows(q) for q in Q])], axis=1)
     assert np.array_equal(side, np.sign(np.linalg.det(A)))
 

@@ -22,6 +22,7 @@ from holokin.errors import (
     SingularityError,
 )
 from holokin.motion import following
+from holokin.motion.leaf import leaf_step
 from holokin.motion.native import NativeWalk
 from holokin.symbolic import function as function_module
 
@@ -199,7 +200,7 @@ def test_batches_of_nothing_and_into_what_is_given(monkeypatch: Patch) -> None:
     Q = np.random.default_rng(0).uniform(0.5, 1.0, (5000, 2))
     assert square.constraint_value.batch(Q).shape == (5000, 0)
     p, R = square.task.robot.pose_batch(Q)
-    assert np.abs(square.leaf_step.batch(Q, p, R, np.zeros(0))[0]).max() < 1e-12
+    assert np.abs(leaf_step(square).batch(Q, p, R, np.zeros(0))[0]).max() < 1e-12
     gain = square.gain
     G, figures = np.empty((5000, 2, 2)), [np.empty(5000), np.empty(5000)]
     gain.batch(Q, out=[G, *figures])

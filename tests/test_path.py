@@ -163,3 +163,10 @@ def test_turning_on_the_spot_takes_its_time() -> None:
 def test_paths_that_make_no_sense_are_refused(make, error: type[Exception]) -> None:
     with pytest.raises(error):
         make()
+
+
+@pytest.mark.parametrize("angular_speed", [0, 0.0, -1.0])
+def test_a_path_turns_at_no_angular_speed_that_is_not_positive(angular_speed: float) -> None:
+    path = hk.line([0, 0, 0], [0.1, 0, 0], turn=[0, 0, 1.0])
+    with pytest.raises(ArgumentError, match="angular_speed"):
+        path.at_speed(0.1, angular_speed)

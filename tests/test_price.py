@@ -57,7 +57,6 @@ def near_radial_laws(given: hk.Strategy, start: np.ndarray) -> list[hk.Strategy]
             v = x[:2] - ca.DM(center)
             return ca.dot(ca.DM(a), v) + v.T @ ca.DM(B) @ v
 
-        assert twin.constraint is not None
         out.append(hk.holonomic(given.task, hk.constraints.tilted(twin.constraint, rho)))
     return out
 

@@ -13,7 +13,21 @@ from scipy.spatial.transform import Rotation
 
 from holokin.errors import ExpressionError, ShapeError
 from holokin.symbolic import Function, factorise, hessian, jacobian, parse, solve, symbol
-from holokin.symbolic.geometry import exp_so3, log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
+from holokin.symbolic.geometry import log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
+
+
+def exp_so3(w: ca.SX) -> ca.SX:
+    """exp([w]x), (3,) -> (3, 3): I + a [w]x + b [w]x^2, a = sin t / t, b = (1 - cos t) / t^2."""
+    t2 = ca.dot(w, w)
+    small = t2 < 1e-4
+    safe = ca.if_else(small, 1, t2)
+    t = ca.sqrt(safe)
+    a = ca.if_else(small, 1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42)), ca.sin(t) / t)
+    half = ca.sin(t / 2)  # 2 sin^2(t/2) = 1 - cos t without cancellation
+    b = ca.if_else(small, 0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56)), 2 * half * half / safe)
+    K = ca.skew(w)
+    return ca.SX.eye(3) + a * K + b * (K @ K)
+
 
 w, R = symbol("w", 3), symbol("R", 3, 3)
 EXP = Function("exp", {"w": w}, {"R": exp_so3(w), "dR": jacobian(exp_so3(w), w)})

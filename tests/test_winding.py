@@ -32,10 +32,10 @@ def test_a_holonomic_law_drifts_by_half_a_turn_round_the_origin(half_the_polar_a
     assert hk.involutivity(half_the_polar_angle, hk.around(PPR_START, 0.3)).holonomic
     loop = hk.circle(point, [0, 0, 0])
     walk = hk.drift(half_the_polar_angle, loop, PPR_START, cycles=2, limits=False)
-    assert walk.per_cycle[:, 2] == pytest.approx([np.pi, np.pi])
+    assert walk.trajectory.drift()[:, 2] == pytest.approx([np.pi, np.pi])
     assert walk.turns.tolist() == [[0, 0, 0], [0, 0, 1]], "two rounds make one turn of the hinge; sliders have none"
     found = hk.motion.winding(half_the_polar_angle, loop, PPR_START, limits=False)
-    assert found.winds and found.cause is Cause.WINDING
+    assert found.cause is Cause.WINDING
     assert found.jump[2] == pytest.approx(np.pi, abs=0.05)
     assert found.between[1] < 0.5 < found.between[0], "the circle through the origin has half the size"
     assert "not defined" in found.sentence
@@ -50,7 +50,7 @@ def test_the_loop_that_passes_the_origin_is_found_where_it_is(
     found = hk.motion.winding(half_the_polar_angle, hk.circle(p, center), PPR_START, limits=False)
     at = p @ p / (2 * p @ (p - center))
     if at < 1:
-        assert found.winds
+        assert found.cause is Cause.WINDING
         assert found.between[1] <= at <= found.between[0]
         assert found.between[0] - found.between[1] < 0.1
     else:
@@ -64,7 +64,7 @@ def test_a_leaf_round_the_base_ends_a_turn_further(planar_3r: hk.Robot) -> None:
     assert walk.turns.tolist() == [[1, 0, 0], [2, 0, 0]]
     assert "whole turns: q1 by +2" in walk.sentence
     found = hk.motion.winding(strategy, loop, R3_START, limits=False)
-    assert found.winds
+    assert found.cause is Cause.WINDING
     assert found.jump == pytest.approx([2 * np.pi, 0, 0])
     assert "q1 by +1 turns" in str(found)
 
@@ -73,7 +73,7 @@ def test_a_loop_that_can_be_drawn_together_does_not_wind(planar_3r: hk.Robot) ->
     strategy = hk.holonomic(hk.position(planar_3r), hk.lock(2))
     point = planar_3r.pose(R3_START)[:3, 3]
     found = hk.motion.winding(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START)
-    assert found.cause is Cause.NONE and not found.winds
+    assert found.cause is Cause.NONE
     assert not hk.drift(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START).turns.any()
 
 
@@ -84,7 +84,7 @@ def test_drift_by_curvature_fades_as_the_loop_is_drawn_together(panda: hk.Robot,
     tool = panda.pose(PANDA_START)
     loop = plane_loop(task, tool[:3, 3], tool[:3, :3], *rows)
     found = hk.motion.winding(hk.moore_penrose(task), loop, PANDA_START, samples=100)
-    assert found.cause is Cause.CURVATURE and not found.winds
+    assert found.cause is Cause.CURVATURE
     half = np.abs(found.drifts[found.sizes == 0.5][0]).max() / np.abs(found.drift).max()
     assert half == pytest.approx(0.25, abs=0.05)
 
@@ -103,7 +103,7 @@ def test_a_tool_that_turns_round_once_cannot_be_drawn_together(panda: hk.Robot) 
     strategy = hk.moore_penrose(hk.pose(panda))
     round_once = hk.polyline([point] * 4, turns=[third] * 3)
     found = hk.motion.winding(strategy, round_once, PANDA_START, limits=False)
-    assert found.cause is Cause.TOOL_TURNS and found.winds
+    assert found.cause is Cause.TOOL_TURNS
     there_and_back = hk.polyline([point] * 5, turns=[third, third, [0, 0, -4 * np.pi / 3], [0.2, 0, 0]])
     home = hk.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
     assert hk.motion.winding(strategy, home, PANDA_START, limits=False).cause is not Cause.TOOL_TURNS

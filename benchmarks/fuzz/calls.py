@@ -76,7 +76,6 @@ def calls() -> dict[str, Call]:
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
         "DHRow": (lambda **named: hk.from_dh([hk.robot.DHRow(**named)]), (), row),
-        "mass_matrix": (hk.robot.mass_matrix, (robot, q), {}),
         "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
         "pose": (hk.pose, (robot,), {"orientation": "twist", "reference": one, "tip": None, "rows": [0, 1]}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {

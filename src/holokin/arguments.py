@@ -47,6 +47,8 @@ def typed(function: F) -> F:
 def check(what: str, kind: Any, value: Any) -> None:
     """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
     if not _fits(kind, value):
+        if hasattr(kind, "cure"):  # a kind of ours that says how to make one
+            raise ArgumentError(what, value, kind.cure)
         spoilt = isinstance(value, str | Path) and "\0" in str(value)
         raise ArgumentError(what, value, f"give {_words(kind)}{' without a NUL character' if spoilt else ''}")
 

@@ -23,8 +23,24 @@ from .errors import (
     shown,
 )
 from .robot import Kinematics, Robot
-from .symbolic import SX, Function, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, symbol, vec, vertcat
-from .symbolic.geometry import log_so3, rpy_angles, skew, wrapped, zyz_angles
+from .symbolic import (
+    SX,
+    Function,
+    cos,
+    fmax,
+    if_else,
+    jacobian,
+    minors,
+    norm_2,
+    null_space,
+    sin,
+    sumsqr,
+    symbol,
+    vec,
+    vertcat,
+    wrapped,
+)
+from .symbolic.geometry import log_so3, rpy_angles, skew, zyz_angles
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
@@ -137,11 +153,7 @@ class Task(Value):
         r > 1: an orthonormal basis from the singular value decomposition, which may jump between postures.
         """
         J = self.jacobian(q)
-        N = np.linalg.svd(J)[2][self.m :].T
-        if self.n - self.m == 1:
-            sign = np.sign(np.linalg.det(np.vstack([J, N.T])))
-            N = N * sign * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))
-        return N
+        return minors(J)[:, None] if self.n - self.m == 1 else null_space(J)
 
     def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Vector:
         """Task error (m,) from the pose at q to a target position (3,) and rotation (3, 3) [m, rad].

@@ -7,9 +7,11 @@ comes first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +106,29 @@ def frozen(array: Any) -> Any:
     copy = np.array(array)
     copy.flags.writeable = False
     return copy
+
+
+Noun = TypeVar("Noun")
+Result = TypeVar("Result")
+More = ParamSpec("More")
+
+
+def kept(build: Callable[Concatenate[Noun, More], Result]) -> Callable[Concatenate[Noun, More], Result]:
+    """What a verb builds of a noun, and of further plain arguments, once: kept as long as the noun lives, not on it.
+
+    What is built must not refer to the noun, which would then live for ever.
+    """
+    known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Result]] = WeakKeyDictionary()
+
+    @wraps(build)
+    def called(noun: Noun, *more: More.args, **named: More.kwargs) -> Result:
+        results = known.setdefault(noun, {})
+        key = (*more, *named.items())
+        if key not in results:
+            results[key] = build(noun, *more, **named)
+        return results[key]
+
+    return called
 
 
 class Value:

@@ -7,17 +7,30 @@ the brackets themselves do not vanish, their vertical part does.
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..robot import hessian_expression
-from ..strategies import Expressions, Strategy
-from ..symbolic import SX, Function, as_expression, directional, dot, factorise, horzcat, pairwise_brackets, vertcat
-from ..types import Array, ArrayLike
+from ..strategies import Expressions, FrameExpressions, FrameStrategy, RowExpressions, Strategy
+from ..symbolic import (
+    SX,
+    Function,
+    Solution,
+    as_expression,
+    directional,
+    dot,
+    factorise,
+    horzcat,
+    null_space_expression,
+    pairwise_brackets,
+    vertcat,
+)
+from ..task import Task
+from ..types import Array, ArrayLike, Matrix, kept
 
 Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""
@@ -27,7 +40,8 @@ MOST_JOINTS = 100
 their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
 and 1.3 GB."""
 
-_CACHE: WeakKeyDictionary[Strategy, dict[str, Function]] = WeakKeyDictionary()
+Brackets = dict[tuple[int, int], SX]
+"""[B_a, B_b] (n,) of the columns a < b of a frame."""
 
 
 @typed
@@ -51,14 +65,21 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
     """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, conditioning, margin), built once a strategy and method."""
     if method not in ("auto", "hessian", "ad"):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
-    allowed = strategy.constant_weight is not None and strategy.task.orientation in (None, "twist")
-    if method == "hessian" and not allowed:
+    weight = constant_weight(strategy)
+    if method == "hessian" and weight is None:
         raise ArgumentError("method", method, f"{strategy.name!r} has no constant weight, or its task is not a twist")
-    chosen = "hessian" if allowed and method != "ad" else "ad"
-    known = _CACHE.setdefault(strategy, {})
-    if chosen not in known:
-        known[chosen] = _build(strategy, chosen)
-    return known[chosen]
+    return _curvature(strategy, weight is not None and method != "ad")
+
+
+@singledispatch
+def constant_weight(strategy: Strategy) -> Matrix | None:
+    """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
+    return None
+
+
+@constant_weight.register
+def _(strategy: FrameStrategy) -> Matrix | None:
+    return strategy.constant_weight if strategy.task.orientation in (None, "twist") else None
 
 
 def pairs(m: int) -> list[tuple[int, int]]:
@@ -66,44 +87,59 @@ def pairs(m: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(m) for j in range(i + 1, m)]
 
 
-def _build(strategy: Strategy, method: str) -> Function:
-    if strategy.task.n > MOST_JOINTS:
+@kept
+def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
+    task = strategy.task
+    if task.n > MOST_JOINTS:
         cure = f"its curvature is written out for at most {MOST_JOINTS}: hold some joints still, or judge a part of it"
-        raise ArgumentError(f"the number of joints of {strategy.task.robot.name!r}", strategy.task.n, cure)
-    e, m = strategy.expressions, strategy.task.m
-    rows = range(strategy.task.n - m)
+        raise ArgumentError(f"the number of joints of {task.robot.name!r}", task.n, cure)
+    e, m = strategy.expressions, task.m
     found = e.rate(SX.eye(m), written_out=True)
-    G, conditioning = found.X, found.conditioning
-    if e.form == "kernel":
-        A, brackets = e.planes, _brackets_of_rows(e, G, m)
-    else:
-        B = e.planes
-        A = factorise(B).complement().T
-        found = _hessian_brackets(strategy, e) if method == "hessian" else pairwise_brackets(B, e.q)
-        # G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated
-        M = factorise(e.J @ B).solve(SX.eye(m))
-        brackets = [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in found.items()}, m) @ M for k in rows]
-    N = factorise(e.J.T).complement()
+    closed = _hessian_brackets(task, e, constant_weight(strategy)) if by_hessians else None
+    A, brackets = _rows_and_brackets(e, found, closed)
+    N = null_space_expression(e.J)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
-    packed = horzcat(*columns) if columns and rows else SX.zeros(strategy.task.n, max(1, len(columns)))
-    outputs = {"F": packed, "G": G, "conditioning": conditioning, "margin": strategy.margin_expression}
+    packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
+    outputs = {"F": packed, "G": found.X, "conditioning": found.conditioning, "margin": strategy.margin_expression}
     return Function("curvature", {"q": e.q}, outputs)
 
 
-def _hessian_brackets(strategy: Strategy, e: Expressions) -> dict[tuple[int, int], SX]:
+@singledispatch
+def _rows_and_brackets(e: Expressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
+    """Rows A (r, n) that annul the planes, and A_k [G_i, G_j] as (m, m) for each row k (theory 5.1).
+
+    Args:
+        found: G. closed: the brackets of the frame, where they are known in closed form.
+    """
+    raise NotImplementedError
+
+
+@_rows_and_brackets.register
+def _(e: FrameExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
+    """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""
+    B, m = e.planes, e.J.shape[0]
+    A = null_space_expression(B.T).T
+    of_frame = closed or pairwise_brackets(B, e.q)
+    M = factorise(e.J @ B).solve(SX.eye(m))
+    rows = range(A.shape[0])
+    return A, [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in of_frame.items()}, m) @ M for k in rows]
+
+
+@_rows_and_brackets.register
+def _(e: RowExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
+    """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i): only A is differentiated."""
+    A, G = e.planes, found.X
+    along = [directional(A, e.q, G[:, i]) @ G for i in range(G.shape[1])]
+    values = [vertcat(*(turn[k, :] for turn in along)) for k in range(A.shape[0])]
+    return A, [T.T - T for T in values]
+
+
+def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
-    task = strategy.task
     every = hessian_expression(task.robot, e.q, task.tip)
-    H, W = [every[row] for row in task.rows], as_expression(strategy.constant_weight)
+    H, W = [every[row] for row in task.rows], as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
-
-
-def _brackets_of_rows(e: Expressions, G: SX, m: int) -> list[SX]:
-    """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i) as (m, m), for each row k: only A is differentiated."""
-    along = [directional(e.planes, e.q, G[:, i]) @ G for i in range(m)]
-    values = [vertcat(*(turn[k, :] for turn in along)) for k in range(e.planes.shape[0])]
-    return [T.T - T for T in values]
 
 
 def _antisymmetric(upper: dict[tuple[int, int], SX], m: int) -> SX:

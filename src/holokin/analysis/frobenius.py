@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import (
     SX,
     Function,
@@ -156,7 +156,7 @@ def _subject(strategy: Strategy) -> _Subject:
         return None
 
     e = strategy.expressions
-    grounds = (Grounds.CONSTRAINT, ()) if strategy.constraint is not None else _grounds(e.planes, e.q)
+    grounds = (Grounds.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _grounds(e.planes, e.q)
     units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
     name = f"{strategy.name}, {task.name}"
     return _Subject(name, task.n, values, planes, units, rows, refusal, *grounds)

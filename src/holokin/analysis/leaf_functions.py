@@ -11,7 +11,7 @@ from ..arguments import typed
 from ..errors import NotHolonomicError
 from ..robot import Robot
 from ..strategies import Strategy
-from ..symbolic import Function, jacobian, symbol
+from ..symbolic import Function, jacobian, null_space, runge_kutta, symbol
 from ..types import ArrayLike, Matrix, Value, Vector, frozen, whole
 from .frobenius import involutivity, involutivity_at
 from .region import around
@@ -44,20 +44,15 @@ class LeafFunction(Value):
         n = len(q)
         v = self._back(q)
         V = -self._back_slope(q)
-        rate, h = self._flow, 1.0 / STEPS
 
-        def slope(y: Matrix) -> Matrix:
-            dq, dD, conditioning, margin = rate(y[:, 0], v, y[:, 1:], V)
+        def slope(y: Matrix, v: Vector) -> Matrix:
+            dq, dD, conditioning, margin = self._flow(y[:, 0], v, y[:, 1:], V)
             self.strategy.check(y[:, 0], conditioning, margin)
             return np.column_stack([dq, np.reshape(dD, (n, n))])
 
         y = np.column_stack([q, np.eye(n)])
         for _ in range(STEPS):
-            k1 = slope(y)
-            k2 = slope(y + h / 2 * k1)
-            k3 = slope(y + h / 2 * k2)
-            k4 = slope(y + h * k3)
-            y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            y = runge_kutta(slope, y, 1.0 / STEPS, v, v, v)
         return self._Z.T @ y[:, 1:]
 
     def disagreement(self, q: ArrayLike, by: ArrayLike) -> float:
@@ -85,7 +80,7 @@ class LeafFunction(Value):
 
     @cached_property
     def _Z(self) -> Matrix:
-        return frozen(np.linalg.svd(self.strategy.task.jacobian(self.reference))[2][self.strategy.task.m :].T)
+        return frozen(null_space(self.strategy.task.jacobian(self.reference)))
 
     @cached_property
     def _error_slope(self) -> Function:

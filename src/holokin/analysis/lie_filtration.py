@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategies import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
-from ..types import Array, ArrayLike, Matrix, Vector
+from ..types import Array, ArrayLike, Matrix, Vector, kept
 from .roundoff import COPIES, is_shown, noise, nudged, spread
 from .search import BLURRED
 
@@ -27,9 +26,6 @@ errors that no nudge scatters."""
 
 Word = Any
 """How a field is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
-
-_FIELDS: WeakKeyDictionary[Strategy, dict[Word, SX]] = WeakKeyDictionary()
-_FUNCTIONS: WeakKeyDictionary[Strategy, dict[tuple[Word, ...], Function]] = WeakKeyDictionary()
 
 
 class Holonomy(Enum):
@@ -170,19 +166,25 @@ def _values(strategy: Strategy, words: list[Word], centres: Matrix) -> Array:
     """Fields at nudged copies of postures (c, n): (c, COPIES, n, fields)."""
     if not words:
         return np.zeros((len(centres), COPIES, centres.shape[1], 0))
-    functions, key = _FUNCTIONS.setdefault(strategy, {}), tuple(words)
-    if key not in functions:
-        columns = horzcat(*(_field(strategy, word) for word in words))
-        functions[key] = Function("fields", {"q": strategy.expressions.q}, {"B": columns})
     copies = nudged(centres)
-    return functions[key].batch(copies.reshape(-1, centres.shape[1])).reshape(*copies.shape, len(words))
+    return (
+        _fields(strategy, tuple(words)).batch(copies.reshape(-1, centres.shape[1])).reshape(*copies.shape, len(words))
+    )
 
 
+@kept
+def _fields(strategy: Strategy, words: tuple[Word, ...]) -> Function:
+    columns = horzcat(*(_field(strategy, word) for word in words))
+    return Function("fields", {"q": strategy.expressions.q}, {"B": columns})
+
+
+@kept
 def _field(strategy: Strategy, word: Word) -> SX:
-    e, known = strategy.expressions, _FIELDS.setdefault(strategy, {})
-    if not known:
-        G = e.rate(SX.eye(strategy.task.m), written_out=True).X
-        known.update({i: G[:, i] for i in range(strategy.task.m)})
-    if word not in known:
-        known[word] = lie_bracket(_field(strategy, word[0]), _field(strategy, word[1]), e.q)
-    return known[word]
+    if isinstance(word, int):
+        return _frame(strategy)[:, word]
+    return lie_bracket(_field(strategy, word[0]), _field(strategy, word[1]), strategy.expressions.q)
+
+
+@kept
+def _frame(strategy: Strategy) -> SX:
+    return strategy.expressions.rate(SX.eye(strategy.task.m), written_out=True).X

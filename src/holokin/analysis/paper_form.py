@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import typed
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy, Strategy
+from ..symbolic import null_space
 from ..types import ArrayLike, Matrix, Value, Vector
 from .leaf_functions import leaf_function
 
@@ -79,12 +80,11 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     task = strategy.task
     posture = task.robot.checked(q)
     G, J = strategy(posture), task.jacobian(posture)
-    if strategy.constraint is not None:
+    if isinstance(strategy, HolonomicStrategy):
         J_G = strategy.rows(posture)
     else:
         g = leaf_function(strategy, posture if reference is None else reference)
         g.check(posture)
         J_G = g.gradient(posture)
-    m = task.m
-    N_G = np.linalg.svd(J_G)[2][len(J_G) :].T if len(J_G) else np.eye(task.n)
-    return GeneralForm(posture, J, G, J_G, N_G[:, :m], task.null_space(posture))
+    N_G = null_space(J_G) if len(J_G) else np.eye(task.n)
+    return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))

@@ -9,6 +9,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..strategies import Strategy, radial, self_motion
+from ..symbolic import null_space
 from ..types import ArrayLike, Matrix, Value, Vector, whole
 from .brackets import curvature, curvature_function, pairs
 from .region import Ball
@@ -171,7 +172,7 @@ def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[M
     In the plane (u, v) of the greatest curvature, the first singular vectors of n . F_ij.
     """
     task = strategy.task
-    F = np.einsum("a,aij->ij", np.linalg.svd(task.jacobian(start))[2][-1], curvature(strategy, start))[:d, :d]
+    F = np.einsum("a,aij->ij", null_space(task.jacobian(start))[:, 0], curvature(strategy, start))[:d, :d]
     u, v = np.pad(np.linalg.svd(F)[0][:, :2].T, ((0, 0), (0, task.m - d)))
     angles = 2 * np.pi * np.arange(POINTS) / POINTS
     out = np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)
@@ -181,7 +182,7 @@ def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[M
 
 def _least_on_circle(strategy: Strategy, twin: Strategy, Q: Matrix, along: Matrix, d: int) -> float:
     """min over a closed curve of a leaf of |(G_rad - G) e| / |G|; 0 where it changes sign on the way."""
-    G, N = strategy.batch(Q), np.linalg.svd(strategy.task.jacobian_batch(Q)[0])[2][:, -1]
+    G, N = strategy.batch(Q), null_space(strategy.task.jacobian_batch(Q)[0])[:, :, 0]
     apart = np.einsum("kai,ki->ka", twin.batch(Q) - G, along) / np.linalg.norm(G[:, :, :d], axis=(1, 2))[:, None]
     for k in range(1, len(N)):
         N[k] *= np.sign(N[k] @ N[k - 1])

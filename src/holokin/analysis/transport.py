@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..strategies import Strategy, checked_rate, runge_kutta
+from ..strategies import Strategy, checked_rate
+from ..symbolic import runge_kutta
 from ..types import Matrix, Vector
 
 STEPS = 32

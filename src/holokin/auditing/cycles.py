@@ -59,11 +59,6 @@ class Cycles:
         return len(self.start)
 
     @property
-    def begins(self) -> Matrix:
-        """Postures at which each cycle begins (c, n)."""
-        return np.where((self.direction > 0)[:, None], self.q[:, 0], self.q[:, -1])
-
-    @property
     def ends(self) -> Matrix:
         """Postures at which each cycle ends (c, n)."""
         return np.where((self.direction > 0)[:, None], self.q[:, -1], self.q[:, 0])

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..symbolic import null_space
 from ..types import Array, Matrix, Vector
 
 MOST_GAIN = 3.0
@@ -59,7 +60,7 @@ def spare_axes(jacobian: Array) -> Array:
     count, m, n = jacobian.shape
     if n <= m:
         return np.tile(np.eye(n), (count, 1, 1))
-    axes = np.linalg.svd(jacobian)[2][:, m:].transpose(0, 2, 1).copy()
+    axes = null_space(jacobian).copy()
     if n - m == 1:
         signs = np.sign(np.einsum("pn,pn->p", axes[1:, :, 0], axes[:-1, :, 0]))
         axes[1:] *= np.cumprod(np.where(signs < 0, -1.0, 1.0))[:, None, None]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..arguments import Made, made
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, as_expression, fmin, vertcat
+from ..symbolic import SX, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
-from ..types import ArrayLike, Value, finite, frozen, whole
+from ..types import Array, ArrayLike, Value, finite, frozen, whole
+
+Levels = TypeVar("Levels", SX, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,8 @@ class Constraint(Made, Value):
 
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
     difference g - c counts in (-pi, pi]. `margin`, likewise an expression, is how far the posture is from
-    where an orientation representation that g uses is singular.
+    where an orientation representation that g uses is singular. `derivative` is J_g where it is known better than by
+    differentiating g.
     """
 
     name: str
@@ -30,6 +33,7 @@ class Constraint(Made, Value):
     expression: Callable[[Task, Kinematics, SX], SX]
     angular: tuple[bool, ...]
     margin: Callable[[Task, Kinematics, SX], SX] | None = None
+    derivative: Callable[[Task, Kinematics, SX], SX] | None = None
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
@@ -43,6 +47,17 @@ class Constraint(Made, Value):
         if g.shape != (self.rows, 1):
             raise ShapeError(f"constraint {self.name!r}", (self.rows, 1), g.shape, "rows= must match what it returns")
         return g
+
+    def slopes(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """J_g = dg/dq (r, n). Raises: as `bind`."""
+        g = self.bind(task, k, q)
+        return jacobian(g, q) if self.derivative is None else self.derivative(task, k, q)
+
+    def nearest(self, gap: Levels) -> Levels:
+        """A difference of levels, numbers (..., r) or an expression (r, 1), its angles in (-pi, pi]."""
+        if isinstance(gap, SX):
+            return vertcat(SX(0, 1), *(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(self.angular)))
+        return np.where(np.array(self.angular, dtype=bool), wrapped(gap), gap)
 
 
 @made

@@ -11,7 +11,7 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
+from ..symbolic import SX, as_expression, factorise, jacobian, log, null_vector_expression, solve, sumsqr
 from ..task import Task
 from ..types import ArrayLike, Value, finite, frozen
 from .base import Constraint
@@ -60,7 +60,7 @@ def stationary(
     def expression(task: Task, k: Kinematics, q: SX) -> SX:
         J, slope = task.jacobian_expression(k, q), gradient(task, k, q)
         if free is None:
-            return unit_null_vector(J).T @ slope
+            return null_vector_expression(J).T @ slope
         a, b = split(task)
         return slope[b] - solve(J[:, a], J[:, b]).T @ slope[a]
 
@@ -69,12 +69,6 @@ def stationary(
         return factorise(task.jacobian_expression(k, q)[:, a]).conditioning()
 
     return Constraint(label, rows, expression, (False,) * rows, margin if free is not None else None)
-
-
-def unit_null_vector(J: SX) -> SX:
-    """The unit n (n,) with J n = 0 and det [J; n^T] > 0 of a J (n - 1, n): smooth wherever J has full rank."""
-    last = factorise(J.T).complement()
-    return last * factorise(vertcat(J, last.T)).orientation()
 
 
 @made

@@ -16,10 +16,10 @@ import numpy as np
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
 from ..motion import leaf_value, step_function
-from ..motion.branch import branch_code
+from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import HELD
-from ..motion.leaf import ALMOST, DONE, NEWTONS
-from ..strategies import Strategy
+from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tolerances import TOLERANCES
 from ..types import Vector
@@ -84,14 +84,15 @@ class Source:
             raise ExportError(fact, "take a shorter law; of a radial one hk.strategies.fitted makes a polynomial")
 
     @property
-    def held(self) -> bool:
-        """True when there is a leaf to hold."""
-        return self.strategy.constraint is not None and self.strategy.task.n > self.strategy.task.m
+    def held(self) -> HolonomicStrategy | None:
+        """The strategy, where it has a leaf to hold."""
+        s = self.strategy
+        return s if isinstance(s, HolonomicStrategy) and s.task.n > s.task.m else None
 
     @cached_property
     def leaf(self) -> Vector:
         """The leaf c (r,) of the start; empty without a constraint."""
-        return leaf_value(self.strategy, self.start) if self.held else np.zeros(0)
+        return leaf_value(self.held, self.start) if self.held else np.zeros(0)
 
     @property
     def hold(self) -> Vector:
@@ -111,12 +112,12 @@ class Source:
             "rate": s.rate,
             "step": step_function(s, self.limits),
         }
-        if self.held:
+        if held := self.held:
             found["constraint"] = _checked(
-                "constraint", {"q": e.q}, {"g": s.constraint_expression}, s.margin_expression
+                "constraint", {"q": e.q}, {"g": held.constraint_expression}, s.margin_expression
             )
-            found["leaf"] = s.leaf_step
-            found["extended"] = s.extended
+            found["leaf"] = leaf_step(held)
+            found["extended"] = extended_jacobian(held)
         return found
 
     @cached_property
@@ -124,15 +125,15 @@ class Source:
         """What the templates need."""
         s, task, robot = self.strategy, self.strategy.task, self.strategy.task.robot
         position, r = task.orientation is None, len(self.leaf)
-        angular = s.constraint.angular if s.constraint is not None else ()
+        constraint = self.held.constraint if self.held else None
         units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
         t = TOLERANCES
         return {
             "name": self.name,
             "NAME": self.name.upper(),
             "title": line(f"{s.name}, {task.name}"),
-            "law": line(f"The strategy's leaves are g(q) = c, {s.constraint.name}.")
-            if s.constraint is not None and r
+            "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
+            if constraint
             else "The strategy keeps no leaf; whether it comes home is for `holokin run` to tell.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
@@ -157,7 +158,7 @@ class Source:
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
             "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
             "gather": _gather(position),
-            "angular": ", ".join(str(int(flag)) for flag in angular),
+            "angular": ", ".join(str(int(flag)) for flag in (constraint.angular if constraint else ())),
             "beyond": _beyond(self) or "  (void)q;\n",
             "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
             "dt": f"{self.dt:g}",
@@ -227,7 +228,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         bodies = "".join(
             function.c(f"hk_{key}_body") for key, function in source.functions.items() if key != "extended"
         )
-        branch = branch_code(source.strategy) if source.held else ""
+        branch = branch_code(source.held) if source.held else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
     drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path")}

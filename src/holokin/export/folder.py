@@ -12,7 +12,8 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..files import alone, aside, replace_files, uninterrupted, writing
-from ..strategies import Strategy
+from ..motion.branch import enclosed_change, extended_jacobian
+from ..strategies import HolonomicStrategy, Strategy
 from ..types import ArrayLike, number, whole
 from .code import Source, header, library, line, text
 from .vectors import selftest, vectors, vectors_header
@@ -121,17 +122,16 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     if source.held:
         functions.append(
             f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
-            f"{operations['leaf']} a Newton step, {_look(source)} for a look at a piece |"
+            f"{operations['leaf']} a Newton step, {_look(source.held)} for a look at a piece |"
         )
     dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
     note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""
     return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}
 
 
-def _look(source: Source) -> int:
+def _look(strategy: HolonomicStrategy) -> int:
     """Operations that it takes to see whether a piece keeps to its branch, besides some n^4 of products."""
-    strategy = source.strategy
-    once, change = strategy.extended.program.instructions, strategy.change
+    once, change = extended_jacobian(strategy).program.instructions, enclosed_change(strategy)
     return once + (change.function.program.instructions if change is not None else once * (4 + strategy.task.n))
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError, HolokinError
-from ..motion.leaf import leaf_walker, level_gap, straight_way
+from ..motion.branch import extended_jacobian
+from ..motion.leaf import leaf_step, leaf_walker, straight_way
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
@@ -95,18 +96,18 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         "q": q, "target": np.ravel(target), "dx": dx, "pose": robot.pose(q, s.task.tip).ravel(), "gain": np.ravel(G),
         "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
-    if source.held:
-        c = _single(np.atleast_1d(s.constraint_value(there)))
+    if held := source.held:
+        c = _single(np.atleast_1d(held.constraint_value(there)))
         position, rotation = pose[:3, 3], np.eye(3) if s.task.orientation is None else pose[:3, :3]
         try:
-            here = np.atleast_1d(s.constraint_value(q))
-            levels = here, here + level_gap(s, c - here)
-            home = leaf_walker(s, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
+            here = np.atleast_1d(held.constraint_value(q))
+            levels = here, here + held.constraint.nearest(c - here)
+            home = leaf_walker(held, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
         except HolokinError:
             return None
-        step = s.leaf_step(q, position, rotation, c)[0]
+        step = leaf_step(held)(q, position, rotation, c)[0]
         precise = precise and _is_precise(*s.gain(home)[1:])
-        values |= {"c": c, "g": np.atleast_1d(s.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
+        values |= {"c": c, "g": np.atleast_1d(held.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
     loss = max(1.0, 0.01 / conditioning, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
 
@@ -133,23 +134,24 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     inputs moves the result by what nudges of them show.
     """
     s, position = source.strategy, source.strategy.task.orientation is None
-    q, c, G = values["q"], values.get("c"), np.abs(values["gain"].reshape(s.task.n, -1))
+    q, G = values["q"], np.abs(values["gain"].reshape(s.task.n, -1))
     gain, leaf_gain = source.hold[-2:]
     error = np.abs(s.task.error(q, pose[:3, 3], np.eye(3) if position else pose[:3, :3]))
     terms = {"step": G @ (np.abs(values["dx"]) + gain * error)}
-    if c is not None:
-        L, here = np.abs(s.extended(q)[1][:, s.task.m :]), values["g"]
-        terms["step"] += leaf_gain * (L @ np.abs(level_gap(s, source.leaf - here)))
-        terms["leaf"] = G @ error + L @ np.abs(level_gap(s, c - here))
+    if held := source.held:
+        L, here, nearest = np.abs(extended_jacobian(held)(q)[1][:, s.task.m :]), values["g"], held.constraint.nearest
+        terms["step"] += leaf_gain * (L @ np.abs(nearest(source.leaf - here)))
+        terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - here))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
-        near, to, held = _nudged(q, rng), pose.copy(), source.hold
+        near, to, hold = _nudged(q, rng), pose.copy(), source.hold
         to[:3, 3], to[:3, :3] = _nudged(pose[:3, 3], rng, 0.0), _nudged(pose[:3, :3], rng)
-        held[:-3] = _nudged(held[:-3], rng)
-        found = {"step": source.functions["step"](near, to[:3, 3] if position else to, values["dx"], held)[0]}
-        if c is not None:
-            found["leaf"] = s.leaf_step(near, to[:3, 3], np.eye(3) if position else to[:3, :3], _nudged(c, rng))[0]
+        hold[:-3] = _nudged(hold[:-3], rng)
+        found = {"step": source.functions["step"](near, to[:3, 3] if position else to, values["dx"], hold)[0]}
+        if held:
+            turned, level = np.eye(3) if position else to[:3, :3], _nudged(values["c"], rng)
+            found["leaf"] = leaf_step(held)(near, to[:3, 3], turned, level)[0]
         for key, value in found.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}

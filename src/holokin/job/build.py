@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
+from typing import cast
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
 from ..strategies import (
+    HolonomicStrategy,
     Strategy,
     coupled_twist,
     holonomic,
@@ -200,7 +202,7 @@ def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tupl
     """
     if table.leaf is None:
         return start, ""
-    begin = settle(strategy, start, table.leaf)
+    begin = settle(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
     leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
     joints = ", ".join(f"{value:.6g}" for value in begin)
     return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."

@@ -17,7 +17,7 @@ from ..files import replacing
 from ..motion import follow
 from ..output.result import Check, JobResult, StrategyResult
 from ..path import Path
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
 from ..types import Vector
@@ -178,7 +178,7 @@ def _figures(
         "sigma": min(float(w.sigma.min()) for w in walks),
         "speed": float(np.sqrt(np.sum(cycles.dq**2))) / size if size > 0 else np.nan,
         "peak_speed": peak,
-        "residual": max(float(w.residual.max()) for w in walks) if strategy.constraint is not None else np.nan,
+        "residual": max(float(w.residual.max()) for w in walks) if isinstance(strategy, HolonomicStrategy) else np.nan,
         "invariant": kept,
     }
 

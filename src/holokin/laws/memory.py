@@ -10,8 +10,8 @@ from ..arguments import made
 from ..constraints import Cost
 from ..errors import ArgumentError
 from ..motion.control_law import ControlLaw, Law
-from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness, null_basis_expression
-from ..symbolic import SX, Function, factorise, symbol, vertcat
+from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness
+from ..symbolic import SX, Function, factorise, null_space_expression, runge_kutta, symbol, vertcat
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector, finite, frozen
 
@@ -45,7 +45,7 @@ def impedance_with_memory(
         k = task.robot.kinematics(q, task.tip)
         J = task.jacobian_expression(k, q)
         stiffness = gradient_and_stiffness(task, k, q, potential)[1] - geometric_stiffness(task, k, q)(q, F)
-        extended = factorise(vertcat(J, null_basis_expression(task, k, q).T @ stiffness))
+        extended = factorise(vertcat(J, null_space_expression(J).T @ stiffness))
         dq = extended.solve(vertcat(dx, SX.zeros(task.n - task.m, 1)))
         dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
         outputs = {
@@ -62,20 +62,19 @@ def impedance_with_memory(
         flow, wanted = functions()
         F = first.copy()
 
-        def slope(q: Vector, force: Vector, dx: Vector) -> tuple[Vector, Vector]:
-            dq, dF, conditioning, margin = flow(q, force, dx)
-            check_regular(task, name, q, conditioning, margin)
-            return dq, np.atleast_1d(dF)
-
         def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal F
+
+            def slope(y: Vector, dx: Vector) -> Vector:  # of y = (the motion since the start of the step, force)
+                at = q + y[: task.n]
+                dq, dF, conditioning, margin = flow(at, y[task.n :], dx)
+                check_regular(task, name, at, conditioning, margin)
+                return np.append(dq, dF)
+
             dx = np.atleast_1d(wanted(pose[:3, :3], twist))
-            q1, F1 = slope(q, F, dx)
-            q2, F2 = slope(q + dt / 2 * q1, F + dt / 2 * F1, dx)
-            q3, F3 = slope(q + dt / 2 * q2, F + dt / 2 * F2, dx)
-            q4, F4 = slope(q + dt * q3, F + dt * F3, dx)
-            F = F + dt / 6 * (F1 + 2 * F2 + 2 * F3 + F4)
-            return (q1 + 2 * q2 + 2 * q3 + q4) / 6
+            y = runge_kutta(slope, np.append(np.zeros(task.n), F), dt, dx, dx, dx)
+            F = y[task.n :]
+            return y[: task.n] / dt
 
         return law
 

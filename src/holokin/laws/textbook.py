@@ -12,8 +12,8 @@ from ..arguments import made
 from ..constraints import Constraint, Cost
 from ..errors import ArgumentError, InfeasibleError, ShapeError
 from ..motion.control_law import ControlLaw, Law, Symbols, compiled
-from ..strategies import Strategy, holonomic, null_basis_expression
-from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
+from ..strategies import Strategy, holonomic
+from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, null_space_expression, vec, vertcat
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector, finite, frozen, number, numbers
 
@@ -139,7 +139,7 @@ def asymptotically_cyclic(
         u, pulled = s.dx + K * s.error, pull * strategy.leaf_gap(SX(c))
         if exact:
             return e.rate(u, pulled)
-        N = null_basis_expression(task, e.kinematics, e.q)
+        N = null_space_expression(s.J)
         least = _least_norm(s, u)
         return least._replace(X=least.X + N @ factorise(e.planes @ N).solve(pulled))
 

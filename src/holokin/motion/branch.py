@@ -13,15 +13,16 @@ fold lies between, and b is what continuous motion reaches from a.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..strategies import Strategy
-from ..symbolic import Enclosure
+from ..errors import NativeError
+from ..strategies import HolonomicStrategy, RowExpressions
+from ..symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 from ..tolerances import TOLERANCES
-from ..types import Array, Matrix, Vector
+from ..types import Array, Matrix, Vector, kept
 
 THICKNESS = 0.125
 """Radius of a tube over half its length: thick enough for the bend of usual paths, thin enough to enclose little."""
@@ -44,6 +45,45 @@ LAID = 8
 
 LONGEST = 0.1
 """Half length [joint units] of a tube to begin with."""
+
+SHORT = 40_000
+"""Operations, equal ones counted apart, up to which the derivative of the extended Jacobian is enclosed; it takes less
+to sample longer ones."""
+
+
+def _turning(strategy: HolonomicStrategy) -> RowExpressions:
+    """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
+    e, task = strategy.expressions, strategy.task
+    return replace(e, J=e.kinematics.jacobian[list(task.rows), :]) if task.turns else e
+
+
+@kept
+def extended_jacobian(strategy: HolonomicStrategy) -> Function:
+    """q -> (A, A^-1) of the extended Jacobian A = [J; J_g] (n, n), unchecked.
+
+    A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
+    """
+    e, m, one = _turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
+    found = e.rate(one[:m, :], one[m:, :])
+    return Function("extended", {"q": e.q}, {"A": vertcat(e.J, e.planes), "inverse": found.X}, found.system)
+
+
+@kept
+def enclosed_change(strategy: HolonomicStrategy) -> Enclosure | None:
+    """q -> dA/dq_k of the extended Jacobian, (n n n,), k slowest, then columns, enclosed over boxes of q.
+
+    None where an enclosure would be too long, or too wide to be of use: factorisations, which copysign tells,
+    widen it without end.
+    """
+    e, n = _turning(strategy), strategy.task.n
+    A = vertcat(e.J, e.planes)
+    if not short(A, e.q, SHORT // n):
+        return None
+    slopes = jacobian(A, e.q)
+    try:
+        return Enclosure("hk_change_body", {"q": e.q}, slopes) if short(slopes, e.q, SHORT) else None
+    except NativeError:
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +122,15 @@ class Tube:
         return off**0.5 + (second + self.inverse * curve) / 8 / (1 - self.change) <= self.radius
 
 
-def lay_tube(strategy: Strategy, center: Vector, half: Vector) -> Tube:
+def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
     """The tube about center +- half (n,), its change enclosed, or, where the strategy has no enclosure, sampled."""
     n, radius = len(center), THICKNESS * _length(half)
-    A, Y = strategy.extended(center)
+    A, Y = extended_jacobian(strategy)(center)
     change = bend = np.inf
-    if strategy.change is not None:
-        change, bend = _enclosed(strategy.change, center, half, radius, Y)
-    if strategy.change is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
+    enclosure = enclosed_change(strategy)
+    if enclosure is not None:
+        change, bend = _enclosed(enclosure, center, half, radius, Y)
+    if enclosure is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
         change, bend = _sampled(strategy, center, half, radius, A, Y)
     if strategy.task.turns:  # the rotation vector of the error turns its own axes, by at most 0.6 of its length
         rows = [i for i, row in enumerate(strategy.task.rows) if row > 2]
@@ -116,7 +157,7 @@ def _length(values: Array) -> float:
 
 
 def _sampled(
-    strategy: Strategy, center: Vector, half: Vector, radius: float, A: Matrix, Y: Matrix
+    strategy: HolonomicStrategy, center: Vector, half: Vector, radius: float, A: Matrix, Y: Matrix
 ) -> tuple[float, float]:
     """(change, bend) from A at the tube's ends and quarters and off its middle in a few perpendicular directions."""
     n, shares = len(center), np.array([-1.0, -0.5, 0.5, 1.0])
@@ -124,15 +165,15 @@ def _sampled(
     waves = np.cos(np.pi / n * np.outer(np.arange(count), np.arange(n) + 0.5)) * (2 / n) ** 0.5
     waves[0] /= 2**0.5
     points = center + np.vstack([shares[:, None] * half, radius * waves])
-    changes = Y @ (strategy.extended.batch(points)[0].reshape(-1, n, n) - A)
+    changes = Y @ (extended_jacobian(strategy).batch(points)[0].reshape(-1, n, n) - A)
     sizes = np.sum(changes**2, axis=(1, 2))
     change = DOUBT * (sizes[:4].max() ** 0.5 + (n / count * sizes[4:].sum()) ** 0.5)
     return float(change), DOUBT * max(_length(changes[i] @ half) for i in (0, 3))
 
 
-def branch_code(strategy: Strategy) -> str:
+def branch_code(strategy: HolonomicStrategy) -> str:
     """C that branch.c needs: figures, the extended Jacobian and, where there is one, the enclosure of its change."""
-    task, change = strategy.task, strategy.change
+    task, change = strategy.task, enclosed_change(strategy)
     turn = next((i for i, row in enumerate(task.rows) if row > 2), -1) if task.turns else -1
     angular = int(any(row > 2 for row in task.rows))
     figures = {
@@ -142,13 +183,13 @@ def branch_code(strategy: Strategy) -> str:
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in figures.items())
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
-    return head + strategy.extended.c("hk_extended_body") + enclosed
+    return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
 
 
 class Branch:
     """The branch on which a walk is: the tube where it has got to, and how long a tube may be there."""
 
-    def __init__(self, strategy: Strategy) -> None:
+    def __init__(self, strategy: HolonomicStrategy) -> None:
         self._strategy = strategy
         self._tube: Tube | None = None
         self._at: tuple[float, Vector] = (0.0, np.zeros(0))

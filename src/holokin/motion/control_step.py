@@ -19,7 +19,7 @@ import numpy as np
 from ..arguments import Made, made
 from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
 from ..errors import ArgumentError, NativeError, ShapeError
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Vector, frozen, number
@@ -191,7 +191,7 @@ def controller(
             raise ArgumentError(what, value, f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable")
     leaf, function = np.zeros(0), step_function(strategy, limits)
     _, *shapes = function.input_shapes.values()
-    if strategy.constraint is not None and strategy.task.n > strategy.task.m:
+    if isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m:
         if start is None:
             raise ArgumentError("start", None, f"{strategy.name!r} has leaves: give a posture on the one to hold")
         q0 = strategy.task.robot.checked(start, "the start posture")
@@ -208,14 +208,14 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     room is the scale that position limits allow; given is finite where all arguments are, also those not needed.
     """
     e, task = strategy.expressions, strategy.task
-    r = task.n - task.m if strategy.constraint is not None else 0
+    r = task.n - task.m if isinstance(strategy, HolonomicStrategy) else 0
     pose = symbol("pose", 3) if task.orientation is None else symbol("pose", 4, 4)
     p, R = (pose, SX.eye(3)) if task.orientation is None else (pose[:3, 3], pose[:3, :3])
     dx, held = symbol("dx", task.m), symbol("held", r + 3)
     c, dt, gain, leaf_gain = held[:r], held[r], held[r + 1], held[r + 2]
     u = dx + gain * task.error_expression(e.kinematics, p, R)
-    if strategy.constraint is not None:
-        found = e.rate(u, leaf_gain * strategy.leaf_gap(c))
+    if isinstance(strategy, HolonomicStrategy):
+        found = strategy.expressions.rate(u, leaf_gain * strategy.leaf_gap(c))
     else:
         found = e.rate(u)
     dq, fast, room = found.X, SX(1), SX(1)

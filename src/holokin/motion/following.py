@@ -24,11 +24,11 @@ from ..errors import (
 from ..path import Path
 from ..progress import progress
 from ..sampling import Plan, make_plan, record
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy, Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
-from .leaf import leaf_stepper, level_gap, native_leaf
+from .leaf import leaf_stepper, native_leaf
 from .native import NativeWalk
 from .reach import out_of_reach
 from .velocity import native_velocity, velocity_stepper
@@ -59,8 +59,8 @@ def follow(
         samples: steps a cycle, at least; corners of the path are always hit.
         cycles: runs of a closed path.
         method: "velocity" integrates dq = G x' by fixed-step RK4, as the paper does; "leaf" solves
-            [f(q) - x; g(q) - c] = 0 at every sample, for strategies from a constraint. By default "leaf" where
-            there is a constraint, else "velocity".
+            [f(q) - x; g(q) - c] = 0 at every sample, for a `HolonomicStrategy`. By default "leaf" for those,
+            else "velocity".
         limits: stop at joint limits; False ignores them.
 
     The orientation targets are the path's turns applied to the tool's orientation at q0; positions are the path's.
@@ -75,7 +75,7 @@ def follow(
     start = robot.checked(q0, "the start posture")
     if limits:
         robot.check_limits(start)
-    chosen = _method(strategy, method)
+    leaf = by_leaf(strategy, method)
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
@@ -84,23 +84,26 @@ def follow(
     off = task.error(start, *plan.first)
     if np.abs(off).max() > TOLERANCES.start:
         raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0])
-    return _walk(strategy, plan, start, int(cycles), chosen, limits)
+    return _walk(strategy, leaf, plan, start, int(cycles), limits)
 
 
-def _method(strategy: Strategy, method: str | None) -> str:
-    if method is None:
-        return "leaf" if strategy.constraint is not None else "velocity"
-    if method not in METHODS:
+def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy | None:
+    """The strategy, where it is followed by leaf; None where by velocity. Raises: ArgumentError."""
+    if method not in (None, *METHODS):
         raise ArgumentError("method", method, f"use one of {', '.join(METHODS)}")
-    if method == "leaf" and strategy.constraint is None:
-        raise ArgumentError(
-            "method", method, f"{strategy.name!r} has no constraint to hold; use 'velocity', or hk.holonomic(task, g)"
-        )
-    return method
+    if isinstance(strategy, HolonomicStrategy):
+        return strategy if method != "velocity" else None
+    if method == "leaf":
+        cure = f"{strategy.name!r} has no constraint to hold: use 'velocity', or {HolonomicStrategy.cure}"
+        raise ArgumentError("method", method, cure)
+    return None
 
 
-def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, limits: bool) -> Trajectory:
-    stepper = leaf_stepper(strategy, plan, q) if method == "leaf" else velocity_stepper(strategy, plan)
+def _walk(
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool
+) -> Trajectory:
+    method = "velocity" if leaf is None else "leaf"
+    stepper = velocity_stepper(strategy, plan) if leaf is None else leaf_stepper(leaf, plan, q)
     robot = strategy.task.robot
     lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
     total = whole("the number of steps of all cycles", cycles * plan.steps)
@@ -112,8 +115,9 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
         postures.flags.writeable = False  # the trajectory keeps them as they are
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
-    make = native_leaf if method == "leaf" else native_velocity
-    fast = make(strategy, plan, q, limits) if total >= NATIVE_FROM else None
+    fast = None
+    if total >= NATIVE_FROM:
+        fast = native_velocity(strategy, plan, q, limits) if leaf is None else native_leaf(leaf, plan, q, limits)
     native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
@@ -173,10 +177,11 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
         return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]]))[0].reshape(len(q), task.n)
 
     def residual() -> Vector:
-        if strategy.constraint is None or task.n == task.m:
+        leaf = by_leaf(strategy)
+        if leaf is None or task.n == task.m:
             return np.zeros(len(q))
-        values = strategy.constraint_value.batch(q).reshape(len(q), -1)
-        return np.abs(level_gap(strategy, values - values[0])).max(axis=1)
+        values = leaf.constraint_value.batch(q).reshape(len(q), -1)
+        return np.abs(leaf.constraint.nearest(values - values[0])).max(axis=1)
 
     return record(task, plan, q, dq, cycles, status, residual)
 

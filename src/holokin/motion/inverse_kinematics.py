@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy
 from ..types import ArrayLike, Value, Vector, finite, frozen
 from .leaf import leaf_value, leaf_walker, straight_way
 
@@ -21,7 +21,7 @@ ROTATION = 1e-5
 class InverseKinematics(Value):
     """pose -> q on one leaf of a strategy. Make one with `inverse`."""
 
-    strategy: Strategy
+    strategy: HolonomicStrategy
     start: Vector
 
     def __call__(self, pose: ArrayLike) -> Vector:
@@ -57,18 +57,16 @@ class InverseKinematics(Value):
 
 
 @typed
-def inverse(strategy: Strategy, start: ArrayLike) -> InverseKinematics:
-    """Inverse kinematics q(x) of a strategy with a constraint, on the leaf through `start`.
+def inverse(strategy: HolonomicStrategy, start: ArrayLike) -> InverseKinematics:
+    """Inverse kinematics q(x) of a strategy with leaves, on the one through `start`.
 
     With `radial(G, start)` this is the straight-line transport of G from `start`, free of drift by construction:
     theory 5.3's inverse-kinematics form.
 
     Raises:
-        ArgumentError: the strategy has no constraint. SingularityError: it is singular at the start.
+        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
+        SingularityError: it is singular at the start.
     """
     q0 = strategy.task.robot.checked(start, "the start posture")
-    if strategy.constraint is None:
-        cure = "only a constraint makes the joints a function of the pose: hk.holonomic(task, g), or hk.radial(G, q)"
-        raise ArgumentError("the strategy", strategy.name, cure)
     strategy(q0)
     return InverseKinematics(strategy, q0)

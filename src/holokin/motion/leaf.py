@@ -13,12 +13,13 @@ import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import ArgumentError, BranchError, NotFiniteError, ShapeError
+from ..errors import BranchError, NotFiniteError, ShapeError
 from ..sampling import Plan
-from ..strategies import Strategy
+from ..strategies import HolonomicStrategy
+from ..symbolic import Function, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector, finite
+from ..types import ArrayLike, Matrix, Vector, finite, kept
 from .branch import Branch, branch_code
 from .native import NativeWalk
 
@@ -63,7 +64,25 @@ class Way:
         return width * width * (self.arc + 2 * (self.turn / min(1.0, margin)) ** 2)
 
 
-def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
+@kept
+def leaf_step(strategy: HolonomicStrategy) -> Function:
+    """(q, p, R, c) -> (Newton correction, conditioning, margin, sign of det [J; J_g]).
+
+    One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
+    """
+    e, task = strategy.expressions, strategy.task
+    p, R, c = symbol("p", 3), symbol("R", 3, 3), symbol("c", task.n - task.m)
+    found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
+    outputs = {
+        "dq": found.X,
+        "conditioning": found.conditioning,
+        "margin": strategy.margin_expression,
+        "side": found.orientation,
+    }
+    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+
+
+def leaf_walker(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Args:
@@ -72,7 +91,7 @@ def leaf_walker(strategy: Strategy, q0: Vector, tries: int = TRIES) -> Callable[
     Raises (when called):
         SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
     """
-    correct, branch = strategy.leaf_step, Branch(strategy)
+    correct, branch = leaf_step(strategy), Branch(strategy)
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
     angles = angular and not strategy.task.turns
@@ -158,26 +177,27 @@ def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, leve
     return Way(at, turn=float(np.linalg.norm(turn)))
 
 
-def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
+def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_walker`."""
     walk, c = leaf_walker(strategy, q0), leaf_value(strategy, q0)
     return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
+def native_leaf(strategy: HolonomicStrategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
     """The same steps as native code, many in one call; None without a compiler."""
-    kernel = strategy.leaf_step.follower("leaf", lambda: branch_code(strategy))
+    step = leaf_step(strategy)
+    kernel = step.follower("leaf", lambda: branch_code(strategy))
     if kernel is None:
         return None
     (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
-    side = float(strategy.leaf_step(q0, p, R, c)[3])
+    side = float(step(q0, p, R, c)[3])
     rules = LeafRules(
         t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
     )
     return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0))]), rules, limits)
 
 
-def leaf_value(strategy: Strategy, q: Vector) -> Vector:
+def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
     """g(q) (r,); empty when nothing is redundant. Raises: NotFiniteError."""
     if strategy.task.n == strategy.task.m:
         return np.zeros(0)
@@ -187,14 +207,8 @@ def leaf_value(strategy: Strategy, q: Vector) -> Vector:
     return value
 
 
-def level_gap(strategy: Strategy, gap: Array) -> Array:
-    """A difference of levels (..., r) of a strategy from a constraint, its angles in (-pi, pi]."""
-    angular = np.array(() if strategy.constraint is None else strategy.constraint.angular, dtype=bool)
-    return np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
-
-
 @typed
-def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
+def settle(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
@@ -204,13 +218,11 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
         leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
-        SingularityError, BranchError: no such posture before a singular one. ArgumentError: no constraint.
+        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves.
         ShapeError, NotFiniteError.
     """
     task = strategy.task
     start = task.robot.checked(q0, "the start posture")
-    if strategy.constraint is None:
-        raise ArgumentError("the strategy", strategy.name, "settling needs a constraint: hk.holonomic(task, g)")
     strategy(start)
     at = leaf_value(strategy, start)
     wanted = finite("the leaf", leaf)
@@ -218,6 +230,6 @@ def settle(strategy: Strategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
     pose = task.robot.pose(start, task.tip)
-    goal = at + level_gap(strategy, goal - at)
+    goal = at + strategy.constraint.nearest(goal - at)
     way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
     return leaf_walker(strategy, start)(start, way)

@@ -22,11 +22,6 @@ class Drift(Value):
     trajectory: Trajectory
 
     @property
-    def per_cycle(self) -> Matrix:
-        """Drift of each cycle (cycles, n) [joint units]."""
-        return self.trajectory.drift()
-
-    @property
     def since_start(self) -> Matrix:
         """Drift after 1, 2, ... cycles (cycles, n) [joint units]."""
         return self.trajectory.drift_since_start()

@@ -19,7 +19,7 @@ from ..path import Path, Segment
 from ..strategies import Strategy
 from ..trajectory import whole_turns
 from ..types import Array, ArrayLike, Matrix, Value, Vector
-from .following import follow
+from .following import by_leaf, follow
 
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""
@@ -64,11 +64,6 @@ class Winding(Value):
     between: tuple[float, float]
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
-
-    @property
-    def winds(self) -> bool:
-        """True when the drift, or the largest part of it, is due to a place that the loop winds round."""
-        return self.cause in (Cause.WINDING, Cause.TOOL_TURNS)
 
     @property
     def drift(self) -> Vector:
@@ -131,7 +126,7 @@ def winding(
         return found(Cause.TOOL_TURNS, known)
     if lifts is not None and np.linalg.norm(lifts, axis=1).max() > 2 * np.pi - PIECE:  # where their axes may flip
         return found(Cause.UNDECIDED, known)
-    exact = method == "leaf" or (method is None and strategy.constraint is not None)
+    exact = by_leaf(strategy, method) is not None
 
     def drift(size: float) -> Vector | None:
         loop = _shrunk(path, size, lifts)

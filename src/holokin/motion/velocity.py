@@ -9,10 +9,28 @@ import numpy as np
 from ..codegen import VelocityRules
 from ..errors import TrackingError
 from ..sampling import Plan
-from ..strategies import Strategy, checked_rate, runge_kutta
+from ..strategies import Strategy, checked_rate
+from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..tolerances import TOLERANCES
-from ..types import Vector
+from ..types import Vector, kept
 from .native import NativeWalk
+
+
+@kept
+def path_rate(strategy: Strategy) -> Function:
+    """(q, p, R, v, w) -> (dq, conditioning, margin, largest task error): G x' for a tool pose and how it moves.
+
+    x' are the task rates of the pose (p, R) that moves with v and turns with w; the error is that from q to it.
+    """
+    e, task = strategy.expressions, strategy.task
+    p, R, v, w = symbol("p", 3), symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
+    found = e.rate(task.rates_expression(R, v, w))
+    error, off = task.error_expression(e.kinematics, p, R), SX(0)
+    for i in range(task.m):
+        off = fmax(off, fabs(error[i]))
+    margin = fmin(strategy.margin_expression, task.margin_expression(R))
+    outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin, "off": off}
+    return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system)
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
@@ -40,7 +58,7 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
 
 def native_velocity(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
     """The same steps as native code, many in one call; None without a compiler."""
-    kernel, t = strategy.path_rate.follower("velocity"), TOLERANCES
+    kernel, t = path_rate(strategy).follower("velocity"), TOLERANCES
     if kernel is None:
         return None
     return NativeWalk(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)

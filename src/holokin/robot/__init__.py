@@ -3,9 +3,9 @@
 from .catalog import catalogue, load
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
-from .inertia import mass_matrix, mass_matrix_expression, potential_expression
+from .inertia import mass_matrix_expression, potential_expression
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
-from .second_order import hessian, hessian_expression
+from .second_order import hessian_expression
 from .urdf import from_urdf, urdf_tips
 
 __all__ = [
@@ -20,10 +20,8 @@ __all__ = [
     "catalogue",
     "from_dh",
     "from_urdf",
-    "hessian",
     "hessian_expression",
     "load",
-    "mass_matrix",
     "mass_matrix_expression",
     "potential_expression",
     "to_mjcf",

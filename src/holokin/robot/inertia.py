@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
-from ..arguments import typed
 from ..errors import MassError
-from ..symbolic import SX, Function, dot, symbol
-from ..types import ArrayLike, Matrix, Vector
+from ..symbolic import SX, dot
+from ..types import Matrix, Vector
 from .model import Body, Robot
-
-_CACHE: WeakKeyDictionary[Robot, Function] = WeakKeyDictionary()
-
-
-@typed
-def mass_matrix(robot: Robot, q: ArrayLike) -> Matrix:
-    """M(q) (n, n), symmetric: kinetic energy 1/2 dq^T M dq [kg m^2, kg m, kg].
-
-    Raises:
-        MassError: the description has no masses. ShapeError, NotFiniteError.
-    """
-    q = robot.checked(q)
-    if robot not in _CACHE:
-        s = symbol("q", robot.n)
-        _CACHE[robot] = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(robot, s)})
-    return np.reshape(_CACHE[robot](q), (robot.n, robot.n))
 
 
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:
-    """M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: MassError."""
+    """M(q) (n, n), symmetric: kinetic energy 1/2 dq^T M dq [kg m^2, kg m, kg].
+
+    M = sum_b m J_v^T J_v + J_w^T R I R^T J_w over the bodies b. Raises: MassError: the description has no masses.
+    """
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
         k = robot.kinematics_at(q, body.joint, _frame(body))

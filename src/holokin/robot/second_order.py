@@ -2,35 +2,12 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
-import numpy as np
-
-from ..symbolic import SX, Function, cross, symbol, vertcat
-from ..types import Array, ArrayLike
+from ..symbolic import SX, cross, vertcat
 from .model import Robot
-
-_CACHE: WeakKeyDictionary[Robot, dict[str, Function]] = WeakKeyDictionary()
-
-
-def hessian(robot: Robot, q: ArrayLike, tip: str | None = None) -> Array:
-    """H (6, n, n), H[:, a, b] = d J[:, a] / d q_b of the geometric Jacobian [m or 1 per joint unit squared].
-
-    Raises: ShapeError, NotFiniteError, UnknownNameError.
-    """
-    q = robot.checked(q)
-    known = _CACHE.setdefault(robot, {})
-    name = tip or robot.tips[0].name
-    if name not in known:
-        s = symbol("q", robot.n)
-        columns = hessian_expression(robot, s, tip)
-        outputs = {f"row{i}": SX(block) for i, block in enumerate(columns)}
-        known[name] = Function("hessian", {"q": s}, outputs)
-    return np.stack([np.reshape(block, (robot.n, robot.n)) for block in known[name](q)])
 
 
 def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:
-    """H_i = d J_i^T / d q (n, n) for the six rows i of the geometric Jacobian.
+    """H_i (n, n) for the six rows i of the geometric Jacobian, H_i[a, b] = d J_ia / d q_b [m or 1 per joint unit^2].
 
     A joint b at or before a turns a's column, w_b x (v_a, w_a); one behind it moves the tool's point, w_a x v_b.
     """

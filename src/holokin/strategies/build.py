@@ -14,18 +14,18 @@ from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, symbol
 from ..task import Task
 from ..types import ArrayLike, finite, frozen
-from .base import Strategy, gradient_rows
+from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
 
 
 @made
-def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> Strategy:
+def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> FrameStrategy:
     """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
     frame = lambda task, k, q: task.jacobian_expression(k, q).T  # noqa: E731
-    return Strategy(name, task, "span", frame, constant_weight=np.eye(task.n))
+    return FrameStrategy(name, task, frame, constant_weight=np.eye(task.n))
 
 
 @made
-def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> Strategy:
+def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> FrameStrategy:
     """G = W J^T (J W J^T)^-1: least dq^T W^-1 dq. [ZR11, (6)]
 
     Args:
@@ -50,7 +50,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
             raise ShapeError("the weight W", (task.n, task.n), value.shape)
         return value @ task.jacobian_expression(k, q).T
 
-    return Strategy(name, task, "span", frame, constant_weight=constant)
+    return FrameStrategy(name, task, frame, constant_weight=constant)
 
 
 def _positive_definite(what: str, W: np.ndarray) -> None:
@@ -78,7 +78,7 @@ def _postures(task: Task) -> np.ndarray:
 
 
 @made
-def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> Strategy:
+def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis") -> FrameStrategy:
     """The paper's general form (7): G = H H^T J^T (J H H^T J^T)^-1 with H = [N_G N], computed as N_G (J N_G)^-1.
 
     Holonomic exactly when N_G spans an involutive distribution; `involutivity` tells. [ZR11, Theorem III.2]
@@ -89,33 +89,33 @@ def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis"
     Raises:
         ShapeError (when first used): N_G is not (n, m).
     """
-    return Strategy(name, task, "span", lambda _task, _k, q: as_expression(N_G(q)))
+    return FrameStrategy(name, task, lambda _task, _k, q: as_expression(N_G(q)))
 
 
 @made
-def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Strategy:
+def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> HolonomicStrategy:
     """The extended Jacobian of a constraint: G = [J; J_g]^-1 [1; 0], holonomic by construction. [Bai85]
 
     Raises:
         ConstraintRowsError: g has not r = n - m rows.
     """
-    strategy = Strategy(name or g.name, task, "kernel", gradient_rows(g), g)
+    strategy = HolonomicStrategy(name or g.name, task, g)
     strategy.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
     return strategy
 
 
 @made
-def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> Strategy:
+def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> RowStrategy:
     """G = [J; A]^-1 [1; 0] for rows A(q) dq = 0 that need not be integrable; `involutivity` tells whether they are.
 
     Args:
         A: q -> CasADi expression (r, n), r = n - m.
     """
-    return Strategy(name, task, "kernel", lambda _task, _k, q: as_expression(A(q)))
+    return RowStrategy(name, task, lambda _task, _k, q: as_expression(A(q)))
 
 
 @made
-def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") -> Strategy:
+def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") -> FrameStrategy:
     """Any right inverse that is given as a matrix: q -> G (n, m) with J G = 1.
 
     Unlike `null_basis`, which takes any frame of the planes and makes J G = 1 true, this one checks it.
@@ -133,7 +133,7 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
 
 
 @made
-def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> Strategy:
+def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometric)") -> RowStrategy:
     """w + Lambda v = 0: the paper's (28) with the geometric J_o in place of Euler angle rates.
 
     Not holonomic for Lambda != 0: (J_w + lambda J_p)[G_i, G_j] = -lambda^2 eps_ijk e_k (theory E3).
@@ -142,4 +142,4 @@ def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometri
         gain: Lambda in rad/m, a number or (3, 3).
     """
     L = as_gain(gain, (3, 3))
-    return Strategy(name, task, "kernel", lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])
+    return RowStrategy(name, task, lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])

@@ -19,8 +19,8 @@ from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
 from ..task import Task
 from ..types import ArrayLike, finite, frozen, whole
-from .base import Strategy
 from .build import holonomic
+from .kinds import HolonomicStrategy
 
 CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""
@@ -38,7 +38,7 @@ def from_transport(
     center: ArrayLike | None = None,
     steps: int = 4,
     name: str = "from transport",
-) -> Strategy:
+) -> HolonomicStrategy:
     """The holonomic strategy whose leaves are q = K(x, Phi(x, z0)): G = K_x + K_z dPhi/dx at z0 = Phi(x, .)^-1(z).
 
     Its constraint is the label z0(q), so it can be followed by leaf like every other.

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, SingularityError, SingularityKind
+from ..symbolic import null_vector, wrapped
 from ..task import Task
 from ..types import MOST, ArrayLike, Matrix, Value, Vector
 
@@ -80,7 +81,7 @@ def _traced(
             return found, "limit"
         turned = new - start
         hinges = np.array([c.unit == "rad" for c in robot.coordinates])
-        turned[hinges] = np.arctan2(np.sin(turned[hinges]), np.cos(turned[hinges]))
+        turned[hinges] = wrapped(turned[hinges])
         if k > 2 and np.linalg.norm(turned) < 0.75 * abs(step):
             found.append(new)
             return found, "closed"
@@ -98,10 +99,8 @@ def correction(task: Task, q: Vector, pose: Matrix) -> Vector:
 def unit_null(task: Task, q: Vector, before: Vector | None) -> Vector:
     """The unit null vector of J at q, turned as `before`. Raises: SingularityError."""
     J = task.jacobian(q)
-    _, sigma, V = np.linalg.svd(J)
+    sigma = np.linalg.svd(J, compute_uv=False)
     if sigma[-1] < 1e-6 * sigma[0]:
         what = f"the self-motion of the {task.name}"
         raise SingularityError(SingularityKind.KINEMATIC, q, what, float(sigma[-1]))
-    n = V[-1]
-    sign = np.linalg.det(np.vstack([J, n])) if before is None else n @ before
-    return n if sign >= 0 else -n
+    return null_vector(J, before)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..robot import Robot
-from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
+from ..symbolic import SX, atan2, cos, exp, fabs, factorise, null_space, null_space_expression, sin, vertcat
 from ..task import Task
 from ..types import Matrix, Vector
 from .fibre import self_motion
@@ -57,11 +57,11 @@ def label_of(task: Task, start: Vector) -> Label:
 
 def _projection(task: Task, start: Vector) -> Label:
     """Z^T (q - start), Z (n, r) the self-motions at the start; it turns where det(Z^T N) = 0, N (n, r) those at q."""
-    Z = np.linalg.svd(task.jacobian(start))[2][task.m :].T
+    Z = null_space(task.jacobian(start))
 
     def margin(q: SX) -> SX:
         J = task.jacobian_expression(task.robot.kinematics(q, task.tip), q)
-        R, product = factorise(SX(Z.T) @ factorise(J.T).complement()).R, SX(1)
+        R, product = factorise(SX(Z.T) @ null_space_expression(J)).R, SX(1)
         for i in range(R.shape[0]):
             product = product * R[i, i]
         return fabs(product)

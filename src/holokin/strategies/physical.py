@@ -12,16 +12,16 @@ from ..arguments import made
 from ..constraints import Cost
 from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
-from ..symbolic import SX, as_map, factorise, hessian, jacobian, symbol
+from ..symbolic import SX, as_map, factorise, hessian, jacobian, null_space_expression, symbol
 from ..task import Task
-from .base import Strategy
+from .kinds import RowStrategy
 
 Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""
 
 
 @made
-def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> Strategy:
+def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> RowStrategy:
     """G = M^-1 J^T (J M^-1 J^T)^-1: least kinetic energy, the dynamically consistent inverse. [Kha87]
 
     M(q) is the mass matrix of the URDF's inertials. In general not holonomic.
@@ -33,13 +33,13 @@ def inertia_weighted(task: Task, *, name: str = "inertia-weighted") -> Strategy:
     mass_matrix_expression(robot, symbol("q", robot.n))  # so that missing masses are told here
 
     def rows(task: Task, k: Kinematics, q: SX) -> SX:
-        return null_basis_expression(task, k, q).T @ mass_matrix_expression(task.robot, q)
+        return null_space_expression(task.jacobian_expression(k, q)).T @ mass_matrix_expression(task.robot, q)
 
-    return Strategy(name, task, "kernel", rows)
+    return RowStrategy(name, task, rows)
 
 
 @made
-def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", name: str = "impedance") -> Strategy:
+def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", name: str = "impedance") -> RowStrategy:
     """G = W J^T (J W J^T)^-1 with W = (K - Gamma)^-1: the arm on springs, pulled along at its tool. [MIH91]
 
     K = Hess U is the joint stiffness of the potential U, Gamma = sum_k F_k Hess f_k what the force F at the tool
@@ -70,14 +70,9 @@ def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", n
         else:
             compliance = factorise(K)
             F = factorise(J @ compliance.solve(J.T)).solve(J @ compliance.solve(slope))
-        return null_basis_expression(task, k, q).T @ (K - geometric_stiffness(task, k, q)(q, F))
+        return null_space_expression(J).T @ (K - geometric_stiffness(task, k, q)(q, F))
 
-    return Strategy(name, task, "kernel", rows)
-
-
-def null_basis_expression(task: Task, k: Kinematics, q: SX) -> SX:
-    """An orthonormal N (n, r) of ker J; smooth but for changes of sign, so only for rows N^T A."""
-    return factorise(task.jacobian_expression(k, q).T).complement()
+    return RowStrategy(name, task, rows)
 
 
 def gradient_and_stiffness(task: Task, k: Kinematics, q: SX, potential: Cost) -> tuple[SX, SX]:

@@ -17,22 +17,23 @@ from ..arguments import made
 from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import Kinematics
-from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
+from ..symbolic import SX, Function, as_expression, jacobian, null_space, symbol, vertcat
 from ..task import Task
 from ..types import ArrayLike, Matrix, finite, frozen, whole
-from .base import Field, Strategy
+from .base import Field
 from .build import holonomic
+from .kinds import HolonomicStrategy
 
 
 @made
 def fitted(
-    strategy: Strategy,
+    strategy: HolonomicStrategy,
     Q: ArrayLike,
     *,
     degree: int = 4,
     rows: tuple[int, ...] | None = None,
     name: str | None = None,
-) -> Strategy:
+) -> HolonomicStrategy:
     """The holonomic strategy whose constraint is the polynomial in (x, phi) nearest to the given one's over Q.
 
     g_fit(q) = phi(q) + sum_a c_a u^a, u = (x - mean, phi - mean) / spread; the c_a are fitted by least squares to
@@ -40,18 +41,16 @@ def fitted(
     the middle posture. Use it only where Q was.
 
     Args:
-        strategy: one with a constraint, for instance a `radial` twin.
+        strategy: one with leaves, for instance a `radial` twin.
         Q: postures (k, n) of the region of use; a few hundred.
         degree: total degree of the polynomial; 4 has 70 terms in 4 variables, 330 in 7.
         rows: task rows it depends on, all by default; for constant orientation the position rows alone.
 
     Raises:
-        ArgumentError: no constraint, a degree < 1, or fewer postures than can determine the terms. ShapeError.
+        ArgumentError: a strategy without leaves, a degree < 1, or too few postures to determine the terms. ShapeError.
     """
     task = strategy.task
     postures = frozen(finite("the postures", Q, ("k", task.n)))
-    if strategy.constraint is None:
-        raise ArgumentError("the strategy", strategy.name, "fitting needs a constraint: hk.radial(G, q) makes one")
     whole("degree", degree)
     chosen = list(range(task.m) if rows is None else rows)
     if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= set(range(task.m)):
@@ -59,7 +58,7 @@ def fitted(
     if not len(postures):
         raise ArgumentError("the number of postures", 0, "give a few hundred")
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
-    Z = np.linalg.svd(task.jacobian(q0))[2][task.m :].T
+    Z = null_space(task.jacobian(q0))
     chart = task
     if task.orientation in ("twist", "rotation-vector"):  # rotation vectors jump half a turn from their reference
         chart = replace(task, reference=task.robot.pose(q0, task.tip)[:3, :3])
@@ -102,7 +101,7 @@ def _monomials(u: SX, exponents: list[tuple[int, ...]]) -> SX:
 
 
 def _least_squares(
-    strategy: Strategy,
+    strategy: HolonomicStrategy,
     Q: Matrix,
     Z: Matrix,
     q0: Matrix,
@@ -121,14 +120,12 @@ def _least_squares(
     basis = Function("monomials", {"q": q}, {"terms": terms, "slopes": as_expression(jacobian(terms, q))})
     T, S = basis.batch(Q)
     g = strategy.constraint_value.batch(Q).reshape(len(Q), r)
-    if strategy.constraint is not None and any(strategy.constraint.angular):  # angles count from the middle, unwrapped
-        angular, gap = np.array(strategy.constraint.angular), g - np.atleast_1d(strategy.constraint_value(q0))
-        g = np.where(angular, np.arctan2(np.sin(gap), np.cos(gap)), gap)
+    g = strategy.constraint.nearest(g - np.atleast_1d(strategy.constraint_value(q0)))  # angles count from the middle
     g = g - (Q - q0) @ Z
     slopes = np.stack([strategy.rows(one) for one in Q]) - Z.T
     span = float(np.abs(Q - q0).max()) or 1.0  # gradients count as the changes they make across the region
     J = task.jacobian_batch(Q)[0][:, others]
-    free = span * np.linalg.svd(J)[2][:, len(others) :] if others else span * np.tile(np.eye(task.n), (len(Q), 1, 1))
+    free = span * np.swapaxes(null_space(J), 1, 2) if others else span * np.tile(np.eye(task.n), (len(Q), 1, 1))
     S = np.einsum("kdi,kti->kdt", free, S.reshape(len(Q), len(exponents), task.n))
     A = np.vstack([T - T.mean(axis=0), S.reshape(-1, len(exponents))])
     b = np.vstack([g - g.mean(axis=0), np.einsum("kdi,kri->kdr", free, slopes).reshape(-1, r)])

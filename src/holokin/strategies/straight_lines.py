@@ -15,11 +15,13 @@ from functools import reduce
 from ..arguments import made
 from ..constraints import Constraint
 from ..robot import Kinematics
-from ..symbolic import SX, as_map, fmax, fmin, gradient, if_else, norm_2, symbol, vertcat
+from ..symbolic import SX, as_map, fmax, fmin, gradient, if_else, norm_2, runge_kutta, symbol, vertcat
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, frozen, whole
 from .base import Strategy
+from .build import holonomic
+from .kinds import HolonomicStrategy
 from .label import label_of
 
 ARRIVED = 0.01
@@ -36,7 +38,7 @@ AT_CENTER = 1e-6
 
 
 @made
-def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> Strategy:
+def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> HolonomicStrategy:
     """The holonomic strategy whose leaves are carried by `strategy` along straight segments from the pose at `start`.
 
     Its constraint g labels q_b, where `strategy` leads from q when the tool goes straight back to the centre, in
@@ -77,15 +79,15 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         moved = e.rate(dx, written_out=True)
         rate = as_map([e.q, dx], vertcat(moved.X, moved.conditioning))
         v = chart.value_expression(k) - SX(x0)
-        h = -1.0 / steps
         back, sound = q, []
+
+        def stage(at: SX, along: SX) -> SX:
+            found = rate(at, along)
+            sound.append(fmax(0, found[task.n]))  # fmax makes 0 of what is not a number
+            return found[: task.n]
+
         for _ in range(steps):
-            k1 = rate(back, v)
-            k2 = rate(back + h / 2 * k1[: task.n], v)
-            k3 = rate(back + h / 2 * k2[: task.n], v)
-            k4 = rate(back + h * k3[: task.n], v)
-            back = back + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)[: task.n]
-            sound += [fmax(0, k[task.n]) for k in (k1, k2, k3, k4)]  # fmax makes 0 of what is not a number
+            back = runge_kutta(stage, back, -1.0 / steps, v, v, v)
         missed = SX(x0) - chart.value_expression(task.robot.kinematics(back, task.tip))
         way = ARRIVED * (norm_2(q - back) + AT_CENTER)
         arrived = fmax(0, 1 - norm_2(rate(back, missed)[: task.n]) / way)
@@ -95,22 +97,21 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         return _Ray(label.value(back), if_else(regular, margin, 1), regular)
 
     ray = _kept(build)
+
+    def slopes(_task: Task, k: Kinematics, q: SX) -> SX:
+        value = ray(k, q).label
+        rows = vertcat(SX(0, task.n), *(gradient(value[i], q) for i in range(r)))
+        return rows * ray(k, q).regular  # where J is singular they are not numbers, or huge: conditioning 0 says so
+
     constraint = Constraint(
         f"radial twin of {strategy.name}",
         r,
         lambda _task, k, q: ray(k, q).label,
         (label.angular,) * r,
         lambda _task, k, q: ray(k, q).margin,
+        slopes,
     )
-
-    def rows(bound: Task, k: Kinematics, q: SX) -> SX:
-        value = constraint.bind(bound, k, q)
-        slopes = vertcat(SX(0, task.n), *(gradient(value[i], q) for i in range(r)))
-        return slopes * ray(k, q).regular  # where J is singular they are not numbers, or huge: conditioning 0 says so
-
-    twin = Strategy(name or constraint.name, task, "kernel", rows, constraint)
-    twin.expressions  # noqa: B018  built now, as `holonomic` does
-    return twin
+    return holonomic(task, constraint, name=name)
 
 
 @dataclass(frozen=True)

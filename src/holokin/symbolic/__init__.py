@@ -27,8 +27,10 @@ from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
 from .function import Function
 from .geometry import wrapped
+from .integrate import runge_kutta
 from .linear import Factorisation, Solution, factorise, solution, solve
 from .nature import other_operations
+from .null_space import minors, null_space, null_space_expression, null_vector, null_vector_expression
 from .qp import NearestPoint
 
 __all__ = [
@@ -59,10 +61,16 @@ __all__ = [
     "jacobian",
     "lie_bracket",
     "log",
+    "minors",
     "norm_2",
+    "null_space",
+    "null_space_expression",
+    "null_vector",
+    "null_vector_expression",
     "other_operations",
     "pairwise_brackets",
     "parse",
+    "runge_kutta",
     "short",
     "sin",
     "solution",

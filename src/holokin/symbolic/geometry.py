@@ -7,11 +7,14 @@ derivative. Rotation vectors are axis times angle [rad]; quaternions are (w, x, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 
-from ..types import Matrix
+from ..types import Array, Matrix
+
+Angles = TypeVar("Angles", ca.SX, Array)
 
 _SMALL = 1e-4
 """Squared angle below which series are used; their first dropped term is then below 1e-17."""
@@ -53,19 +56,6 @@ def rotation_about(axis: np.ndarray, angle: ca.SX) -> ca.SX:
     return R
 
 
-def exp_so3(w: ca.SX) -> ca.SX:
-    """exp([w]x), (3,) -> (3, 3): I + a [w]x + b [w]x^2, a = sin t / t, b = (1 - cos t) / t^2."""
-    t2 = ca.dot(w, w)
-    small = t2 < _SMALL
-    safe = ca.if_else(small, 1, t2)
-    t = ca.sqrt(safe)
-    a = ca.if_else(small, 1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42)), ca.sin(t) / t)
-    half = ca.sin(t / 2)  # 2 sin^2(t/2) = 1 - cos t without cancellation
-    b = ca.if_else(small, 0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56)), 2 * half * half / safe)
-    K = ca.skew(w)
-    return ca.SX.eye(3) + a * K + b * (K @ K)
-
-
 def quaternion_wxyz(R: ca.SX) -> ca.SX:
     """Unit quaternion (4,) of a rotation, w >= 0: of Shepperd's four forms the best conditioned one."""
     r = [[R[i, j] for j in range(3)] for i in range(3)]
@@ -83,7 +73,7 @@ def quaternion_wxyz(R: ca.SX) -> ca.SX:
 
 
 def log_so3(R: ca.SX) -> ca.SX:
-    """Rotation vector (3,) of a rotation, angle in [0, pi]; the inverse of `exp_so3`.
+    """Rotation vector (3,) of a rotation, angle in [0, pi]; the inverse of exp.
 
     Through the quaternion: 2 atan2(|v|, w) v / |v|, smooth at a half turn, where the sign of the axis is
     chosen by w >= 0, and a series in |v|^2 at the identity.
@@ -117,6 +107,8 @@ def rpy_angles(R: ca.SX) -> ca.SX:
     )
 
 
-def wrapped(angle: ca.SX) -> ca.SX:
-    """The same angle [rad] in (-pi, pi]; the derivative stays 1. Exactly 0 for 0."""
-    return ca.atan2(ca.sin(angle), ca.cos(angle))
+def wrapped(angle: Angles) -> Angles:
+    """The same angles [rad], numbers or an expression, in (-pi, pi]; the derivative stays 1. Exactly 0 for 0."""
+    if isinstance(angle, ca.SX):
+        return ca.atan2(ca.sin(angle), ca.cos(angle))
+    return np.arctan2(np.sin(angle), np.cos(angle))

@@ -1,0 +1,60 @@
+"""The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+from ..robot import Kinematics
+from ..symbolic import SX, Solution, factorise, fmin, norm_2, solution, vertcat
+
+
+@dataclass(frozen=True)
+class Expressions(ABC):
+    """The expressions of a strategy over its symbol q (n,): kinematics, task Jacobian J (m, n), and its planes."""
+
+    q: SX
+    kinematics: Kinematics
+    J: SX
+    planes: SX
+
+    @abstractmethod
+    def rate(self, dx: SX, *, written_out: bool = False) -> Solution:
+        """G dx, (m, k) -> (n, k), with its conditioning, by orthogonal factorisations only.
+
+        Args:
+            written_out: for those who differentiate it: no system is left to numbers, however large.
+        """
+
+
+@final
+@dataclass(frozen=True)
+class FrameExpressions(Expressions):
+    """Planes spanned by a frame B (n, m): G = B (J B)^-1."""
+
+    def rate(self, dx: SX, *, written_out: bool = False) -> Solution:
+        """G dx by B = Q R: Q (J Q)^-1 dx."""
+        frame = factorise(self.planes)
+        Q = frame.thin_q()
+        inner = factorise(self.J @ Q)
+        return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
+
+
+@final
+@dataclass(frozen=True)
+class RowExpressions(Expressions):
+    """Planes that rows A (r, n) annul: G = [J; A]^-1 [1; 0]."""
+
+    def rate(self, dx: SX, along: SX | None = None, *, written_out: bool = False) -> Solution:
+        """The dq with J dq = dx and A dq = along.
+
+        Args:
+            along: wanted of the rows (r, k); zero by default, for G dx.
+        """
+        wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
+        A, B = [self.J], [dx]
+        for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
+            size = norm_2(self.planes[i, :])
+            A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
+        return solution(vertcat(*A), vertcat(*B), written_out=written_out)

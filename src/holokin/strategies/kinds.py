@@ -1,0 +1,108 @@
+"""The three kinds of strategies: planes from a frame, from rows, from a constraint. Every strategy is one of them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, final
+
+from ..constraints import Constraint
+from ..symbolic import SX, Function, fmin
+from ..types import ArrayLike, Matrix
+from .base import Field, Strategy
+from .expressions import FrameExpressions, RowExpressions
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class FrameStrategy(Strategy):
+    """Planes spanned by a frame B(q) (n, m): G = B (J B)^-1.
+
+    `constant_weight`: W (n, n) where B = W J^T with a constant W, whose curvature the Hessians of the arm give.
+    """
+
+    frame: Field
+    constant_weight: Matrix | None = None
+
+    @cached_property
+    def expressions(self) -> FrameExpressions:
+        """The expressions over one symbol q; `planes` is B."""
+        return FrameExpressions(*self._written("the frame N_G", self.frame, (self.task.n, self.task.m)))
+
+    def distribution(self, q: ArrayLike) -> Matrix:
+        """N_G = B (n, m) as it was given."""
+        return self._planes_at(q)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KernelStrategy(Strategy):
+    """Planes that rows A(q) (r, n) annul: G = [J; A]^-1 [1; 0]. Abstract: the rows are given, or a gradient."""
+
+    @abstractmethod
+    def field(self) -> Field:
+        """The field of the rows A."""
+
+    @cached_property
+    def expressions(self) -> RowExpressions:
+        """The expressions over one symbol q; `planes` is A."""
+        shape = (self.task.n - self.task.m, self.task.n)
+        return RowExpressions(*self._written("the constraint rows", self.field(), shape))
+
+    def distribution(self, q: ArrayLike) -> Matrix:
+        """G (n, m), the canonical frame (theory 1.4)."""
+        return self(q)
+
+    def rows(self, q: ArrayLike) -> Matrix:
+        """A (r, n) at q (n,)."""
+        return self._planes_at(q)
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class RowStrategy(KernelStrategy):
+    """Planes that given rows annul, gradients or not."""
+
+    annulling: Field
+
+    def field(self) -> Field:
+        """The field of the rows, as given."""
+        return self.annulling
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class HolonomicStrategy(KernelStrategy):
+    """Planes tangent to the leaves g(q) = c of a constraint: the rows are J_g = dg/dq."""
+
+    constraint: Constraint
+
+    cure: ClassVar[str] = (
+        "give a strategy with leaves: hk.holonomic(task, g) makes one of a constraint, hk.radial(G, q0) one of any G"
+    )
+
+    def field(self) -> Field:
+        """J_g of the constraint."""
+        return self.constraint.slopes
+
+    @property
+    def margin_expression(self) -> SX:
+        """How far the posture is from where a representation, the task's or the constraint's, is singular."""
+        e, margin = self.expressions, super().margin_expression
+        if self.constraint.margin is not None:
+            margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
+        return margin
+
+    @property
+    def constraint_expression(self) -> SX:
+        """g(q) (r,)."""
+        return self.constraint.bind(self.task, self.expressions.kinematics, self.expressions.q)
+
+    @cached_property
+    def constraint_value(self) -> Function:
+        """q -> g(q) (r,)."""
+        return Function("constraint", {"q": self.expressions.q}, {"g": self.constraint_expression})
+
+    def leaf_gap(self, c: SX) -> SX:
+        """c - g(q) (r,) as an expression, its angles in (-pi, pi]."""
+        return self.constraint.nearest(c - self.constraint_expression)
