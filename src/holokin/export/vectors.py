@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError, HolokinError
 from ..motion.leaf import leaf_walker, level_gap, straight_way
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
@@ -79,23 +80,26 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
-    dx = _single(rng.uniform(-0.2, 0.2, s.task.m))
-    G, conditioning, margin = s.gain(q)
-    if not (conditioning > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
+    twist = _single(rng.uniform(-0.2, 0.2, 3 if s.task.orientation is None else 6))
+    G, rcond, margin = s.gain(q)
+    if not (rcond > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
-    precise = _is_precise(conditioning, margin)
+    precise = _is_precise(rcond, margin)
     if only_precise and not precise:
         return None
     pose = _single(robot.pose(there, s.task.tip))
     target = pose[:3, 3] if s.task.orientation is None else pose
-    dq, scale, *_ = source.functions["step"](q, target, dx, source.hold)
+    dx = _single(_task_rates(s.task, pose, twist))
+    if not np.isfinite(dx).all():
+        return None
+    dq, scale, *_ = source.functions["step"](q, target, twist, source.parameters)
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
     values = {
-        "q": q, "target": np.ravel(target), "dx": dx, "pose": robot.pose(q, s.task.tip).ravel(), "gain": np.ravel(G),
-        "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
+        "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": robot.pose(q, s.task.tip).ravel(),
+        "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
-    if source.held:
+    if source.has_leaf:
         c = _single(np.atleast_1d(s.constraint_value(there)))
         position, rotation = pose[:3, 3], np.eye(3) if s.task.orientation is None else pose[:3, :3]
         try:
@@ -107,8 +111,14 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         step = s.leaf_step(q, position, rotation, c)[0]
         precise = precise and _is_precise(*s.gain(home)[1:])
         values |= {"c": c, "g": np.atleast_1d(s.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
-    loss = max(1.0, 0.01 / conditioning, 0.01 / margin)
+    loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
+
+
+def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
+    """x' (m,) of a tool at a pose that moves with a twist (6,), or with a velocity (3,)."""
+    v, w = np.concatenate([twist, np.zeros(3)])[:6].reshape(2, 1, 3)
+    return task.rates_batch(pose[None, :3, :3], v, w)[0][0]
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:
@@ -120,10 +130,10 @@ def _load(source: Source, q: Vector, dq: Vector) -> float:
     return float(np.max(np.nan_to_num(loads, nan=0.0)))
 
 
-def _is_precise(conditioning: float, margin: float) -> bool:
+def _is_precise(rcond: float, margin: float) -> bool:
     """Clear of where the status says that single precision has no four digits."""
-    clear = margin > 1.5 * CLEAR_FLOAT and conditioning * margin > 1.5 * BOTH_FLOAT
-    return bool(conditioning > 1.5 * PRECISE_FLOAT and clear)
+    clear = margin > 1.5 * CLEAR_FLOAT and rcond * margin > 1.5 * BOTH_FLOAT
+    return bool(rcond > 1.5 * PRECISE_FLOAT and clear)
 
 
 def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.random.Generator) -> float:
@@ -134,20 +144,21 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     """
     s, position = source.strategy, source.strategy.task.orientation is None
     q, c, G = values["q"], values.get("c"), np.abs(values["gain"].reshape(s.task.n, -1))
-    gain, leaf_gain = source.hold[-2:]
+    dt, gain, constraint_gain = source.parameters[-3:]
     error = np.abs(s.task.error(q, pose[:3, 3], np.eye(3) if position else pose[:3, :3]))
-    terms = {"step": G @ (np.abs(values["dx"]) + gain * error)}
+    terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if c is not None:
         L, here = np.abs(s.extended(q)[1][:, s.task.m :]), values["g"]
-        terms["step"] += leaf_gain * (L @ np.abs(level_gap(s, source.leaf - here)))
+        terms["step"] += constraint_gain * (L @ np.abs(level_gap(s, source.leaf - here)))
         terms["leaf"] = G @ error + L @ np.abs(level_gap(s, c - here))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
-        near, to, held = _nudged(q, rng), pose.copy(), source.hold
+        near, to, parameters = _nudged(q, rng), pose.copy(), source.parameters
         to[:3, 3], to[:3, :3] = _nudged(pose[:3, 3], rng, 0.0), _nudged(pose[:3, :3], rng)
-        held[:-3] = _nudged(held[:-3], rng)
-        found = {"step": source.functions["step"](near, to[:3, 3] if position else to, values["dx"], held)[0]}
+        parameters[:-3] = _nudged(parameters[:-3], rng)
+        target = to[:3, 3] if position else to
+        found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if c is not None:
             found["leaf"] = s.leaf_step(near, to[:3, 3], np.eye(3) if position else to[:3, :3], _nudged(c, rng))[0]
         for key, value in found.items():
@@ -170,8 +181,8 @@ def singular_posture(source: Source) -> Vector | None:
             for first in range(n):
                 q = source.start.copy()
                 q[(first + np.arange(n - keep)) % n] = value
-                _, conditioning, margin = gain(q)
-                if np.isfinite(conditioning) and min(conditioning, margin) < 1e-13:
+                _, rcond, margin = gain(q)
+                if np.isfinite(rcond) and min(rcond, margin) < 1e-13:
                     return q
     return None
 
@@ -209,7 +220,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = ""
-    if source.held:
+    if source.has_leaf:
         declare = f"  real c[{r}], g[{r}];\n"
         leaf_tests = (
             f"    copy(v->c, c, {r});\n"
@@ -230,7 +241,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     at_singular = ""
     if singular is not None:
         failed = words["NAME"] + "_SINGULAR"
-        step = f"{name}_step(q, target, dx, &hold, dq, &scale)"
+        step = f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         values = "".join(f"  q[{i}] = (real){float(v)!r};\n" for i, v in enumerate(singular))
         at_singular = (
             f"{values}  copy(vectors[0].target, target, {words['target']});\n"
@@ -242,7 +253,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
         "leaf_tests": leaf_tests,
         "bad_leaf": bad,
         "singular_test": at_singular,
-        "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.held else "",
-        "leaf_worst": ", worst[4], worst[5], worst[6]" if source.held else "",
+        "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.has_leaf else "",
+        "leaf_worst": ", worst[4], worst[5], worst[6]" if source.has_leaf else "",
     }
     return text("selftest.c", {**words, **more})

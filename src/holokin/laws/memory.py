@@ -1,4 +1,4 @@
-"""Mussa-Ivaldi and Hogan's law with the tool force as a state: a controller with memory. [MIH91]"""
+"""Mussa-Ivaldi and Hogan's law with the tool force as a state: a control law with memory. [MIH91]"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import made
 from ..constraints import Cost
 from ..errors import ArgumentError
-from ..motion.control_law import ControlLaw, Law
+from ..motion.control_law import ControlLaw, Step
 from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness, null_basis_expression
 from ..symbolic import SX, Function, factorise, symbol, vertcat
 from ..task import Task
@@ -23,7 +23,7 @@ def impedance_with_memory(
     """dq = W(F) J^T F', F' = (J W(F) J^T)^-1 x', W(F) = (K - Gamma(F))^-1: variant (iii) of theory 2d.
 
     The force F at the tool is carried along. tau_0 = grad U - J^T F never changes, so the law is the extended Jacobian
-    of the potential U - tau_0 . q: it comes home from every start, but which leaves it has depends on the start.
+    of the potential U - tau_0 . q: it is holonomic from every start, but which leaves it has depends on the start.
     Each step is one Runge-Kutta step of order 4 of (q, F).
 
     Args:
@@ -51,23 +51,23 @@ def impedance_with_memory(
         outputs = {
             "dq": dq,
             "dF": dF,
-            "conditioning": extended.conditioning(),
+            "rcond": extended.conditioning(),
             "margin": task.margin_expression(k.rotation),
         }
         R, twist = symbol("R", 3, 3), symbol("twist", 6)
         rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, twist[:3], twist[3:])})
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         flow, wanted = functions()
         F = first.copy()
 
         def slope(q: Vector, force: Vector, dx: Vector) -> tuple[Vector, Vector]:
-            dq, dF, conditioning, margin = flow(q, force, dx)
-            check_regular(task, name, q, conditioning, margin)
+            dq, dF, rcond, margin = flow(q, force, dx)
+            check_regular(task, name, q, rcond, margin)
             return dq, np.atleast_1d(dF)
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal F
             dx = np.atleast_1d(wanted(pose[:3, :3], twist))
             q1, F1 = slope(q, F, dx)
@@ -77,6 +77,6 @@ def impedance_with_memory(
             F = F + dt / 6 * (F1 + 2 * F2 + 2 * F3 + F4)
             return (q1 + 2 * q2 + 2 * q3 + q4) / 6
 
-        return law
+        return step
 
     return ControlLaw(name, begin)
