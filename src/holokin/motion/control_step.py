@@ -139,12 +139,14 @@ class _Compiled:
         """A run: a step with memory and dt of its own. Raises (when it runs): SingularityError, ArgumentError."""
         parameters = self.parameters.copy()
         rates, memory = self.bound(parameters)
-        known = float(parameters[-3])
+        known, highest = float(parameters[-3]), float(max(parameters[-2:]))
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal known
             if dt != known:
-                _check_gains(dt, *parameters[-2:].tolist())
+                if not dt * highest < 2:
+                    cure = f"give a step below {2 / highest:g} s, or smaller gains: this loop is unstable"
+                    raise ArgumentError("the dt of a run", dt, cure)
                 parameters[-3] = known = dt
             dq = rates(q, pose, twist)
             if memory.last[-1] >= StepStatus.SINGULAR:
