@@ -51,22 +51,23 @@ static void expect(int status, const NAME_real *out, int count) {
     if (status >= NAME_SINGULAR && (out[i] < 0 || out[i] > 0 || !(out[i] - out[i] == 0))) wrong++;
     if (!(out[i] - out[i] == 0)) wrong++;
   }
-  if (status < NAME_IMPRECISE || status > NAME_BAD_HOLD) wrong++;
+  if (status < NAME_IMPRECISE || status > NAME_BAD_PARAMETERS) wrong++;
 }
 int main(void) {
   long statuses[8] = {0};
-  NAME_real q[NAME_N], target[NAME_TARGET], dx[NAME_M], T[16], G[NAME_N * NAME_M], dq[NAME_N], scale;
-  NAME_hold hold;
-  NAME_defaults(&hold);
+  NAME_real q[NAME_N], target[NAME_TARGET], dx[NAME_M], twist[NAME_TWIST], T[16], G[NAME_N * NAME_M], dq[NAME_N], scale;
+  NAME_parameters parameters;
+  NAME_defaults(&parameters);
   for (int k = 0; k < 20000; k++) {
     for (int i = 0; i < NAME_N; i++) q[i] = (NAME_real)draw(3.0);
     for (int i = 0; i < NAME_M; i++) dx[i] = (NAME_real)draw(1.0);
+    for (int i = 0; i < NAME_TWIST; i++) twist[i] = (NAME_real)draw(1.0);
     expect(NAME_pose(q, T), T, 16);
     for (int i = 0; i < NAME_TARGET; i++) target[i] = NAME_TARGET == 16 ? T[i] : T[4 * (i % 3) + 3];
     target[k % NAME_TARGET] += (NAME_real)draw(0.1);
     expect(NAME_gain(q, G), G, NAME_N * NAME_M);
     expect(NAME_rate(q, dx, dq), dq, NAME_N);
-    const int status = NAME_step(q, target, dx, &hold, dq, &scale);
+    const int status = NAME_step(q, target, twist, &parameters, dq, &scale);
     expect(status, dq, NAME_N);
     statuses[status + 1]++;
 LEAF
@@ -93,7 +94,7 @@ LEAF = """
 def program(written: Exported, text: str, folder: Path, *flags: str, leaf: str = "") -> Path:
     """The program of a text whose NAME and LEAF are replaced, built with the library by gcc's rules."""
     code = text.replace("LEAF\n", leaf).replace("NAME_", "@").replace("NAME", written.name)
-    upper = ("N", "M", "R", "TARGET", "SINGULAR", "IMPRECISE", "BAD_HOLD", "LIMIT", "OK")
+    upper = ("N", "M", "R", "TARGET", "TWIST", "SINGULAR", "IMPRECISE", "BAD_PARAMETERS", "LIMIT", "OK")
     for word in sorted(upper, key=len, reverse=True):
         code = code.replace(f"@{word}", f"{written.name.upper()}_{word}")
     source = folder / "program.c"

@@ -301,7 +301,7 @@ def test_a_law_that_blocks_is_left_behind(task: hk.Task, loop: hk.Path) -> None:
 
 
 def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3r: hk.Robot) -> None:
-    with pytest.raises(ArgumentError, match="the controller"):
+    with pytest.raises(ArgumentError, match="the control law"):
         as_control_law(3)
     law = hk.laws.closed_loop(hk.moore_penrose(task))
     for arguments, error in (

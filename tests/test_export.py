@@ -229,24 +229,24 @@ def test_its_step_is_the_controllers(written: Exported, tmp_path: Path, monkeypa
     c_code, strategy = loaded(written, tmp_path, monkeypatch), sew()
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     servo = hk.controller(strategy, dt=1e-3, start=PANDA_START)
-    hold, q, dq, scale = np.zeros(4), np.zeros(7), np.zeros(7), np.zeros(1)
-    c_code.panda_sew_defaults(*at(hold))
+    parameters, q, dq, scale = np.zeros(4), np.zeros(7), np.zeros(7), np.zeros(1)
+    c_code.panda_sew_defaults(*at(parameters))
     c_code.panda_sew_start(*at(q))
     assert np.array_equal(q, PANDA_START)
-    assert hold == pytest.approx([strategy.constraint_value(PANDA_START), 1e-3, 100.0, 100.0])
+    assert parameters == pytest.approx([strategy.constraint_value(PANDA_START), 1e-3, 100.0, 100.0])
     edge = PANDA_START.copy()
     edge[3] = strategy.task.robot.upper[3]
     seen = set()
     for posture in (q, q + 0.01, edge):
         for v in (np.zeros(6), np.array([0.1, 0, 0.05, 0, 0.1, 0]), np.array([3.0, 0, 0, 0, 0, 0])):
             pose = strategy.task.robot.pose(q)
-            status = c_code.panda_sew_step(*at(posture, pose, v, hold, dq, scale))
+            status = c_code.panda_sew_step(*at(posture, pose, v, parameters, dq, scale))
             assert np.array_equal(dq, servo.step(posture, pose, v))
             assert (status, scale[0]) == (servo.status, servo.scale)
             seen.add(status)
     assert seen >= {0, 1}
     for k, bad in ((1, 0.0), (1, -1e-3), (1, np.nan), (2, -1.0), (2, 2100.0), (3, np.inf)):
-        odd = hold.copy()
+        odd = parameters.copy()
         odd[k] = bad
         assert c_code.panda_sew_step(*at(q, strategy.task.robot.pose(q), np.ones(6), odd, dq, scale)) == 6
         assert not dq.any()
@@ -331,7 +331,7 @@ def test_an_export_over_an_older_one_replaces_it(tmp_path: Path) -> None:
     first = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.002)
     again = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.004)
     assert first.files == again.files
-    assert "hold->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
+    assert "parameters->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(again.files)
     with pytest.raises(ArgumentError, match="another export"):
         export_c(sew(), tmp_path, start=PANDA_START, name="other")

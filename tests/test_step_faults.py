@@ -24,7 +24,7 @@ from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch
 POSE = hk.load("panda").pose(PANDA_START)
-DX = np.array([0.01, -0.02, 0.03, 0.0, 0.01, 0.0])
+TWIST = np.array([0.01, -0.02, 0.03, 0.0, 0.01, 0.0])
 THREADS, STEPS = 4, 1000
 
 
@@ -101,8 +101,8 @@ SAME: dict[str, Callable[[np.ndarray], object]] = {
 @pytest.mark.parametrize("kind", SAME)
 def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.motion.Controller) -> None:
     """Each argument alone, and all three."""
-    plain = [PANDA_START + 0.01, POSE, DX]
-    expected = servo.step(*plain).copy()
+    plain = [PANDA_START + 0.01, POSE, TWIST]
+    expected = servo.step(*plain)
     assert np.abs(expected).max() > 1e-3
     for which in ([0], [1], [2], [0, 1, 2]):
         arguments = [SAME[kind](value) if k in which else value for k, value in enumerate(plain)]
@@ -113,9 +113,9 @@ def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo
 def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.motion.Controller) -> None:
     q = np.array([0, 1, 0, -1, 0, 1, 0]).astype(kind)
     pose = servo.strategy.task.robot.pose(q.astype(float))
-    expected = servo.step(q.astype(float), pose, DX).copy()
+    expected = servo.step(q.astype(float), pose, TWIST)
     assert np.abs(expected).max() > 1e-3
-    assert np.array_equal(servo.step(q, pose, DX), expected)
+    assert np.array_equal(servo.step(q, pose, TWIST), expected)
 
 
 @pytest.mark.parametrize(
@@ -133,13 +133,13 @@ def test_what_is_no_posture_is_refused_in_words(
     value: object, error: type[HolokinError], servo: hk.motion.Controller
 ) -> None:
     with pytest.raises(error):
-        servo.step(value, POSE, DX)  # type: ignore[arg-type]
-    assert servo.step(PANDA_START, POSE, DX).shape == (7,)
+        servo.step(value, POSE, TWIST)  # type: ignore[arg-type]
+    assert servo.step(PANDA_START, POSE, TWIST).shape == (7,)
 
 
 def test_numbers_beyond_all_floats_stop_the_arm(servo: hk.motion.Controller) -> None:
     huge = np.full(7, np.longdouble("1e400")) if np.finfo(np.longdouble).maxexp > 2000 else np.full(7, np.inf)
-    assert np.array_equal(servo.step(huge, POSE, DX), np.zeros(7))
+    assert np.array_equal(servo.step(huge, POSE, TWIST), np.zeros(7))
     assert servo.status is StepStatus.NOT_FINITE
 
 
@@ -177,19 +177,19 @@ def at_once(*jobs: Callable[[], None]) -> None:
 
 def test_no_thread_gets_the_rates_of_another(servo: hk.motion.Controller, busy: None) -> None:
     """Four threads on four wishes, a thousand steps each: rates, scale and status are those of their own wish."""
-    wishes = [DX * factor for factor in (1.0, 30.0, 300.0, np.nan)]
+    wishes = [TWIST * factor for factor in (1.0, 30.0, 300.0, np.nan)]
     expected = []
     for wish in wishes:
-        expected.append((servo.step(PANDA_START, POSE, wish).copy(), servo.scale, servo.status))
+        expected.append((servo.step(PANDA_START, POSE, wish), servo.scale, servo.status))
     assert len({status for _, _, status in expected}) >= 2
     foreign = [0] * THREADS
 
     def loop(k: int) -> None:
         rates, scale, status = expected[k]
-        first = servo.step(PANDA_START, POSE, wishes[k])
+        before = servo.step(PANDA_START, POSE, wishes[k])
         for _ in range(STEPS):
             dq = servo.step(PANDA_START, POSE, wishes[k])
-            same = dq is first and np.array_equal(dq, rates)
+            same = dq is not before and np.array_equal(dq, rates)
             foreign[k] += not (same and servo.scale == scale and servo.status is status)
 
     at_once(*(lambda k=k: loop(k) for k in range(THREADS)))
@@ -199,7 +199,7 @@ def test_no_thread_gets_the_rates_of_another(servo: hk.motion.Controller, busy: 
 def test_a_thread_that_only_watches_sees_the_last_step_of_the_one_that_steps(servo: hk.motion.Controller) -> None:
     at_once(lambda: servo.step(PANDA_START, POSE, np.full(6, np.nan)))
     assert servo.status is StepStatus.NOT_FINITE
-    at_once(lambda: servo.step(PANDA_START, POSE, DX))
+    at_once(lambda: servo.step(PANDA_START, POSE, TWIST))
     assert servo.status is StepStatus.OK
     assert servo.scale == 1.0
 
@@ -207,22 +207,26 @@ def test_a_thread_that_only_watches_sees_the_last_step_of_the_one_that_steps(ser
 def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.motion.Controller) -> None:
     """One thread after the other; systems give a new thread the number of one that has ended."""
     results: list[np.ndarray] = []
-    expected = [servo.step(PANDA_START, POSE, k * 0.01 * DX).copy() for k in range(1, 6)]
+    expected = [servo.step(PANDA_START, POSE, k * 0.01 * TWIST) for k in range(1, 6)]
     for k in range(1, 6):
-        at_once(lambda k=k: results.append(servo.step(PANDA_START, POSE, k * 0.01 * DX)))
+        at_once(lambda k=k: results.append(servo.step(PANDA_START, POSE, k * 0.01 * TWIST)))
     assert np.array_equal(results, expected)
 
 
 def test_a_step_needs_nothing_but_itself_and_a_dropped_controller_is_freed(servo: hk.motion.Controller) -> None:
-    expected = servo.step(PANDA_START, POSE, DX).copy()
+    expected = servo.step(PANDA_START, POSE, TWIST)
     made = hk.controller(servo.strategy, dt=1e-3, start=PANDA_START)
-    step, watch = made.step, weakref.ref(made)
+    step, run, watch = made.step, made.begin(PANDA_START), weakref.ref(made)
     del made
     gc.collect()
-    assert watch() is None
+    assert watch() is not None  # its step is left
     filler = [np.full(10, 7.0) for _ in range(1000)]  # takes memory that was freed too soon
-    assert np.array_equal(step(PANDA_START, POSE, DX), expected)
-    assert np.array_equal(step(PANDA_START.tolist(), POSE, DX), expected)
+    assert np.array_equal(step(PANDA_START, POSE, TWIST), expected)
+    del step
+    gc.collect()
+    assert watch() is None
+    assert np.array_equal(run(PANDA_START, POSE, TWIST, 1e-3), expected)  # a run needs no controller
+    assert np.array_equal(run(PANDA_START.tolist(), POSE, TWIST, 1e-3), expected)
     assert len(filler) == 1000
 
 
@@ -250,7 +254,7 @@ def test_a_function_may_be_shared_by_threads_from_its_first_call_on(
                 assert np.abs(one - np.sin(X[0]) * attempt - X[0]).max() < 1e-14
                 assert abs(size - X[0] @ X[0]) < 1e-14
             Q = PANDA_START + rng.uniform(-0.2, 0.2, (280, 7))
-            dq = rate.batch(Q, DX)[0]
-            assert np.abs(dq - [rate(q, DX)[0] for q in Q]).max() < 1e-12
+            dq = rate.batch(Q, TWIST)[0]
+            assert np.abs(dq - [rate(q, TWIST)[0] for q in Q]).max() < 1e-12
 
         at_once(*(lambda k=k, loop=loop: loop(k) for k in range(4 + (os.cpu_count() or 1) // 4)))

@@ -126,7 +126,7 @@ def calls() -> dict[str, Call]:
         "inverse": (hk.inverse, (held, q), {}),
         "settle": (hk.settle, (held, q), {"leaf": [0.31]}),
         "controller": (hk.controller, (held,), {
-            "dt": 0.01, "start": q, "gain": 1.0, "leaf_gain": 1.0, "limits": True}),
+            "dt": 0.01, "start": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
         "closed_loop": (_begun(laws.closed_loop), (law, 10.0), {}),
         "damped": (_begun(laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
         "gradient_projection": (_begun(laws.gradient_projection), (task, k["cost"]), {
@@ -134,7 +134,7 @@ def calls() -> dict[str, Call]:
         "repetitive_motion": (_begun(laws.repetitive_motion), (task,), {
             "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
         "asymptotically_cyclic": (_begun(laws.asymptotically_cyclic), (task, k["g"], [0.3]), {
-            "leaf_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
+            "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
         "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
@@ -196,7 +196,7 @@ def calls() -> dict[str, Call]:
         "Trajectory.tracking_error": (walk.tracking_error, ("m",), {}),
         "Trajectory.save": (walk.save, ("walk.csv",), {}),
         "InverseKinematics": (k["ik"], (k["pose"],), {}),
-        "Controller.step": (k["servo"].step, (q, start, np.zeros(2)), {}),
+        "Controller.step": (k["servo"].step, (q, start, np.zeros(3)), {}),
         "LeafFunction": (k["leaf"], (q,), {}),
         "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
         "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
@@ -211,7 +211,7 @@ def task_frame() -> np.ndarray:
 
 
 def _begun(make: Callable[..., hk.ControlLaw]) -> Callable[..., Any]:
-    """A controller, and one step of it."""
+    """A control law, and one step of it."""
 
     def run(*arguments: Any, **named: Any) -> Any:
         k = kit()

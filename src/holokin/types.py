@@ -66,6 +66,14 @@ def positive(what: str, value: Any, cure: str = "give a positive number") -> flo
     return found
 
 
+def not_negative(what: str, value: Any) -> float:
+    """A finite number, 0 or above. Raises: ArgumentError."""
+    found = number(what, value)
+    if not 0 <= found < np.inf:
+        raise ArgumentError(what, found, "give a finite number that is not negative")
+    return found
+
+
 def numbers(what: str, value: Any) -> Array:
     """An array of floats. Raises: ArgumentError for what is no array of numbers: text, ragged lists, None."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:

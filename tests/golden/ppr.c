@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.1.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x78505865a7dbac5cU
+#if PPR_EXPORT != 0x250dc9c1591e247aU
 #error "these files are of different exports: export again"
 #endif
 
@@ -20,13 +20,14 @@
 #define HK_ALMOST 1e-07
 #define HK_DONE 1e-09
 #endif
-#define HK_HELD 1e-06
+#define HK_AT_LIMIT 1e-06
 #define HK_CONTRACTION 0.125
 #define HK_N 3
 #define HK_M 2
 #define HK_R 1
 #define HK_POSE 3
-#define HK_HOLD (HK_R + 3)
+#define HK_TWIST 3
+#define HK_PARAMETERS (HK_R + 3)
 #define HK_IMPRECISE PPR_IMPRECISE
 #define HK_API static
 #define HK_SIMD
@@ -305,232 +306,240 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
   (void)y;
   const hk_t v1 = x[6];
-  const hk_t v2 = x[10];
+  const hk_t v2 = x[11];
   const hk_t v3 = x[3];
   const hk_t v4 = x[0];
   const hk_t v5 = x[2];
   const hk_t v6 = HK_COS(v5);
   const hk_t v7 = v4 + v6;
   const hk_t v8 = v3 - v7;
-  const hk_t v9 = v2 * v8;
-  const hk_t v10 = v1 + v9;
-  const hk_t v12 = HK_SIN(v5);
-  const hk_t v13 = v6 - v12;
-  const hk_t v15 = v13 + HK_C(-1.0);
-  const hk_t v16 = v15 * v15;
-  const hk_t v17 = HK_C(2.0) + v16;
-  const hk_t v18 = HK_SQRT(v17);
-  const hk_t v19 = HK_C(1) / v18;
-  const hk_t v20 = v19 * v19;
-  const hk_t v21 = HK_C(1.0) + v20;
-  const hk_t v22 = HK_SQRT(v21);
-  const hk_t v23 = HK_C(1.0) + v22;
-  const hk_t v24 = v23 * v10;
-  const hk_t v25 = x[11];
-  const hk_t v26 = x[8];
-  const hk_t v27 = x[1];
-  const hk_t v28 = v4 + v27;
-  const hk_t v29 = v28 - v5;
-  const hk_t v30 = v29 + v12;
-  const hk_t v31 = v30 + v6;
-  const hk_t v32 = v26 - v31;
-  const hk_t v33 = v25 * v32;
-  const hk_t v34 = v33 / v18;
-  const hk_t v35 = v34 / v18;
-  const hk_t v36 = v24 + v35;
-  const hk_t v37 = v36 / v22;
-  const hk_t v38 = v10 - v37;
-  const hk_t v39 = v20 / v22;
-  const hk_t v40 = x[7];
-  const hk_t v41 = x[4];
-  const hk_t v42 = v27 + v12;
-  const hk_t v43 = v41 - v42;
-  const hk_t v44 = v2 * v43;
-  const hk_t v45 = v40 + v44;
-  const hk_t v46 = v22 + HK_C(1.0);
-  const hk_t v47 = v22 * v46;
-  const hk_t v48 = HK_C(1) / v47;
-  const hk_t v49 = v48 / v18;
-  const hk_t v50 = v49 * v20;
-  const hk_t v51 = v19 - v50;
-  const hk_t v52 = v51 * v51;
-  const hk_t v53 = HK_C(1.0) + v52;
-  const hk_t v54 = HK_SQRT(v53);
-  const hk_t v55 = HK_C(1.0) + v54;
-  const hk_t v56 = v55 * v45;
-  const hk_t v57 = v49 * v36;
-  const hk_t v58 = v34 - v57;
-  const hk_t v59 = v51 * v58;
-  const hk_t v60 = v56 + v59;
-  const hk_t v61 = v60 / v54;
-  const hk_t v62 = v45 - v61;
-  const hk_t v63 = v55 * v6;
-  const hk_t v64 = v15 / v18;
-  const hk_t v65 = v64 / v18;
-  const hk_t v66 = v23 * v12;
-  const hk_t v67 = v65 - v66;
-  const hk_t v68 = v49 * v67;
-  const hk_t v69 = v64 - v68;
-  const hk_t v70 = v51 * v69;
-  const hk_t v71 = v63 + v70;
-  const hk_t v72 = v71 / v54;
-  const hk_t v73 = v6 - v72;
-  const hk_t v74 = v54 + HK_C(1.0);
-  const hk_t v75 = v54 * v74;
-  const hk_t v76 = v51 / v75;
-  const hk_t v77 = v76 * v60;
-  const hk_t v78 = v58 - v77;
-  const hk_t v79 = v76 * v71;
-  const hk_t v80 = v69 - v79;
-  const hk_t v81 = v78 / v80;
-  const hk_t v82 = v73 * v81;
-  const hk_t v83 = v62 - v82;
-  const hk_t v84 = v83 / v54;
-  const hk_t v85 = v39 * v84;
-  const hk_t v86 = v38 - v85;
-  const hk_t v87 = v67 / v22;
-  const hk_t v88 = v12 + v87;
-  const hk_t v89 = v88 * v81;
-  const hk_t v90 = v86 + v89;
-  const hk_t v91 = v90 / v22;
-  const hk_t v92 = HK_FABS(v91);
-  const hk_t v94 = HK_FMAX(v92, HK_C(1e-12));
-  const hk_t v95 = HK_C(1) / v94;
-  const hk_t v96 = HK_FMIN(HK_C(1.0), v95);
-  const hk_t v97 = HK_FABS(v84);
-  const hk_t v98 = HK_FMAX(v97, HK_C(1e-12));
-  const hk_t v99 = HK_C(1) / v98;
-  const hk_t v100 = HK_FMIN(v96, v99);
-  const hk_t v102 = HK_FABS(v81);
+  const hk_t v9 = x[10];
+  const hk_t v10 = v9 * v1;
+  const hk_t v11 = v8 - v10;
+  const hk_t v12 = v2 * v11;
+  const hk_t v13 = v1 + v12;
+  const hk_t v15 = HK_SIN(v5);
+  const hk_t v16 = v6 - v15;
+  const hk_t v18 = v16 + HK_C(-1.0);
+  const hk_t v19 = v18 * v18;
+  const hk_t v20 = HK_C(2.0) + v19;
+  const hk_t v21 = HK_SQRT(v20);
+  const hk_t v22 = HK_C(1) / v21;
+  const hk_t v23 = v22 * v22;
+  const hk_t v24 = HK_C(1.0) + v23;
+  const hk_t v25 = HK_SQRT(v24);
+  const hk_t v26 = HK_C(1.0) + v25;
+  const hk_t v27 = v26 * v13;
+  const hk_t v28 = x[12];
+  const hk_t v29 = x[9];
+  const hk_t v30 = x[1];
+  const hk_t v31 = v4 + v30;
+  const hk_t v32 = v31 - v5;
+  const hk_t v33 = v32 + v15;
+  const hk_t v34 = v33 + v6;
+  const hk_t v35 = v29 - v34;
+  const hk_t v36 = v28 * v35;
+  const hk_t v37 = v36 / v21;
+  const hk_t v38 = v37 / v21;
+  const hk_t v39 = v27 + v38;
+  const hk_t v40 = v39 / v25;
+  const hk_t v41 = v13 - v40;
+  const hk_t v42 = v23 / v25;
+  const hk_t v43 = x[7];
+  const hk_t v44 = x[4];
+  const hk_t v45 = v30 + v15;
+  const hk_t v46 = v44 - v45;
+  const hk_t v47 = v9 * v43;
+  const hk_t v48 = v46 - v47;
+  const hk_t v49 = v2 * v48;
+  const hk_t v50 = v43 + v49;
+  const hk_t v51 = v25 + HK_C(1.0);
+  const hk_t v52 = v25 * v51;
+  const hk_t v53 = HK_C(1) / v52;
+  const hk_t v54 = v53 / v21;
+  const hk_t v55 = v54 * v23;
+  const hk_t v56 = v22 - v55;
+  const hk_t v57 = v56 * v56;
+  const hk_t v58 = HK_C(1.0) + v57;
+  const hk_t v59 = HK_SQRT(v58);
+  const hk_t v60 = HK_C(1.0) + v59;
+  const hk_t v61 = v60 * v50;
+  const hk_t v62 = v54 * v39;
+  const hk_t v63 = v37 - v62;
+  const hk_t v64 = v56 * v63;
+  const hk_t v65 = v61 + v64;
+  const hk_t v66 = v65 / v59;
+  const hk_t v67 = v50 - v66;
+  const hk_t v68 = v60 * v6;
+  const hk_t v69 = v18 / v21;
+  const hk_t v70 = v69 / v21;
+  const hk_t v71 = v26 * v15;
+  const hk_t v72 = v70 - v71;
+  const hk_t v73 = v54 * v72;
+  const hk_t v74 = v69 - v73;
+  const hk_t v75 = v56 * v74;
+  const hk_t v76 = v68 + v75;
+  const hk_t v77 = v76 / v59;
+  const hk_t v78 = v6 - v77;
+  const hk_t v79 = v59 + HK_C(1.0);
+  const hk_t v80 = v59 * v79;
+  const hk_t v81 = v56 / v80;
+  const hk_t v82 = v81 * v65;
+  const hk_t v83 = v63 - v82;
+  const hk_t v84 = v81 * v76;
+  const hk_t v85 = v74 - v84;
+  const hk_t v86 = v83 / v85;
+  const hk_t v87 = v78 * v86;
+  const hk_t v88 = v67 - v87;
+  const hk_t v89 = v88 / v59;
+  const hk_t v90 = v42 * v89;
+  const hk_t v91 = v41 - v90;
+  const hk_t v92 = v72 / v25;
+  const hk_t v93 = v15 + v92;
+  const hk_t v94 = v93 * v86;
+  const hk_t v95 = v91 + v94;
+  const hk_t v96 = v95 / v25;
+  const hk_t v97 = HK_FABS(v96);
+  const hk_t v99 = HK_FMAX(v97, HK_C(1e-12));
+  const hk_t v100 = HK_C(1) / v99;
+  const hk_t v101 = HK_FMIN(HK_C(1.0), v100);
+  const hk_t v102 = HK_FABS(v89);
   const hk_t v103 = HK_FMAX(v102, HK_C(1e-12));
-  const hk_t v104 = HK_C(3.141592653589793) / v103;
-  const hk_t v105 = HK_FMIN(v100, v104);
-  const hk_t v106 = x[9];
-  const hk_t v107 = v91 * v106;
-  const hk_t v108 = -v107;
-  const hk_t v109 = HK_LT(HK_C(1e-12), v108);
-  const hk_t v111 = HK_C(5.0) - v4;
-  const hk_t v113 = HK_FMAX(v111, HK_C(0.0));
-  const hk_t v114 = HK_FMAX(v108, HK_C(1e-12));
-  const hk_t v115 = v113 / v114;
-  const hk_t v116 = HK_IF(v109, v115);
-  const hk_t v117 = HK_NOT(v109);
-  const hk_t v118 = HK_IF(v117, HK_C(1.0));
-  const hk_t v119 = v116 + v118;
-  const hk_t v120 = HK_FMIN(HK_C(1.0), v119);
-  const hk_t v121 = HK_LT(HK_C(1e-12), v107);
-  const hk_t v123 = HK_C(-5.0) - v4;
-  const hk_t v124 = -v123;
-  const hk_t v125 = HK_FMAX(v124, HK_C(0.0));
-  const hk_t v126 = HK_FMAX(v107, HK_C(1e-12));
-  const hk_t v127 = v125 / v126;
-  const hk_t v128 = HK_IF(v121, v127);
-  const hk_t v129 = HK_NOT(v121);
-  const hk_t v130 = HK_IF(v129, HK_C(1.0));
-  const hk_t v131 = v128 + v130;
-  const hk_t v132 = HK_FMIN(v120, v131);
-  const hk_t v133 = v84 * v106;
-  const hk_t v134 = -v133;
-  const hk_t v135 = HK_LT(HK_C(1e-12), v134);
-  const hk_t v136 = HK_C(5.0) - v27;
-  const hk_t v137 = HK_FMAX(v136, HK_C(0.0));
-  const hk_t v138 = HK_FMAX(v134, HK_C(1e-12));
-  const hk_t v139 = v137 / v138;
-  const hk_t v140 = HK_IF(v135, v139);
-  const hk_t v141 = HK_NOT(v135);
-  const hk_t v142 = HK_IF(v141, HK_C(1.0));
-  const hk_t v143 = v140 + v142;
-  const hk_t v144 = HK_FMIN(v132, v143);
-  const hk_t v145 = HK_LT(HK_C(1e-12), v133);
-  const hk_t v146 = HK_C(-5.0) - v27;
-  const hk_t v147 = -v146;
-  const hk_t v148 = HK_FMAX(v147, HK_C(0.0));
-  const hk_t v149 = HK_FMAX(v133, HK_C(1e-12));
-  const hk_t v150 = v148 / v149;
-  const hk_t v151 = HK_IF(v145, v150);
-  const hk_t v152 = HK_NOT(v145);
-  const hk_t v153 = HK_IF(v152, HK_C(1.0));
-  const hk_t v154 = v151 + v153;
-  const hk_t v155 = HK_FMIN(v144, v154);
-  const hk_t v156 = v81 * v106;
-  const hk_t v157 = HK_LT(HK_C(1e-12), v156);
-  const hk_t v159 = HK_C(12.566370614359172) - v5;
-  const hk_t v160 = HK_FMAX(v159, HK_C(0.0));
-  const hk_t v161 = HK_FMAX(v156, HK_C(1e-12));
-  const hk_t v162 = v160 / v161;
-  const hk_t v163 = HK_IF(v157, v162);
-  const hk_t v164 = HK_NOT(v157);
-  const hk_t v165 = HK_IF(v164, HK_C(1.0));
-  const hk_t v166 = v163 + v165;
-  const hk_t v167 = HK_FMIN(v155, v166);
-  const hk_t v168 = -v156;
-  const hk_t v169 = HK_LT(HK_C(1e-12), v168);
-  const hk_t v171 = HK_C(-12.566370614359172) - v5;
-  const hk_t v172 = -v171;
-  const hk_t v173 = HK_FMAX(v172, HK_C(0.0));
-  const hk_t v174 = HK_FMAX(v168, HK_C(1e-12));
-  const hk_t v175 = v173 / v174;
-  const hk_t v176 = HK_IF(v169, v175);
-  const hk_t v177 = HK_NOT(v169);
-  const hk_t v178 = HK_IF(v177, HK_C(1.0));
-  const hk_t v179 = v176 + v178;
-  const hk_t v180 = HK_FMIN(v167, v179);
-  const hk_t v181 = HK_FMIN(v105, v180);
-  const hk_t v182 = v181 * v91;
-  const hk_t v183 = -v182;
-  y[0] = v183;
-  const hk_t v185 = v181 * v84;
-  const hk_t v186 = -v185;
-  y[1] = v186;
-  const hk_t v188 = v181 * v81;
-  y[2] = v188;
-  y[3] = v181;
-  const hk_t v191 = HK_FMIN(v22, v54);
-  const hk_t v192 = HK_FABS(v80);
-  const hk_t v193 = HK_FMIN(v191, v192);
-  const hk_t v194 = HK_FMAX(v22, v54);
-  const hk_t v195 = HK_FMAX(v194, v192);
-  const hk_t v196 = v193 / v195;
-  y[4] = v196;
+  const hk_t v104 = HK_C(1) / v103;
+  const hk_t v105 = HK_FMIN(v101, v104);
+  const hk_t v107 = HK_FABS(v86);
+  const hk_t v108 = HK_FMAX(v107, HK_C(1e-12));
+  const hk_t v109 = HK_C(3.141592653589793) / v108;
+  const hk_t v110 = HK_FMIN(v105, v109);
+  const hk_t v111 = v96 * v9;
+  const hk_t v112 = -v111;
+  const hk_t v113 = HK_LT(HK_C(1e-12), v112);
+  const hk_t v115 = HK_C(5.0) - v4;
+  const hk_t v117 = HK_FMAX(v115, HK_C(0.0));
+  const hk_t v118 = HK_FMAX(v112, HK_C(1e-12));
+  const hk_t v119 = v117 / v118;
+  const hk_t v120 = HK_IF(v113, v119);
+  const hk_t v121 = HK_NOT(v113);
+  const hk_t v122 = HK_IF(v121, HK_C(1.0));
+  const hk_t v123 = v120 + v122;
+  const hk_t v124 = HK_FMIN(HK_C(1.0), v123);
+  const hk_t v125 = HK_LT(HK_C(1e-12), v111);
+  const hk_t v127 = HK_C(-5.0) - v4;
+  const hk_t v128 = -v127;
+  const hk_t v129 = HK_FMAX(v128, HK_C(0.0));
+  const hk_t v130 = HK_FMAX(v111, HK_C(1e-12));
+  const hk_t v131 = v129 / v130;
+  const hk_t v132 = HK_IF(v125, v131);
+  const hk_t v133 = HK_NOT(v125);
+  const hk_t v134 = HK_IF(v133, HK_C(1.0));
+  const hk_t v135 = v132 + v134;
+  const hk_t v136 = HK_FMIN(v124, v135);
+  const hk_t v137 = v89 * v9;
+  const hk_t v138 = -v137;
+  const hk_t v139 = HK_LT(HK_C(1e-12), v138);
+  const hk_t v140 = HK_C(5.0) - v30;
+  const hk_t v141 = HK_FMAX(v140, HK_C(0.0));
+  const hk_t v142 = HK_FMAX(v138, HK_C(1e-12));
+  const hk_t v143 = v141 / v142;
+  const hk_t v144 = HK_IF(v139, v143);
+  const hk_t v145 = HK_NOT(v139);
+  const hk_t v146 = HK_IF(v145, HK_C(1.0));
+  const hk_t v147 = v144 + v146;
+  const hk_t v148 = HK_FMIN(v136, v147);
+  const hk_t v149 = HK_LT(HK_C(1e-12), v137);
+  const hk_t v150 = HK_C(-5.0) - v30;
+  const hk_t v151 = -v150;
+  const hk_t v152 = HK_FMAX(v151, HK_C(0.0));
+  const hk_t v153 = HK_FMAX(v137, HK_C(1e-12));
+  const hk_t v154 = v152 / v153;
+  const hk_t v155 = HK_IF(v149, v154);
+  const hk_t v156 = HK_NOT(v149);
+  const hk_t v157 = HK_IF(v156, HK_C(1.0));
+  const hk_t v158 = v155 + v157;
+  const hk_t v159 = HK_FMIN(v148, v158);
+  const hk_t v160 = v86 * v9;
+  const hk_t v161 = HK_LT(HK_C(1e-12), v160);
+  const hk_t v163 = HK_C(12.566370614359172) - v5;
+  const hk_t v164 = HK_FMAX(v163, HK_C(0.0));
+  const hk_t v165 = HK_FMAX(v160, HK_C(1e-12));
+  const hk_t v166 = v164 / v165;
+  const hk_t v167 = HK_IF(v161, v166);
+  const hk_t v168 = HK_NOT(v161);
+  const hk_t v169 = HK_IF(v168, HK_C(1.0));
+  const hk_t v170 = v167 + v169;
+  const hk_t v171 = HK_FMIN(v159, v170);
+  const hk_t v172 = -v160;
+  const hk_t v173 = HK_LT(HK_C(1e-12), v172);
+  const hk_t v175 = HK_C(-12.566370614359172) - v5;
+  const hk_t v176 = -v175;
+  const hk_t v177 = HK_FMAX(v176, HK_C(0.0));
+  const hk_t v178 = HK_FMAX(v172, HK_C(1e-12));
+  const hk_t v179 = v177 / v178;
+  const hk_t v180 = HK_IF(v173, v179);
+  const hk_t v181 = HK_NOT(v173);
+  const hk_t v182 = HK_IF(v181, HK_C(1.0));
+  const hk_t v183 = v180 + v182;
+  const hk_t v184 = HK_FMIN(v171, v183);
+  const hk_t v185 = HK_FMIN(v110, v184);
+  const hk_t v186 = v185 * v96;
+  const hk_t v187 = -v186;
+  y[0] = v187;
+  const hk_t v189 = v185 * v89;
+  const hk_t v190 = -v189;
+  y[1] = v190;
+  const hk_t v192 = v185 * v86;
+  y[2] = v192;
+  y[3] = v185;
+  const hk_t v195 = HK_FMIN(v25, v59);
+  const hk_t v196 = HK_FABS(v85);
+  const hk_t v197 = HK_FMIN(v195, v196);
+  const hk_t v198 = HK_FMAX(v25, v59);
+  const hk_t v199 = HK_FMAX(v198, v196);
+  const hk_t v200 = v197 / v199;
+  y[4] = v200;
   y[5] = HK_C(1.0);
-  y[6] = v180;
-  const hk_t v200 = HK_FABS(v4);
-  const hk_t v202 = v200 / HK_C(1024.0);
-  const hk_t v203 = HK_FABS(v27);
-  const hk_t v204 = v203 / HK_C(1024.0);
-  const hk_t v205 = v202 + v204;
-  const hk_t v206 = HK_FABS(v5);
-  const hk_t v207 = v206 / HK_C(1024.0);
-  const hk_t v208 = v205 + v207;
-  const hk_t v209 = HK_FABS(v3);
-  const hk_t v210 = v209 / HK_C(1024.0);
-  const hk_t v211 = v208 + v210;
-  const hk_t v212 = HK_FABS(v41);
-  const hk_t v213 = v212 / HK_C(1024.0);
-  const hk_t v214 = v211 + v213;
-  const hk_t v215 = x[5];
-  const hk_t v216 = HK_FABS(v215);
+  y[6] = v184;
+  const hk_t v204 = HK_FABS(v4);
+  const hk_t v206 = v204 / HK_C(1024.0);
+  const hk_t v207 = HK_FABS(v30);
+  const hk_t v208 = v207 / HK_C(1024.0);
+  const hk_t v209 = v206 + v208;
+  const hk_t v210 = HK_FABS(v5);
+  const hk_t v211 = v210 / HK_C(1024.0);
+  const hk_t v212 = v209 + v211;
+  const hk_t v213 = HK_FABS(v3);
+  const hk_t v214 = v213 / HK_C(1024.0);
+  const hk_t v215 = v212 + v214;
+  const hk_t v216 = HK_FABS(v44);
   const hk_t v217 = v216 / HK_C(1024.0);
-  const hk_t v218 = v214 + v217;
-  const hk_t v219 = HK_FABS(v1);
-  const hk_t v220 = v219 / HK_C(1024.0);
-  const hk_t v221 = v218 + v220;
-  const hk_t v222 = HK_FABS(v40);
-  const hk_t v223 = v222 / HK_C(1024.0);
-  const hk_t v224 = v221 + v223;
-  const hk_t v225 = HK_FABS(v26);
-  const hk_t v226 = v225 / HK_C(1024.0);
-  const hk_t v227 = v224 + v226;
-  const hk_t v228 = HK_FABS(v106);
-  const hk_t v229 = v228 / HK_C(1024.0);
-  const hk_t v230 = v227 + v229;
-  const hk_t v231 = HK_FABS(v2);
-  const hk_t v232 = v231 / HK_C(1024.0);
-  const hk_t v233 = v230 + v232;
-  const hk_t v234 = HK_FABS(v25);
-  const hk_t v235 = v234 / HK_C(1024.0);
-  const hk_t v236 = v233 + v235;
-  y[7] = v236;
+  const hk_t v218 = v215 + v217;
+  const hk_t v219 = x[5];
+  const hk_t v220 = HK_FABS(v219);
+  const hk_t v221 = v220 / HK_C(1024.0);
+  const hk_t v222 = v218 + v221;
+  const hk_t v223 = HK_FABS(v1);
+  const hk_t v224 = v223 / HK_C(1024.0);
+  const hk_t v225 = v222 + v224;
+  const hk_t v226 = HK_FABS(v43);
+  const hk_t v227 = v226 / HK_C(1024.0);
+  const hk_t v228 = v225 + v227;
+  const hk_t v229 = x[8];
+  const hk_t v230 = HK_FABS(v229);
+  const hk_t v231 = v230 / HK_C(1024.0);
+  const hk_t v232 = v228 + v231;
+  const hk_t v233 = HK_FABS(v29);
+  const hk_t v234 = v233 / HK_C(1024.0);
+  const hk_t v235 = v232 + v234;
+  const hk_t v236 = HK_FABS(v9);
+  const hk_t v237 = v236 / HK_C(1024.0);
+  const hk_t v238 = v235 + v237;
+  const hk_t v239 = HK_FABS(v2);
+  const hk_t v240 = v239 / HK_C(1024.0);
+  const hk_t v241 = v238 + v240;
+  const hk_t v242 = HK_FABS(v28);
+  const hk_t v243 = v242 / HK_C(1024.0);
+  const hk_t v244 = v241 + v243;
+  y[7] = v244;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -661,17 +670,17 @@ static int hk_finite(const hk_t *x, int count) {
 }
 
 /* Single precision, and too near a singularity for four digits. */
-static int hk_rough(hk_t conditioning, hk_t margin) {
+static int hk_rough(hk_t rcond, hk_t margin) {
 #ifdef HK_PRECISE
-  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || conditioning * margin < HK_C(HK_BOTH);
+  return rcond < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || rcond * margin < HK_C(HK_BOTH);
 #else
-  (void)conditioning;
+  (void)rcond;
   (void)margin;
   return 0;
 #endif
 }
 
-/* y: `count` results, then the conditioning and the margin of representations. */
+/* y: `count` results, then rcond and the margin of representations. */
 static int hk_deliver(const hk_t *y, int count, hk_t *out) {
   const int sound = HK_SOUND(y[count], y[count + 1]) && hk_finite(y, count);
   for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
@@ -684,20 +693,21 @@ static int hk_refuse(int count, hk_t *out) {
   return PPR_NOT_FINITE;
 }
 
-/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning,
-   margin, room, given): room is the scale that positions allow, given is finite where all arguments are.
-   held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position.
-   out: dq, then the scale.
+/* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, given):
+   room is the scale that positions allow, given is finite where all arguments are.
+   pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
+   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, dt, the gain and the constraint
+   gain. out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
    dq is zero. */
-HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, const hk_t *held) {
-  enum { size = HK_N + HK_POSE + HK_M + HK_HOLD };
+HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out, const hk_t *parameters) {
+  enum { size = HK_N + HK_POSE + HK_TWIST + HK_PARAMETERS };
   hk_t x[size], y[HK_N + 5];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
-  for (int i = 0; i < HK_M; i++) x[HK_N + HK_POSE + i] = dx[i];
-  for (int i = 0; i < HK_HOLD; i++) x[HK_N + HK_POSE + HK_M + i] = held[i];
+  for (int i = 0; i < HK_TWIST; i++) x[HK_N + HK_POSE + i] = twist[i];
+  for (int i = 0; i < HK_PARAMETERS; i++) x[HK_N + HK_POSE + HK_TWIST + i] = parameters[i];
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
   const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]);
@@ -711,14 +721,14 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
 #endif
   if (y[HK_N] >= HK_C(1)) return 0;
-  return y[HK_N + 3] > HK_C(HK_HELD) ? 1 : 2;
+  return y[HK_N + 3] > HK_C(HK_AT_LIMIT) ? 1 : 2;
 }
 
-void ppr_defaults(ppr_hold *hold) {
-  hold->leaf[0] = HK_C(1.2276018366025516);
-  hold->dt = HK_C(0.001);
-  hold->gain = HK_C(100.0);
-  hold->leaf_gain = HK_C(100.0);
+void ppr_defaults(ppr_parameters *parameters) {
+  parameters->leaf[0] = HK_C(1.2276018366025516);
+  parameters->dt = HK_C(0.001);
+  parameters->gain = HK_C(100.0);
+  parameters->constraint_gain = HK_C(100.0);
 }
 
 void ppr_start(ppr_real q[3]) {
@@ -750,20 +760,21 @@ int ppr_rate(const ppr_real q[3], const ppr_real dx[2], ppr_real dq[3]) {
   return hk_deliver(y, HK_N, dq);
 }
 
-int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real dx[2],
-    const ppr_hold *hold, ppr_real dq[3], ppr_real *scale) {
-  hk_t held[HK_HOLD], out[HK_N + 1];
-  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];
-  held[HK_R] = hold->dt;
-  held[HK_R + 1] = hold->gain;
-  held[HK_R + 2] = hold->leaf_gain;
-  if (!(hold->dt > HK_C(0) && hold->gain >= HK_C(0) && hold->gain * hold->dt < HK_C(2) &&
-        hold->leaf_gain >= HK_C(0) && hold->leaf_gain * hold->dt < HK_C(2))) {
+int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real twist[3],
+    const ppr_parameters *parameters, ppr_real dq[3], ppr_real *scale) {
+  hk_t values[HK_PARAMETERS], out[HK_N + 1];
+  const hk_t dt = parameters->dt, gain = parameters->gain, constraint_gain = parameters->constraint_gain;
+  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];
+  values[HK_R] = dt;
+  values[HK_R + 1] = gain;
+  values[HK_R + 2] = constraint_gain;
+  if (!(dt > HK_C(0) && gain >= HK_C(0) && gain * dt < HK_C(2) && constraint_gain >= HK_C(0) &&
+        constraint_gain * dt < HK_C(2))) {
     *scale = HK_C(0);
     hk_refuse(HK_N, dq);
-    return PPR_BAD_HOLD;
+    return PPR_BAD_PARAMETERS;
   }
-  const int status = hk_step(q, target, dx, out, held);
+  const int status = hk_step(q, target, twist, out, values);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];
   *scale = out[HK_N];
   return status;

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x78505865a7dbac5cU
+#define PPR_EXPORT 0x250dc9c1591e247aU
 
 #ifdef __cplusplus
 extern "C" {
@@ -29,7 +29,8 @@ enum {
   PPR_N = 3,      /* joints */
   PPR_M = 2,      /* task rows */
   PPR_R = 1,      /* numbers of a leaf */
-  PPR_TARGET = 3 /* numbers of a wanted pose */
+  PPR_TARGET = 3, /* numbers of a wanted pose */
+  PPR_TWIST = 3   /* numbers of the twist that leads there */
 };
 
 enum {
@@ -40,19 +41,19 @@ enum {
   PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   PPR_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
-  PPR_BAD_HOLD = 6      /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  PPR_BAD_PARAMETERS = 6 /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
 };
 
-/* What a control step holds on to. ppr_defaults gives that of the start posture, with gains of 0.1/dt: another dt
-   wants other gains, below 2/dt. */
+/* The parameters of a control step. ppr_defaults gives those of the start posture, with gains of 0.1/dt: another
+   dt wants other gains, below 2/dt. */
 typedef struct {
-  ppr_real leaf[1];   /* c = g(q) of the leaf to hold */
-  ppr_real dt;        /* the loop's step [s] */
-  ppr_real gain;      /* K [1/s]: how fast the tool comes back to its path */
-  ppr_real leaf_gain; /* K_g [1/s]: how fast the joints come back to their leaf */
-} ppr_hold;
+  ppr_real leaf[1];         /* c = g(q) of the leaf to hold */
+  ppr_real dt;              /* the loop's step [s] */
+  ppr_real gain;            /* K [1/s]: how fast an error of the tool fades */
+  ppr_real constraint_gain; /* K_g [1/s]: how fast the joints are led back to their leaf */
+} ppr_parameters;
 
-void ppr_defaults(ppr_hold *hold);
+void ppr_defaults(ppr_parameters *parameters);
 void ppr_start(ppr_real q[3]);
 
 /* The tool's pose T at q. */
@@ -62,10 +63,11 @@ int ppr_pose(const ppr_real q[3], ppr_real T[16]);
 int ppr_gain(const ppr_real q[3], ppr_real G[6]);
 int ppr_rate(const ppr_real q[3], const ppr_real dx[2], ppr_real dq[3]);
 
-/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the
-   path and to the leaf, slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
-int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real dx[2],
-    const ppr_hold *hold, ppr_real dq[3], ppr_real *scale);
+/* One control step: joint rates dq that take the tool to `target`, where it is wanted at the end of the step, with
+   feedback to the path and to the leaf. `twist` is the constant one that takes the wanted pose of now there: a velocity in the base frame, 3 numbers [m/s].
+   dq is slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
+int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real twist[3],
+    const ppr_parameters *parameters, ppr_real dq[3], ppr_real *scale);
 
 /* The constraint's value g(q); leaves are g(q) = c. */
 int ppr_constraint(const ppr_real q[3], ppr_real g[1]);

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x78505865a7dbac5cU
+#if PPR_EXPORT != 0x250dc9c1591e247aU
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x78505865a7dbac5cU
+#if PPR_VECTORS != 0x250dc9c1591e247aU
 #error "these files are of different exports: export again"
 #endif
 
@@ -66,29 +66,30 @@ static void copy(const double *from, real *to, int count) {
 
 int main(void) {
   double worst[7] = {0};
-  real q[3], target[3], dx[2], T[16], G[6], dq[3], scale;
-  ppr_hold hold;
+  real q[3], target[3], dx[2], twist[3], T[16], G[6], dq[3], scale;
+  ppr_parameters parameters;
   real c[1], g[1];
-  ppr_defaults(&hold);
+  ppr_defaults(&parameters);
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
 #ifdef PPR_FLOAT
     const double most = v->precise ? TOLERANCE : 1e-2;
-    const double fed_back = most * (v->precise ? v->terms : fmax(1.0, (double)hold.gain / 100.0));
+    const double fed_back = most * (v->precise ? v->terms : fmax(1.0, (double)parameters.gain / 100.0));
 #else
     const double most = TOLERANCE * v->loss;
-    const double fed_back = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
+    const double fed_back = most * fmax(1.0, (double)parameters.gain / 100.0); /* it multiplies what the pose is off */
 #endif
     copy(v->q, q, 3);
     copy(v->target, target, 3);
     copy(v->dx, dx, 2);
+    copy(v->twist, twist, 3);
     const int status = ppr_gain(q, G), rough = !v->precise && sizeof(real) < sizeof(double);
     if (rough && status == PPR_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
     if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, 6, most, worst[1]);
     if (accept("pose", k, ppr_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
     if (accept("rate", k, ppr_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, 3, most, worst[2]);
-    const int stepped = ppr_step(q, target, dx, &hold, dq, &scale);
+    const int stepped = ppr_step(q, target, twist, &parameters, dq, &scale);
     if (stepped == v->status || accept("step", k, stepped, rough)) {
       worst[3] = compare("step", k, dq, v->step, 3, fed_back, worst[3]);
       worst[3] = compare("scale", k, &scale, &v->scale, 1, fed_back, worst[3]);
@@ -106,17 +107,23 @@ int main(void) {
     copy(vectors[0].q, q, 3);
     copy(vectors[0].target, target, 3);
     copy(vectors[0].dx, dx, 2);
+    copy(vectors[0].twist, twist, 3);
     for (int i = 0; i < 2; i++) {
       const real good = dx[i];
       dx[i] = bad[b];
       expect("rate of a bad dx", ppr_rate(q, dx, dq), PPR_NOT_FINITE, dq, 3);
-      expect("step of a bad dx", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
       dx[i] = good;
+    }
+    for (int i = 0; i < 3; i++) {
+      const real good = twist[i];
+      twist[i] = bad[b];
+      expect("step of a bad twist", ppr_step(q, target, twist, &parameters, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      twist[i] = good;
     }
     for (int i = 0; i < 3; i++) {
       const real good = target[i];
       target[i] = bad[b];
-      expect("step to a bad target", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      expect("step to a bad target", ppr_step(q, target, twist, &parameters, dq, &scale), PPR_NOT_FINITE, dq, 3);
       copy(vectors[0].c, c, 1);
       expect("leaf step to a bad target", ppr_leaf_step(q, target, c, dq), PPR_NOT_FINITE, dq, 3);
       expect("inverse of a bad target", ppr_inverse(q, target, c, 200), PPR_NOT_FINITE, dq, 0);
@@ -127,14 +134,14 @@ int main(void) {
       q[i] = bad[b];
       expect("pose of a bad q", ppr_pose(q, T), PPR_NOT_FINITE, T, 16);
       expect("gain of a bad q", ppr_gain(q, G), PPR_NOT_FINITE, G, 6);
-      expect("step of a bad q", ppr_step(q, target, dx, &hold, dq, &scale), PPR_NOT_FINITE, dq, 3);
+      expect("step of a bad q", ppr_step(q, target, twist, &parameters, dq, &scale), PPR_NOT_FINITE, dq, 3);
       q[i] = good;
     }
-    ppr_hold odd = hold;
+    ppr_parameters odd = parameters;
     odd.dt = bad[b];
-    expect("step with a bad dt", ppr_step(q, target, dx, &odd, dq, &scale), PPR_BAD_HOLD, dq, 3);
-    odd.dt = -hold.dt;
-    expect("step with a negative dt", ppr_step(q, target, dx, &odd, dq, &scale), PPR_BAD_HOLD, dq, 3);
+    expect("step with a bad dt", ppr_step(q, target, twist, &odd, dq, &scale), PPR_BAD_PARAMETERS, dq, 3);
+    odd.dt = -parameters.dt;
+    expect("step with a negative dt", ppr_step(q, target, twist, &odd, dq, &scale), PPR_BAD_PARAMETERS, dq, 3);
   }
   printf("ppr, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e, constraint %.1e, leaf step %.1e, inverse %.1e; %s\n",
          PRECISION, tested, worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6], failures ? "FAILED" : "passed");

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..motion import ControlLaw, Law
+from ..motion import ControlLaw, Step
 from ..path import Path
 from ..types import Matrix, Vector
 from .questions import ALIKE, Answer, Bench, largest
@@ -36,7 +36,7 @@ class _Call:
     dt: float
     answer: Vector
 
-    def again(self, law: Law) -> Vector:
+    def again(self, law: Step) -> Vector:
         """The law's answer now."""
         return np.asarray(law(self.q.copy(), self.pose.copy(), self.twist.copy(), self.dt), dtype=float)
 
@@ -106,7 +106,7 @@ def ask_history(bench: Bench, path: Path) -> Answer:
 def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:
     """The law, with its calls and answers written down."""
 
-    def see(_inner: Law, call: _Call, _step: int) -> None:
+    def see(_inner: Step, call: _Call, _step: int) -> None:
         calls.append(call)
 
     return _watched(law, see)
@@ -115,7 +115,7 @@ def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:
 def _compared(law: ControlLaw, first: list[_Call], tally: _Tally) -> ControlLaw:
     """The law in a new run of the same way: its answers compared for as long as it is asked the same."""
 
-    def see(_inner: Law, call: _Call, step: int) -> None:
+    def see(_inner: Step, call: _Call, step: int) -> None:
         if step < len(first) and first[step].alike(call.q, call.pose, call.twist, call.dt):
             tally.note(SAME_RUN, first[step], call.answer)
 
@@ -130,7 +130,7 @@ def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, start: Vecto
         for k, old in enumerate(places):  # one a step: all at once would look like a call that does not return
             questions.setdefault(min(step + k, len(first) - 1), []).append(old)
 
-    def see(inner: Law, call: _Call, step: int) -> None:
+    def see(inner: Step, call: _Call, step: int) -> None:
         if step in places:
             for _ in range(IN_A_ROW):
                 tally.note(AT_ONCE, call, call.again(inner))
@@ -143,10 +143,10 @@ def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, start: Vecto
     return _watched(law, see)
 
 
-def _watched(law: ControlLaw, see: Callable[[Law, _Call, int], None]) -> ControlLaw:
+def _watched(law: ControlLaw, see: Callable[[Step, _Call, int], None]) -> ControlLaw:
     """The law, with somebody who sees each call of a run, and may ask more."""
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         inner = law.begin(q0)
         step = -1
 

@@ -129,21 +129,20 @@ class FollowKernel:
 
 
 class StepMemory(threading.local):
-    """A thread's own results of a control step: `out` is dq, scale, status, and `dq` a view of it.
+    """A thread's own results of a control step: `out` is dq (n,), scale, status.
 
     latest: one array in a list that all threads share, the results of the thread that steps at present.
     """
 
-    def __init__(self, size: int, latest: list[Array]) -> None:
-        self.out = np.zeros(size + 2)
-        self.dq = self.out[:size]
+    def __init__(self, joints: int, latest: list[Array]) -> None:
+        self.out = np.zeros(joints + 2)
         self.place = self.out.ctypes.data
         self.latest, self.stepped = latest, False
 
-    def enter(self) -> tuple[int, Array]:
-        """This thread steps from now on: (address of out, dq)."""
+    def enter(self) -> int:
+        """This thread steps from now on: the address of out."""
         self.latest[0], self.stepped = self.out, True
-        return self.place, self.dq
+        return self.place
 
     @property
     def last(self) -> Array:
@@ -160,7 +159,7 @@ class _Copies(threading.local):
 
 
 class StepKernel:
-    """hk_step of a control step (q, pose, dx, held) -> (dq, scale, conditioning, margin), and its binding to Python."""
+    """hk_step of a control step (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), for Python."""
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
         code = step_source(made, inputs, outputs, figures)
@@ -170,37 +169,37 @@ class StepKernel:
         self._run.restype = ctypes.c_int
         self.shapes = tuple(inputs[:3])
 
-    def bind(self, held: Array, memory: StepMemory, convert: Callable[..., tuple[Array, ...]]) -> Callable[..., Array]:
-        """(q, pose, dx) -> dq, in the memory of the thread that calls.
+    def bind(
+        self, parameters: Array, memory: StepMemory, convert: Callable[..., tuple[Array, ...]]
+    ) -> Callable[..., Array]:
+        """(q, pose, twist) -> dq, a new array; scale and status are in the memory of the thread that calls.
 
-        convert: makes of arguments that are no float arrays as they are needed such arrays, newly made.
+        Args:
+            parameters: contiguous floats, read at each call.
+            convert: makes of three arguments float arrays of the right shapes, newly made.
         """
         glue = _glue()
         if glue is not None:
-            address, square = ctypes.cast(self._run, ctypes.c_void_p).value, int(len(self.shapes[1]) == 2)
-            sizes = [int(np.prod(shape)) for shape in self.shapes]
-            last = len(memory.out) - 1
-            return glue.bind(address, held.ctypes.data, *sizes, square, last, memory, convert, (self._library, held))
-        run, held_at, copies = self._run, held.ctypes.data, _Copies(self.shapes)
+            address, (joints,), point = ctypes.cast(self._run, ctypes.c_void_p).value, *self.shapes[:2]
+            kept = self._library, parameters
+            return glue.bind(address, parameters.ctypes.data, joints, len(point) == 1, memory, convert, kept)
+        run, parameters_at, copies = self._run, parameters.ctypes.data, _Copies(self.shapes)
 
-        def step(*arguments: Array) -> Array:
-            fit = len(arguments) == 3 and all(
-                isinstance(value, np.ndarray) and value.shape == copy.shape and value.dtype == copy.dtype
-                for copy, value in zip(copies.arrays, arguments, strict=True)
-            )
-            for copy, value in zip(copies.arrays, arguments if fit else convert(*arguments), strict=True):
+        def step(*arguments: Any) -> Array:
+            for copy, value in zip(copies.arrays, convert(*arguments), strict=True):
                 copy[...] = value
-            out_at, dq = memory.enter()
-            memory.out[-1] = run(*copies.places, out_at, held_at)
-            return dq
+            out_at = memory.enter()
+            memory.out[-1] = run(*copies.places, out_at, parameters_at)
+            return memory.out[:-2].copy()
 
-        step.__dict__["kept"] = held  # C reads it by its address
+        step.__dict__["kept"] = parameters  # C reads them by their address
         return step
 
 
 @cache
 def _glue() -> Any:
-    """The extension module that binds C steps to Python; None where Python's headers are missing."""
+    """The extension module that binds C steps to Python; None where Python's headers are missing, or NumPy's arrays
+    are laid out otherwise than it knows."""
     folder = sysconfig.get_paths().get("include", "")
     if not (Path(folder) / "Python.h").is_file():
         return None
@@ -211,4 +210,10 @@ def _glue() -> Any:
     # The library is loaded already, from memory: its module is asked for here and not by a path.
     start: Any = ctypes.PyDLL("holokin_glue", handle=built._handle).PyInit_holokin_glue
     start.restype = ctypes.py_object
-    return start()
+    module = start()
+    sample = np.arange(15.0).reshape(3, 5)
+    odd = np.zeros(17, np.uint8)[1:].view(float)  # not aligned
+    known = module.know(
+        np.ndarray, np.ndarray.__basicsize__, sample.dtype, np.empty, sample, sample.T, odd, sample.ctypes.data
+    )
+    return module if known else None

@@ -79,6 +79,6 @@ def _places(shapes: Shapes):
 def step_source(made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
     """The C of a control step: prelude, sizes, generated body, hk_step."""
     each = [int(np.prod(shape)) for shape in inputs]
-    sizes = dict(zip(("N", "POSE", "M", "HOLD"), each, strict=True)) | figures
+    sizes = dict(zip(("N", "POSE", "TWIST", "PARAMETERS"), each, strict=True)) | figures
     head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
     return source(SCALAR, head, body(made, inputs, outputs, "hk_step_body"), "step.c")

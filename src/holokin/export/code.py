@@ -15,9 +15,9 @@ import numpy as np
 
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
-from ..motion import leaf_value, step_function
+from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
-from ..motion.control_step import HELD
+from ..motion.control_step import AT_LIMIT
 from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
@@ -25,7 +25,7 @@ from ..tolerances import TOLERANCES
 from ..types import Vector
 
 SINGULAR_FLOAT, REPRESENTATION_FLOAT = 2e-3, 5e-3
-"""Conditioning, and distance from a representation's singularity, below which single precision is called singular: at
+"""rcond, and distance from a representation's singularity, below which single precision is called singular: at
 them two digits are left."""
 
 PRECISE_FLOAT, CLEAR_FLOAT = 0.04, 0.03
@@ -84,24 +84,23 @@ class Source:
             raise ExportError(fact, "take a shorter law; of a radial one hk.strategies.fitted makes a polynomial")
 
     @property
-    def held(self) -> HolonomicStrategy | None:
+    def holonomic(self) -> HolonomicStrategy | None:
         """The strategy, where it has a leaf to hold."""
-        s = self.strategy
-        return s if isinstance(s, HolonomicStrategy) and s.task.n > s.task.m else None
+        return self.strategy if has_leaf(self.strategy) else None
 
     @cached_property
     def leaf(self) -> Vector:
         """The leaf c (r,) of the start; empty without a constraint."""
-        return leaf_value(self.held, self.start) if self.held else np.zeros(0)
+        return leaf_value(self.holonomic, self.start) if self.holonomic else np.zeros(0)
 
     @property
-    def hold(self) -> Vector:
+    def parameters(self) -> Vector:
         """(c, dt, K, K_g) by default: errors fade by a tenth each step."""
         return np.concatenate([self.leaf, [self.dt, 0.1 / self.dt, 0.1 / self.dt]])
 
     @cached_property
     def functions(self) -> dict[str, Function]:
-        """By the name of their C; results first, then conditioning and margin."""
+        """By the name of their C; results first, then rcond and margin."""
         s = self.strategy
         e = s.expressions
         T = SX.eye(4)
@@ -112,12 +111,12 @@ class Source:
             "rate": s.rate,
             "step": step_function(s, self.limits),
         }
-        if held := self.held:
+        if holonomic := self.holonomic:
             found["constraint"] = _checked(
-                "constraint", {"q": e.q}, {"g": held.constraint_expression}, s.margin_expression
+                "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s.margin_expression
             )
-            found["leaf"] = leaf_step(held)
-            found["extended"] = extended_jacobian(held)
+            found["leaf"] = leaf_step(holonomic)
+            found["extended"] = extended_jacobian(holonomic)
         return found
 
     @cached_property
@@ -125,7 +124,7 @@ class Source:
         """What the templates need."""
         s, task, robot = self.strategy, self.strategy.task, self.strategy.task.robot
         position, r = task.orientation is None, len(self.leaf)
-        constraint = self.held.constraint if self.held else None
+        constraint = self.holonomic.constraint if self.holonomic else None
         units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
         t = TOLERANCES
         return {
@@ -136,12 +135,15 @@ class Source:
             if constraint
             else "The strategy keeps no leaf; whether it comes home is for `holokin run` to tell.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
+            "twist": 3 if position else 6,
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
             "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
             "target_words": "a position in the base frame, 3 numbers" if position else
             "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
+            "twist_words": "a velocity in the base frame, 3 numbers [m/s]" if position else
+            "6 numbers, linear first, in the base frame [m/s, rad/s]",
             "singular_words": "J, [J; J_g] or H loses rank, the representation does, or a result overflows",
-            "leaf_member": f"  {self.name}_real leaf[{r}];   /* c = g(q) of the leaf to hold */\n" if r else "",
+            "leaf_member": f"  {self.name}_real leaf[{r}];         /* c = g(q) of the leaf to hold */\n" if r else "",
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
             "done": _c(DONE), "newtons": NEWTONS,
@@ -149,20 +151,20 @@ class Source:
             "both": _c(BOTH_FLOAT), "least_float": _c(LEAST_FLOAT),
             "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
             "done_float": _c(DONE_FLOAT),
-            "held": _c(HELD), "contraction": _c(t.contraction),
-            "defaults": "".join(f"  hold->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
+            "at_limit": _c(AT_LIMIT), "contraction": _c(t.contraction),
+            "defaults": "".join(f"  parameters->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
             + "".join(
-                f"  hold->{key} = HK_C({_c(value)});\n"
-                for key, value in zip(("dt", "gain", "leaf_gain"), self.hold[r:], strict=True)
+                f"  parameters->{key} = HK_C({_c(value)});\n"
+                for key, value in zip(("dt", "gain", "constraint_gain"), self.parameters[r:], strict=True)
             ),
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
-            "held_copy": "  for (int i = 0; i < HK_R; i++) held[i] = hold->leaf[i];\n" if r else "",
+            "leaf_copy": "  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];\n" if r else "",
             "gather": _gather(position),
             "angular": ", ".join(str(int(flag)) for flag in (constraint.angular if constraint else ())),
             "beyond": _beyond(self) or "  (void)q;\n",
             "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
             "dt": f"{self.dt:g}",
-            "hold_words": "and the leaf of the start" if r else "no leaf",
+            "leaf_words": "and the leaf of the start" if r else "no leaf",
         }  # fmt: skip
 
 
@@ -177,8 +179,8 @@ def _beyond(source: Source) -> str:
 
 
 def _checked(name: str, inputs: Mapping[str, SX], outputs: Mapping[str, SX], margin: SX) -> Function:
-    """A function whose results are followed by a conditioning of 1 and a margin, as `hk_deliver` wants them."""
-    return Function(name, inputs, {**outputs, "conditioning": SX(1), "margin": margin})
+    """A function whose results are followed by an rcond of 1 and a margin, as `hk_deliver` wants them."""
+    return Function(name, inputs, {**outputs, "rcond": SX(1), "margin": margin})
 
 
 def _gather(position: bool) -> str:
@@ -219,7 +221,7 @@ def text(name: str, words: Mapping[str, Any]) -> str:
 
 def header(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.h."""
-    return text("interface.h", {**words, "leaf_interface": text("leaf.h", words) if source.held else ""})
+    return text("interface.h", {**words, "leaf_interface": text("leaf.h", words) if source.holonomic else ""})
 
 
 def library(source: Source, words: Mapping[str, Any]) -> str:
@@ -228,11 +230,11 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         bodies = "".join(
             function.c(f"hk_{key}_body") for key, function in source.functions.items() if key != "extended"
         )
-        branch = branch_code(source.held) if source.held else ""
+        branch = branch_code(source.holonomic) if source.holonomic else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
     drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path")}
-    leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.held else ""
+    leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""
     return text("interface.c", {**words, **parts, "bodies": solver + bodies})

@@ -111,18 +111,18 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
         ("pose", f"{name}_pose(q, T)", "the tool's pose T (4x4) at q"),
         ("gain", f"{name}_gain(q, G)", f"G ({n}x{m})"),
         ("rate", f"{name}_rate(q, dx, dq)", "dq = G dx"),
-        ("step", f"{name}_step(q, target, dx, &hold, dq, &scale)", "one control step with feedback"),
+        ("step", f"{name}_step(q, target, twist, &parameters, dq, &scale)", "one control step with feedback"),
     ]
-    if source.held:
+    if source.holonomic:
         rows += [
             ("constraint", f"{name}_constraint(q, g)", f"g(q), {r} number{'s' if r > 1 else ''}"),
             ("leaf", f"{name}_leaf_step(q, target, c, dq)", "one Newton step to the wanted pose on the leaf c"),
         ]
     functions = [f"| `{call}` | {gives} | {operations[key]} |" for key, call, gives in rows]
-    if source.held:
+    if source.holonomic:
         functions.append(
             f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
-            f"{operations['leaf']} a Newton step, {_look(source.held)} for a look at a piece |"
+            f"{operations['leaf']} a Newton step, {_look(source.holonomic)} for a look at a piece |"
         )
     dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
     note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
 from ..motion.leaf import leaf_step, leaf_walker, straight_way
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
@@ -80,36 +81,50 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
-    dx = _single(rng.uniform(-0.2, 0.2, s.task.m))
-    G, conditioning, margin = s.gain(q)
-    if not (conditioning > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
+    twist = _single(rng.uniform(-0.2, 0.2, 3 if s.task.orientation is None else 6))
+    G, rcond, margin = s.gain(q)
+    if not (rcond > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
-    precise = _is_precise(conditioning, margin)
+    precise = _is_precise(rcond, margin)
     if only_precise and not precise:
         return None
     pose = _single(robot.pose(there, s.task.tip))
     target = pose[:3, 3] if s.task.orientation is None else pose
-    dq, scale, *_ = source.functions["step"](q, target, dx, source.hold)
+    dx = _single(_task_rates(s.task, pose, twist))
+    if not np.isfinite(dx).all():
+        return None
+    dq, scale, *_ = source.functions["step"](q, target, twist, source.parameters)
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
     values = {
-        "q": q, "target": np.ravel(target), "dx": dx, "pose": robot.pose(q, s.task.tip).ravel(), "gain": np.ravel(G),
-        "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
+        "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": robot.pose(q, s.task.tip).ravel(),
+        "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
-    if held := source.held:
-        c = _single(np.atleast_1d(held.constraint_value(there)))
+    if holonomic := source.holonomic:
+        c = _single(np.atleast_1d(holonomic.constraint_value(there)))
         position, rotation = pose[:3, 3], np.eye(3) if s.task.orientation is None else pose[:3, :3]
         try:
-            here = np.atleast_1d(held.constraint_value(q))
-            levels = here, here + held.constraint.nearest(c - here)
-            home = leaf_walker(held, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
+            here = np.atleast_1d(holonomic.constraint_value(q))
+            levels = here, here + holonomic.constraint.nearest(c - here)
+            home = leaf_walker(holonomic, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
         except HolokinError:
             return None
-        step = leaf_step(held)(q, position, rotation, c)[0]
+        step = leaf_step(holonomic)(q, position, rotation, c)[0]
         precise = precise and _is_precise(*s.gain(home)[1:])
-        values |= {"c": c, "g": np.atleast_1d(held.constraint_value(q)), "leaf": np.atleast_1d(step), "inverse": home}
-    loss = max(1.0, 0.01 / conditioning, 0.01 / margin)
+        values |= {
+            "c": c,
+            "g": np.atleast_1d(holonomic.constraint_value(q)),
+            "leaf": np.atleast_1d(step),
+            "inverse": home,
+        }
+    loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
+
+
+def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
+    """x' (m,) of a tool at a pose that moves with a twist (6,), or with a velocity (3,)."""
+    v, w = np.concatenate([twist, np.zeros(3)])[:6].reshape(2, 1, 3)
+    return task.rates_batch(pose[None, :3, :3], v, w)[0][0]
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:
@@ -121,10 +136,10 @@ def _load(source: Source, q: Vector, dq: Vector) -> float:
     return float(np.max(np.nan_to_num(loads, nan=0.0)))
 
 
-def _is_precise(conditioning: float, margin: float) -> bool:
+def _is_precise(rcond: float, margin: float) -> bool:
     """Clear of where the status says that single precision has no four digits."""
-    clear = margin > 1.5 * CLEAR_FLOAT and conditioning * margin > 1.5 * BOTH_FLOAT
-    return bool(conditioning > 1.5 * PRECISE_FLOAT and clear)
+    clear = margin > 1.5 * CLEAR_FLOAT and rcond * margin > 1.5 * BOTH_FLOAT
+    return bool(rcond > 1.5 * PRECISE_FLOAT and clear)
 
 
 def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.random.Generator) -> float:
@@ -135,23 +150,25 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     """
     s, position = source.strategy, source.strategy.task.orientation is None
     q, G = values["q"], np.abs(values["gain"].reshape(s.task.n, -1))
-    gain, leaf_gain = source.hold[-2:]
+    dt, gain, constraint_gain = source.parameters[-3:]
     error = np.abs(s.task.error(q, pose[:3, 3], np.eye(3) if position else pose[:3, :3]))
-    terms = {"step": G @ (np.abs(values["dx"]) + gain * error)}
-    if held := source.held:
-        L, here, nearest = np.abs(extended_jacobian(held)(q)[1][:, s.task.m :]), values["g"], held.constraint.nearest
-        terms["step"] += leaf_gain * (L @ np.abs(nearest(source.leaf - here)))
+    terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
+    if holonomic := source.holonomic:
+        L, here = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
+        nearest = holonomic.constraint.nearest
+        terms["step"] += constraint_gain * (L @ np.abs(nearest(source.leaf - here)))
         terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - here))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
-        near, to, hold = _nudged(q, rng), pose.copy(), source.hold
+        near, to, parameters = _nudged(q, rng), pose.copy(), source.parameters
         to[:3, 3], to[:3, :3] = _nudged(pose[:3, 3], rng, 0.0), _nudged(pose[:3, :3], rng)
-        hold[:-3] = _nudged(hold[:-3], rng)
-        found = {"step": source.functions["step"](near, to[:3, 3] if position else to, values["dx"], hold)[0]}
-        if held:
+        parameters[:-3] = _nudged(parameters[:-3], rng)
+        target = to[:3, 3] if position else to
+        found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
+        if holonomic:
             turned, level = np.eye(3) if position else to[:3, :3], _nudged(values["c"], rng)
-            found["leaf"] = leaf_step(held)(near, to[:3, 3], turned, level)[0]
+            found["leaf"] = leaf_step(holonomic)(near, to[:3, 3], turned, level)[0]
         for key, value in found.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}
@@ -172,8 +189,8 @@ def singular_posture(source: Source) -> Vector | None:
             for first in range(n):
                 q = source.start.copy()
                 q[(first + np.arange(n - keep)) % n] = value
-                _, conditioning, margin = gain(q)
-                if np.isfinite(conditioning) and min(conditioning, margin) < 1e-13:
+                _, rcond, margin = gain(q)
+                if np.isfinite(rcond) and min(rcond, margin) < 1e-13:
                     return q
     return None
 
@@ -211,7 +228,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = ""
-    if source.held:
+    if source.holonomic:
         declare = f"  real c[{r}], g[{r}];\n"
         leaf_tests = (
             f"    copy(v->c, c, {r});\n"
@@ -232,7 +249,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     at_singular = ""
     if singular is not None:
         failed = words["NAME"] + "_SINGULAR"
-        step = f"{name}_step(q, target, dx, &hold, dq, &scale)"
+        step = f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         values = "".join(f"  q[{i}] = (real){float(v)!r};\n" for i, v in enumerate(singular))
         at_singular = (
             f"{values}  copy(vectors[0].target, target, {words['target']});\n"
@@ -244,7 +261,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
         "leaf_tests": leaf_tests,
         "bad_leaf": bad,
         "singular_test": at_singular,
-        "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.held else "",
-        "leaf_worst": ", worst[4], worst[5], worst[6]" if source.held else "",
+        "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.holonomic else "",
+        "leaf_worst": ", worst[4], worst[5], worst[6]" if source.holonomic else "",
     }
     return text("selftest.c", {**words, **more})

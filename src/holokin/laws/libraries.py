@@ -1,8 +1,8 @@
-"""pink, mink and placo as controllers: the libraries themselves, run as their users run them.
+"""pink, mink and placo as control laws: the libraries themselves, run as their own examples run them.
 
 Each takes the wanted pose at the end of the step as its target, solves its quadratic programme and answers with
 the joint rates. The kinematics are handed over as text (`to_urdf`, `to_mjcf`), so all run on the same arm.
-A posture cost of 0 leaves the redundant joint to the library.
+A posture cost of 0 leaves the redundant joint to the library. A run has one configuration, which each step updates.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import MissingExtraError
-from ..motion.control_law import ControlLaw, Law
+from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
-from ..types import ArrayLike, Matrix, Vector
+from ..types import Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -35,54 +35,66 @@ class PostureTask:
     gain: float = 1.0
     preferred: tuple[float, ...] | None = None
 
+    def target(self, q0: Vector) -> Vector:
+        """The posture (n,) that it prefers in a run from q0."""
+        return np.asarray(q0 if self.preferred is None else self.preferred, dtype=float)
+
 
 def pink_law(
     robot: Robot, posture: PostureTask = PostureTask(), *, gain: float = 1.0, solver: str = "quadprog",
-    damping: float = 1e-12, name: str | None = None,
+    damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """pink's solve_ik with a frame task on the robot's first tip, and a posture task if it costs something.
 
-    Raises: MissingExtraError.
+    Args:
+        limits: pink's own default, limits of position and speed; False for none.
+
+    Raises:
+        MissingExtraError: pink is not installed.
     """
     pink, pin = _extra("pink", "pin-pink", "pink"), _extra("pinocchio", "pin-pink", "pink")
     with _urdf_file(robot) as path:
         model = pin.buildModelFromUrdf(path)
-    order = np.array([model.joints[model.getJointId(joint)].idx_v for joint in robot.joint_names])
-    places = [model.joints[model.getJointId(joint)] for joint in robot.joint_names]
+    joints = [model.joints[model.getJointId(joint)] for joint in robot.joint_names]
+    order = np.array([joint.idx_v for joint in joints])
 
     def full(q: Vector) -> Vector:
         out = pin.neutral(model)
-        for value, joint in zip(q, places, strict=True):
+        for value, joint in zip(q, joints, strict=True):
             out[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
         return out
 
-    def begin(q0: Vector) -> Law:
-        data = model.createData()
+    def begin(q0: Vector) -> Step:
+        configuration = pink.Configuration(model, model.createData(), full(q0), copy_data=False)
         tool = pink.tasks.FrameTask(robot.tips[0].name, position_cost=1.0, orientation_cost=1.0, gain=gain)
         tasks = [tool]
         if posture.cost > 0:
             rest = pink.tasks.PostureTask(cost=posture.cost, gain=posture.gain)
-            rest.set_target(full(_preferred(posture, q0)))
+            rest.set_target(full(posture.target(q0)))
             tasks.append(rest)
+        options = {"solver": solver, "damping": damping, "limits": None if limits else [], "safety_break": False}
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            configuration = pink.Configuration(model, data, full(q))
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            configuration.update(full(q))
             tool.set_target(pin.SE3(pose[:3, :3], pose[:3, 3]))
-            v = pink.solve_ik(configuration, tasks, dt, solver=solver, damping=damping, safety_break=False)
-            return v[order]
+            return pink.solve_ik(configuration, tasks, dt, **options)[order]
 
-        return law
+        return step
 
-    return ControlLaw(name or _label("pink", posture), begin)
+    return ControlLaw(name or _label("pink", posture, limits), begin)
 
 
 def mink_law(
     robot: Robot, posture: PostureTask = PostureTask(), *, gain: float = 1.0, solver: str = "daqp",
-    damping: float = 1e-12, name: str | None = None,
+    damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """mink's solve_ik with a frame task on a site at the robot's first tip, and a posture task if it costs something.
 
-    Raises: MissingExtraError.
+    Args:
+        limits: mink's own default, limits of position; False for none.
+
+    Raises:
+        MissingExtraError: mink is not installed.
     """
     mink, mujoco = _extra("mink", "mink", "mink"), _extra("mujoco", "mink", "mink")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
@@ -94,46 +106,56 @@ def mink_law(
         out[places] = q
         return out
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         configuration = mink.Configuration(model)
         tool = mink.FrameTask(robot.tips[0].name, "site", position_cost=1.0, orientation_cost=1.0, gain=gain)
         tasks = [tool]
         if posture.cost > 0:
             rest = mink.PostureTask(model, cost=posture.cost, gain=posture.gain)
-            rest.set_target(full(_preferred(posture, q0)))
+            rest.set_target(full(posture.target(q0)))
             tasks.append(rest)
+        options = {"solver": solver, "damping": damping, "limits": None if limits else []}
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             configuration.update(full(q))
             tool.set_target(mink.SE3.from_matrix(pose))
-            return mink.solve_ik(configuration, tasks, dt, solver=solver, damping=damping)[order]
+            return mink.solve_ik(configuration, tasks, dt, **options)[order]
 
-        return law
+        return step
 
-    return ControlLaw(name or _label("mink", posture), begin)
+    return ControlLaw(name or _label("mink", posture, limits), begin)
 
 
-def placo_law(robot: Robot, posture: PostureTask = PostureTask(), *, name: str | None = None) -> ControlLaw:
+def placo_law(
+    robot: Robot, posture: PostureTask = PostureTask(), *, limits: bool = True, name: str | None = None
+) -> ControlLaw:
     """placo's KinematicsSolver with a soft frame task on the robot's first tip, and a soft joints task as posture.
 
-    A step goes all the way to the target, as placo's do. Raises: MissingExtraError.
+    A step goes all the way to the target, as placo's do.
+
+    Args:
+        limits: placo's own default, limits of position; False for none.
+
+    Raises:
+        MissingExtraError: placo is not installed.
     """
     placo = _extra("placo", "placo", "placo")
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         with _urdf_file(robot) as path:
             wrapper = placo.RobotWrapper(path, placo.Flags.ignore_collisions)
         solver = placo.KinematicsSolver(wrapper)
         solver.mask_fbase(True)
+        solver.enable_joint_limits(limits)
         tool = solver.add_frame_task(robot.tips[0].name, np.eye(4))
         tool.configure("tool", "soft", 1.0, 1.0)
         if posture.cost > 0:
             rest = solver.add_joints_task()
-            wish = _preferred(posture, q0)
-            rest.set_joints({joint: float(v) for joint, v in zip(robot.joint_names, wish, strict=True)})
+            target = posture.target(q0).tolist()
+            rest.set_joints(dict(zip(robot.joint_names, target, strict=True)))
             rest.configure("posture", "soft", posture.cost)
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             for joint, value in zip(robot.joint_names, q, strict=True):
                 wrapper.set_joint(joint, float(value))
             wrapper.update_kinematics()
@@ -143,18 +165,14 @@ def placo_law(robot: Robot, posture: PostureTask = PostureTask(), *, name: str |
             wrapper.update_kinematics()
             return (np.array([wrapper.get_joint(joint) for joint in robot.joint_names]) - q) / dt
 
-        return law
+        return step
 
-    return ControlLaw(name or _label("placo", posture), begin)
-
-
-def _preferred(posture: PostureTask, q0: Vector) -> Vector:
-    wish: ArrayLike = q0 if posture.preferred is None else np.asarray(posture.preferred, dtype=float)
-    return np.asarray(wish, dtype=float)
+    return ControlLaw(name or _label("placo", posture, limits), begin)
 
 
-def _label(library: str, posture: PostureTask) -> str:
-    return library if posture.cost == 0 else f"{library}, posture cost {posture.cost:g}"
+def _label(library: str, posture: PostureTask, limits: bool) -> str:
+    cost = f", posture cost {posture.cost:g}" if posture.cost else ""
+    return f"{library}{cost}{'' if limits else ', no limits'}"
 
 
 @contextlib.contextmanager

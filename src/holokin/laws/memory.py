@@ -1,4 +1,4 @@
-"""Mussa-Ivaldi and Hogan's law with the tool force as a state: a controller with memory. [MIH91]"""
+"""Mussa-Ivaldi and Hogan's law with the tool force as a state: a control law with memory. [MIH91]"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import made
 from ..constraints import Cost
 from ..errors import ArgumentError
-from ..motion.control_law import ControlLaw, Law
+from ..motion.control_law import ControlLaw, Step
 from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness
 from ..symbolic import SX, Function, factorise, null_space_expression, runge_kutta, symbol, vertcat
 from ..task import Task
@@ -23,7 +23,7 @@ def impedance_with_memory(
     """dq = W(F) J^T F', F' = (J W(F) J^T)^-1 x', W(F) = (K - Gamma(F))^-1: variant (iii) of theory 2d.
 
     The force F at the tool is carried along. tau_0 = grad U - J^T F never changes, so the law is the extended Jacobian
-    of the potential U - tau_0 . q: it comes home from every start, but which leaves it has depends on the start.
+    of the potential U - tau_0 . q: it is holonomic from every start, but which leaves it has depends on the start.
     Each step is one Runge-Kutta step of order 4 of (q, F).
 
     Args:
@@ -51,24 +51,24 @@ def impedance_with_memory(
         outputs = {
             "dq": dq,
             "dF": dF,
-            "conditioning": extended.conditioning(),
+            "rcond": extended.conditioning(),
             "margin": task.margin_expression(k.rotation),
         }
         R, twist = symbol("R", 3, 3), symbol("twist", 6)
         rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, twist[:3], twist[3:])})
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         flow, wanted = functions()
         F = first.copy()
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal F
 
             def slope(y: Vector, dx: Vector) -> Vector:  # of y = (the motion since the start of the step, force)
                 at = q + y[: task.n]
-                dq, dF, conditioning, margin = flow(at, y[task.n :], dx)
-                check_regular(task, name, at, conditioning, margin)
+                dq, dF, rcond, margin = flow(at, y[task.n :], dx)
+                check_regular(task, name, at, rcond, margin)
                 return np.append(dq, dF)
 
             dx = np.atleast_1d(wanted(pose[:3, :3], twist))
@@ -76,6 +76,6 @@ def impedance_with_memory(
             F = y[task.n :]
             return y[: task.n] / dt
 
-        return law
+        return step
 
     return ControlLaw(name, begin)

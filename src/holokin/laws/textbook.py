@@ -1,7 +1,7 @@
 """The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
 
 All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the pose wanted now.
-With gain 1/dt a step goes all the way to the pose wanted at its end.
+With gain 1/dt a step goes all the way to the pose wanted at its end. Gains are not negative; every law takes a `name`.
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ import numpy as np
 
 from ..arguments import made
 from ..constraints import Constraint, Cost
-from ..errors import ArgumentError, InfeasibleError, ShapeError
-from ..motion.control_law import ControlLaw, Law, Symbols, compiled
+from ..errors import InfeasibleError, ShapeError
+from ..motion.control_law import ControlLaw, Step, Symbols, compiled, feedback
 from ..strategies import Strategy, holonomic
 from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, null_space_expression, vec, vertcat
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector, finite, frozen, number, numbers
+from ..types import ArrayLike, Matrix, Vector, finite, frozen, not_negative, numbers
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
 
 
 @made
-def closed_loop(strategy: Strategy, gain: float = GAIN) -> ControlLaw:
+def closed_loop(strategy: Strategy, gain: float = GAIN, *, name: str | None = None) -> ControlLaw:
     """dq = G (x' + K e): closed-loop inverse kinematics of any strategy. [Sic90]"""
-    K = _positive("gain", gain)
-    name = f"closed loop, {strategy.name}"
-    return compiled(name, strategy.task, lambda s: strategy.expressions.rate(s.dx + K * s.error), strategy)
+    K = not_negative("gain", gain)
+    label = f"closed loop, {strategy.name}" if name is None else name
+    return compiled(label, strategy.task, lambda s: feedback(strategy, s.dx, s.error, K), strategy)
 
 
 @made
@@ -36,7 +36,7 @@ def damped(task: Task, damping: float = 0.05, gain: float = GAIN, *, name: str =
     Args:
         damping: in the units of J's singular values; against which metres and radians count alike.
     """
-    K, size = _positive("gain", gain), _positive("damping", damping)
+    K, size = not_negative("gain", gain), not_negative("damping", damping)
 
     def rate(s: Symbols) -> Solution:
         # least squares of [J; damping] dq = [u; 0], without squaring J
@@ -58,7 +58,7 @@ def gradient_projection(
         cost: U, for instance `posture_cost(q_preferred)`.
         weight: [1/s] of a cost in joint units squared.
     """
-    K = _positive("gain", gain)
+    K = not_negative("gain", gain)
 
     def rate(s: Symbols) -> Solution:
         U = cost.expression(task, s.kinematics, s.q)
@@ -85,16 +85,16 @@ def repetitive_motion(
     Raises (when it runs, with limits):
         InfeasibleError: no joint rates within the limits follow the path.
     """
-    K, pull = _positive("gain", gain), _positive("rate", rate)
+    K, pull = not_negative("gain", gain), not_negative("rate", rate)
     if not limits:
         return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
     wanted = compiled(name, task, lambda s: Solution(vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
     nearest, robot = NearestPoint(task.n, task.m), task.robot
 
-    def begin(q0: Vector) -> Law:
+    def begin(q0: Vector) -> Step:
         ask = wanted.begin(q0)
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             values = ask(q, pose, twist, dt)
             u, J = values[: task.m], values[task.m :].reshape(task.n, task.m).T
             lower = np.maximum(-robot.max_velocity, (robot.lower - q) / dt)
@@ -104,7 +104,7 @@ def repetitive_motion(
                 raise InfeasibleError(name, q)
             return dq
 
-        return law
+        return step
 
     return ControlLaw(name, begin)
 
@@ -114,7 +114,7 @@ def asymptotically_cyclic(
     task: Task,
     g: Constraint,
     leaf: ArrayLike,
-    leaf_gain: float = 1.0,
+    constraint_gain: float = 1.0,
     gain: float = GAIN,
     *,
     exact: bool = True,
@@ -123,31 +123,31 @@ def asymptotically_cyclic(
     """[J; J_g] dq = [x' + K e; -K_g (g(q) - leaf)]: cyclic once on the leaf, which it nears as e^(-K_g t). [DLO92]
 
     Args:
-        g: constraint of r = n - m rows. leaf: the value (r,) of g to settle on.
-        leaf_gain: K_g [1/s].
+        g: constraint of r = n - m rows.
+        leaf: the value (r,) of g to settle on.
+        constraint_gain: K_g [1/s].
         exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which settles only to O(1/K_g).
 
     Raises:
         ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
     """
-    K, pull = _positive("gain", gain), _positive("leaf_gain", leaf_gain)
+    K, K_g = not_negative("gain", gain), not_negative("constraint_gain", constraint_gain)
     strategy = holonomic(task, g)
     c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", leaf)), (g.rows,), "give one for each row of g"))
 
     def rate(s: Symbols) -> Solution:
-        e = strategy.expressions
-        u, pulled = s.dx + K * s.error, pull * strategy.leaf_gap(SX(c))
         if exact:
-            return e.rate(u, pulled)
+            return feedback(strategy, s.dx, s.error, K, SX(c), K_g)
         N = null_space_expression(s.J)
-        least = _least_norm(s, u)
-        return least._replace(X=least.X + N @ factorise(e.planes @ N).solve(pulled))
+        least = _least_norm(s, s.dx + K * s.error)
+        back = K_g * strategy.leaf_gap(SX(c))
+        return least._replace(X=least.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
 
     return compiled(name, task, rate, strategy)
 
 
 def _least_norm(s: Symbols, u: SX) -> Solution:
-    """(J^+ u, conditioning) by J^T = Q R: J^+ = Q R^-T."""
+    """(J^+ u, rcond) by J^T = Q R: J^+ = Q R^-T."""
     frame = factorise(s.J.T)
     Q = frame.thin_q()
     inner = factorise(s.J @ Q)
@@ -158,9 +158,3 @@ def _projected(s: Symbols, K: float, z: SX) -> Solution:
     """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
     least = _least_norm(s, s.dx + K * s.error - s.J @ z)
     return least._replace(X=least.X + z)
-
-
-def _positive(what: str, value: float) -> float:
-    if not 0 <= number(what, value) < np.inf:
-        raise ArgumentError(what, value, "give a number that is not negative")
-    return float(value)

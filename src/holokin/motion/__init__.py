@@ -1,7 +1,7 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
-from .control_law import ControlLaw, Law, as_control_law, open_loop
-from .control_step import Controller, StepStatus, controller, step_function
+from .control_law import ControlLaw, Step, as_control_law, open_loop
+from .control_step import Controller, StepStatus, controller, has_leaf, step_function
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, settle
@@ -15,14 +15,15 @@ __all__ = [
     "Controller",
     "Drift",
     "InverseKinematics",
-    "Law",
     "Spread",
+    "Step",
     "StepStatus",
     "Winding",
     "as_control_law",
     "controller",
     "drift",
     "follow",
+    "has_leaf",
     "inverse",
     "leaf_value",
     "open_loop",

@@ -1,7 +1,8 @@
 """`ControlLaw`: a law that runs in a loop and need not be of the form dq = G(q) dx (3).
 
 It may have feedback, damping, a preferred posture, memory: whatever it is, it is called once a step with the
-joints and the wanted motion of the tool, and answers with joint rates.
+joints and the wanted motion of the tool, and answers with joint rates. Laws with feedback measure the error where the
+tool is wanted now, see `tracking`, and those that hold a leaf share one equation, see `feedback`.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from typing import Any, cast
 from ..arguments import Made
 from ..errors import ArgumentError
 from ..robot import Kinematics
-from ..strategies import Strategy, check_regular
+from ..strategies import HolonomicStrategy, Strategy, check_regular
 from ..symbolic import SX, Function, Solution, symbol
 from ..task import Task
 from ..types import Matrix, Value, Vector
 
-Law = Callable[[Vector, Matrix, Vector, float], Vector]
-"""(q, pose, twist, dt) -> dq, one step of a controller.
+Step = Callable[[Vector, Matrix, Vector, float], Vector]
+"""(q, pose, twist, dt) -> dq, one step of a run of a control law.
 
 q (n,): the joints now. pose (4, 4): where the tool is wanted at the end of the step. twist (6,): the constant twist
 (linear first, base frame) that takes the wanted pose of now there. dt [s]: the step. dq (n,): joint rates over it.
@@ -29,20 +30,21 @@ q (n,): the joints now. pose (4, 4): where the tool is wanted at the end of the 
 
 @dataclass(frozen=True, eq=False)
 class ControlLaw(Made, Value):
-    """A control law: `begin(q0)` starts a run of it at the posture q0 and returns the `Law` of that run.
+    """A control law: `begin(q0)` starts a run of it at the posture q0 and returns the `Step` of that run.
 
-    What a law remembers lives in its run, so every run begins afresh.
+    What a law remembers lives in its run, so every run begins afresh. `simulate` and `audit` take control laws;
+    `controller` returns one that is compiled.
     """
 
     name: str
-    begin: Callable[[Vector], Law]
+    begin: Callable[[Vector], Step]
 
     def __repr__(self) -> str:
-        return f"ControlLaw({self.name!r})"
+        return f"{type(self).__name__}({self.name!r})"
 
 
 def as_control_law(thing: Any) -> ControlLaw:
-    """A controller of what people have: a `ControlLaw`, a `Strategy` (dq = G x'), or a function (q, pose, twist, dt).
+    """A control law of what people have: a `ControlLaw`, a `Strategy` (dq = G x'), or a function (q, pose, twist, dt).
 
     A function is called as it is, in every run: what it remembers, it keeps from run to run.
 
@@ -54,9 +56,10 @@ def as_control_law(thing: Any) -> ControlLaw:
     if isinstance(thing, Strategy):
         return open_loop(thing)
     if callable(thing):
-        law = cast(Law, thing)
-        return ControlLaw(getattr(thing, "__name__", type(thing).__name__), lambda _q0: law)
-    raise ArgumentError("the controller", thing, "give a ControlLaw, a Strategy, or a function of (q, pose, twist, dt)")
+        step = cast(Step, thing)
+        return ControlLaw(getattr(thing, "__name__", type(thing).__name__), lambda _q0: step)
+    cure = "give a ControlLaw, a Strategy, or a function of (q, pose, twist, dt)"
+    raise ArgumentError("the control law", thing, cure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +79,52 @@ class Symbols:
     start: SX
 
 
+def tracking(task: Task, k: Kinematics, p: SX, R: SX, twist: SX, dt: SX) -> tuple[SX, SX]:
+    """(x', e), both (m,): the wanted task rate, and the task error to where the tool is wanted now.
+
+    It is wanted at the pose (p, R) after dt, and moves there with the twist (6,), so e = error to (p, R) - dt x'.
+    """
+    dx = task.rates_expression(R, twist[:3], twist[3:])
+    return dx, task.error_expression(k, p, R) - dt * dx
+
+
+def feedback(
+    strategy: Strategy,
+    dx: SX,
+    error: SX,
+    gain: SX | float,
+    leaf: SX | None = None,
+    constraint_gain: SX | float = 0.0,
+) -> Solution:
+    """dq of [J; J_g] dq = [x' + K e; -K_g (g(q) - c)], or of dq = G (x' + K e): feedback to the path and to a leaf.
+
+    It serves the closed loop, the asymptotically cyclic law, the controller and the exported C.
+
+    Args:
+        dx, error: x' and e (m,), see `tracking`.
+        gain: K [1/s].
+        leaf: c (r,), of a strategy with a constraint g; None for no feedback to a leaf.
+        constraint_gain: K_g [1/s].
+
+    Returns:
+        dq (n,) with its rcond.
+    """
+    u = dx + gain * error
+    if leaf is None or not isinstance(strategy, HolonomicStrategy):
+        return strategy.expressions.rate(u)
+    return strategy.expressions.rate(u, constraint_gain * strategy.leaf_gap(leaf))
+
+
 def compiled(
     name: str,
     task: Task,
     rate: Callable[[Symbols], Solution],
     strategy: Strategy | None = None,
 ) -> ControlLaw:
-    """A controller from an expression of its rates, compiled when first begun.
+    """A control law from an expression of its rates, compiled when first begun.
 
     Args:
-        rate: symbols -> dq (n,) with its conditioning, 1 where nothing can be singular.
+        rate: symbols -> dq (n,) with its rcond, 1 where nothing can be singular.
         strategy: the one whose expressions `rate` uses, if any.
     """
 
@@ -100,23 +139,22 @@ def compiled(
             symbol("dt", 1),
             symbol("start", task.n),
         )
-        dx = task.rates_expression(R, twist[:3], twist[3:])
-        now = task.error_expression(k, p, R) - dt * dx
-        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, now, dt, start))
+        dx, error = tracking(task, k, p, R, twist, dt)
+        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
-        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin}
+        outputs = {"dq": found.X, "rcond": found.conditioning, "margin": margin}
         return Function("law", inputs, outputs, found.system)
 
-    def begin(q0: Vector) -> Law:
-        step = function()
+    def begin(q0: Vector) -> Step:
+        rates = function()
 
-        def law(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            dq, conditioning, margin = step(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
-            check_regular(task, name, q, conditioning, margin)
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            dq, rcond, margin = rates(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
+            check_regular(task, name, q, rcond, margin)
             return dq
 
-        return law
+        return step
 
     return ControlLaw(name, begin)
 

@@ -1,8 +1,8 @@
-"""`controller`: a strategy as one control step, for a loop in real time (theory 5.9).
+"""`controller`: a strategy as one compiled control step, for a loop in real time (theory 5.9).
 
     dq = [J; J_g]^-1 [x' + K e; -K_g (g(q) - c)]
 
-e is the task error, so the tool comes back to its path, and g - c the distance from the leaf, so the joints come
+e is the task error, so the tool is led back to its path, and g - c the distance from the leaf, so the joints are led
 back to theirs. Limits are met by going slower along the path, never by leaving the leaf. Without a constraint it
 is dq = G (x' + K e).
 """
@@ -10,23 +10,28 @@ is dq = G (x' + K e).
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
-from ..arguments import Made, made
+from ..arguments import made
 from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
-from ..errors import ArgumentError, NativeError, ShapeError
+from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Vector, frozen, number
+from ..types import Array, ArrayLike, Matrix, Vector, frozen, number
+from .control_law import ControlLaw, Step, feedback, tracking
 from .leaf import leaf_value
 
-HELD = 1e-6
+AT_LIMIT = 1e-6
 """Share of the wanted speed below which a joint stands at its limit."""
+
+Rates = Callable[[Any, Any, Any], Vector]
+"""(q, pose, twist) -> dq, a new array."""
 
 
 class StepStatus(IntEnum):
@@ -39,38 +44,47 @@ class StepStatus(IntEnum):
     NOT_FINITE = 4
 
 
-class Controller(Made):
-    """One control step of a strategy. Make one with `controller`.
+class Controller(ControlLaw):
+    """A strategy as one compiled control step. Make one with `controller`.
 
-    `step(q, x_des, dx_des) -> dq`: q (n,); x_des, the wanted tool pose (4, 4), or position (3,) for a position task;
-    dx_des (m,) its rate in task rows. dq (n,) is the same array at every call of a thread; copy it to keep it.
+    `step` is for a loop of your own, with the dt of the controller; `status` and `scale` tell of the last one. It is
+    a `ControlLaw`, too: `begin(q0)` starts a run with memory of its own, for `simulate` and `audit`, whose steps take
+    their own dt. Every run holds the leaf of the controller's `start`, whatever its q0, as every step does.
 
-    Threads may share a controller: each has its own dq, status and scale, and none sees another's. A thread that
+    Threads may share a controller: each has its own status and scale, and none sees another's. A thread that
     never steps, such as one that watches, reads status and scale of the last step that any thread made.
+
+    Attributes:
+        strategy: what it was made of. dt: its step [s]. engine: what runs, native code or the virtual machine.
+        parameters: (c, dt, K, K_g), the numbers of the compiled step besides its arguments.
     """
 
-    step: Callable[[ArrayLike, ArrayLike, ArrayLike], Vector]
-
-    def __init__(self, strategy: Strategy, step: Function, dt: float, gain: float, leaf_gain: float, leaf: Vector):
-        self.strategy, self.dt, self.leaf = strategy, dt, frozen(leaf)
-        task = strategy.task
-        self._function = step
-        self._memory = StepMemory(task.n, [np.zeros(task.n + 2)])
-        held = np.append(leaf, (dt, gain, leaf_gain))
-        shapes = list(step.input_shapes.values())[:3]
-        self.engine = "CasADi's virtual machine"
-        if enabled() and step.program.instructions <= LARGEST:
-            try:
-                kernel = StepKernel(*self.generated)
-                self.step = kernel.bind(held, self._memory, lambda *arguments: _converted(arguments, shapes))
-                self.engine = engine()
-                return
-            except NativeError as problem:
-                tell(problem)
-        self.step = _machine(step, held, self._memory)
+    def __init__(self, compiled: _Compiled):
+        super().__init__(f"controller, {compiled.strategy.name}", compiled.begin)
+        self.strategy, self.parameters, self.engine = compiled.strategy, compiled.parameters, compiled.engine
+        self.dt = float(compiled.parameters[-3])
+        self._compiled = compiled
+        self._rates, self._memory = compiled.bound(compiled.parameters)
 
     def __repr__(self) -> str:
         return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
+
+    def step(self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike) -> Vector:
+        """Joint rates for the next dt: [J; J_g] dq = [x' + K e; -K_g (g(q) - c)], slowed where limits ask for it.
+
+        Args:
+            q: joints now, (n,).
+            pose: where the tool is wanted at the end of the step, (4, 4); for a position task also the point (3,).
+            twist: the constant twist that takes the wanted pose of now there, (6,), linear first, in the base frame
+                [m/s, rad/s]; for a position task also the velocity (3,).
+
+        Returns:
+            dq (n,), a new array. It is zero where `status` is SINGULAR or NOT_FINITE; nothing is raised then.
+
+        Raises:
+            ArgumentError: an argument is no array of real numbers. ShapeError.
+        """
+        return self._rates(q, pose, twist)
 
     @property
     def status(self) -> StepStatus:
@@ -83,77 +97,133 @@ class Controller(Made):
         return float(self._memory.last[-2])
 
     @property
+    def leaf(self) -> Vector:
+        """c = g(start) (r,): the leaf that it holds; empty where there is none."""
+        return self.parameters[:-3]
+
+    @property
     def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
         """What native code is made of: (function, input shapes, output shapes, thresholds)."""
-        f = self._function
-        figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "HELD": HELD}
-        return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
+        return _generated(self._compiled.function)
 
 
-def _converted(arguments: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> tuple[Array, ...]:
-    """The arguments of a step in new arrays: contiguous, aligned, of this machine's doubles. Nothing else is let in.
+@dataclass(frozen=True, eq=False)
+class _Compiled:
+    """The compiled step of a strategy with its parameters; what `Controller` and its runs have in common."""
 
-    Raises:
-        ArgumentError: not three, or not of real numbers. ShapeError.
+    strategy: Strategy
+    function: Function
+    parameters: Vector
+    kernel: StepKernel | None
+    engine: str
+
+    def bound(self, parameters: Vector) -> tuple[Rates, StepMemory]:
+        """The step with parameters, which are read at each call, and the memory that tells of the last one."""
+        n = self.strategy.task.n
+        memory = StepMemory(n, [np.zeros(n + 2)])
+        if self.kernel is not None:
+            return self.kernel.bind(parameters, memory, self.converted), memory
+        return _machine(self.function, parameters, memory, self.converted), memory
+
+    def converted(self, *arguments: Any) -> tuple[Array, Array, Array]:
+        """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
+        q, pose, twist, _ = self.function.input_shapes.values()
+        point = pose == (3,)  # of a position task: a whole pose and a whole twist will do
+        a, b, c = arguments
+        T = _numbers("pose", b, ((4, 4), (3,)) if point else ((4, 4),))
+        v = _numbers("twist", c, ((6,), (3,)) if point else ((6,),))
+        whole = point and T.shape == (4, 4)
+        return _numbers("q", a, (q,)), T[:3, 3].copy() if whole else T, v[: twist[0]].copy()
+
+    def begin(self, _q0: Vector) -> Step:
+        """A run: a step with memory and dt of its own. Raises (when it runs): SingularityError, ArgumentError."""
+        parameters = self.parameters.copy()
+        rates, memory = self.bound(parameters)
+        known, highest = float(parameters[-3]), float(max(parameters[-2:]))
+
+        def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+            nonlocal known
+            if dt != known:
+                if not dt * highest < 2:
+                    cure = f"give a step below {2 / highest:g} s, or smaller gains: this loop is unstable"
+                    raise ArgumentError("the dt of a run", dt, cure)
+                parameters[-3] = known = dt
+            dq = rates(q, pose, twist)
+            if memory.last[-1] >= StepStatus.SINGULAR:
+                self.check(q, pose, twist, parameters)
+                raise NotFiniteError("the joint rates", "overflow")
+            return dq
+
+        return step
+
+    def check(self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, parameters: Vector) -> None:
+        """Raises: SingularityError, saying of which kind, or NotFiniteError, unless the step can be made."""
+        arguments = self.converted(q, pose, twist)
+        for what, value in zip(("q", "pose", "twist"), arguments, strict=True):
+            if not np.isfinite(value).all():
+                raise NotFiniteError(what, value.tolist())
+        _, _, rcond, margin, *_ = self.function(*arguments, parameters)
+        self.strategy.check(arguments[0], rcond, margin)
+
+
+def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Array:
+    """An argument in a new array: contiguous, aligned, of this machine's doubles. Nothing else is let in.
+
+    Raises: ArgumentError: not of real numbers. ShapeError: of none of the shapes.
     """
-    if len(arguments) != 3:
-        raise ArgumentError("the arguments of a step", len(arguments), "give q, x_des and dx_des")
-    out = []
-    for what, value, shape in zip(("q", "x_des", "dx_des"), arguments, shapes, strict=True):
-        try:
-            given = np.asarray(value)
-            if given.dtype.kind not in "fiubO":  # of complex numbers a part would be lost
-                raise TypeError
-            if given.shape != shape:
-                raise ShapeError(what, shape, given.shape)
-            array = np.empty(shape)
-            with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
-                array[...] = given
-        except (TypeError, ValueError):
-            raise ArgumentError(what, value, f"give real numbers of shape {shape}") from None
-        except OverflowError:
-            raise ArgumentError(what, "beyond all floats", f"give real numbers of shape {shape}") from None
-        out.append(array)
-    return tuple(out)
+    wanted = " or ".join(map(str, shapes))
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "fiubO":  # of complex numbers a part would be lost
+            raise TypeError
+        if given.shape not in shapes:
+            raise ShapeError(what, shapes[0] if len(shapes) == 1 else wanted, given.shape)
+        array = np.empty(given.shape)
+        with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
+            array[...] = given
+    except (TypeError, ValueError):
+        raise ArgumentError(what, value, f"give real numbers of shape {wanted}") from None
+    except OverflowError:
+        raise ArgumentError(what, "beyond all floats", f"give real numbers of shape {wanted}") from None
+    return array
 
 
 class _MachineMemory(threading.local):
-    """What a thread needs for steps on the virtual machine: (trigger, arguments, results, out, dq)."""
+    """What a thread needs for steps on the virtual machine: (trigger, arguments, results, its results of a step)."""
 
-    def __init__(self, port: Port, held: Vector, memory: StepMemory) -> None:
-        *arguments, held_in = port.arguments
-        held_in[...] = held
-        self.all = (port.trigger, arguments, port.results, memory.out, memory.dq)
+    def __init__(self, port: Port, memory: StepMemory) -> None:
+        self.all = (port.trigger, port.arguments, port.results, memory.out)
 
 
-def _machine(function: Function, held: Vector, memory: StepMemory) -> Callable[..., Vector]:
+def _machine(
+    function: Function, parameters: Vector, memory: StepMemory, convert: Callable[..., tuple[Array, Array, Array]]
+) -> Rates:
     """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
-    mine, latest = _MachineMemory(function.port(), held, memory), memory.latest
+    mine = _MachineMemory(function.port(), memory)
     shapes = tuple(function.input_shapes.values())[:3]
     double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
 
-    def step(*arguments: Any) -> Vector:
+    def step(q: Any, pose: Any, twist: Any) -> Vector:
         try:
-            q, pose, dx = arguments
-            fit = (q.shape, pose.shape, dx.shape) == shapes and q.dtype is pose.dtype is dx.dtype is double
-        except (ValueError, AttributeError):  # not three, or no arrays
+            fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
+        except AttributeError:  # no arrays
             fit = False
-        values = arguments if fit else _converted(arguments, shapes)
-        trigger, (q_in, pose_in, dx_in), results, out, dq = mine.all
-        latest[0], memory.stepped = out, True
-        q_in[...], pose_in[...], dx_in[...] = values
+        if not fit:
+            q, pose, twist = convert(q, pose, twist)
+        trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
+        memory.enter()
+        q_in[...], pose_in[...], twist_in[...], parameters_in[...] = q, pose, twist, parameters
         trigger()
-        rates, scale, conditioning, margin, room, given = results
+        rates, scale, rcond, margin, room, given = results
         share = scale.item()
         size = rates @ rates + share + given.item()
-        if size - size == 0.0 and conditioning.item() > least and margin.item() > clear:
-            dq[...] = rates
+        if size - size == 0.0 and rcond.item() > least and margin.item() > clear:
             out[-2] = share
-            out[-1] = 0 if share >= 1.0 else 1 if room.item() > HELD else 2
-            return dq
-        out[:-1] = 0.0
+            out[-1] = 0 if share >= 1.0 else 1 if room.item() > AT_LIMIT else 2
+            return rates.copy()
+        out[-2] = 0.0
         out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE
-        return dq
+        return np.zeros(len(rates))
 
     return step
 
@@ -165,59 +235,90 @@ def controller(
     dt: float,
     start: ArrayLike | None = None,
     gain: float | None = None,
-    leaf_gain: float | None = None,
+    constraint_gain: float | None = None,
     limits: bool = True,
 ) -> Controller:
     """A strategy as a control step, native code if there is a compiler, else CasADi's virtual machine.
 
-    Threads may share it; see `Controller`.
+    [J; J_g] dq = [x' + K e; -K_g (g(q) - c)] with c = g(start), or dq = G (x' + K e) without a constraint. `Controller`
+    says how it is called; threads may share it.
 
     Args:
         dt: the loop's step [s].
-        start: posture (n,) whose leaf is held; needed by a strategy with a constraint.
-        gain, leaf_gain: K and K_g [1/s]; 0.1/dt by default, an error then fades by a tenth each step.
+        start: posture (n,) whose leaf is held by every step and in every run; needed by a strategy with a
+            constraint. A strategy without one has no leaf, and its start does not matter.
+        gain: K [1/s], how fast an error of the tool fades; 0.1/dt by default, by a tenth each step.
+        constraint_gain: K_g [1/s], how fast the joints are led back to their leaf; 0.1/dt by default.
         limits: keep joint speeds, and positions one step ahead, by slowing along the path.
 
     Raises:
         ArgumentError: no start for a strategy with a constraint, or a bad dt or gain. ShapeError, NotFiniteError.
+        SingularityError: the strategy is singular at the start.
     """
     dt = number("dt", dt)
     if not (np.isfinite(dt) and dt > 0):
         raise ArgumentError("dt", dt, "give a positive step in seconds")
-    given = (("gain", gain), ("leaf_gain", leaf_gain))
-    gains = [0.1 / dt if value is None else number(what, value) for what, value in given]
-    for (what, _), value in zip(given, gains, strict=True):
-        if not (np.isfinite(value) and 0 <= value * dt < 2):
-            raise ArgumentError(what, value, f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable")
-    leaf, function = np.zeros(0), step_function(strategy, limits)
-    _, *shapes = function.input_shapes.values()
-    if isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m:
+    K, K_g = (
+        0.1 / dt if value is None else number(what, value)
+        for what, value in (("gain", gain), ("constraint_gain", constraint_gain))
+    )
+    _check_gains(dt, K, K_g)
+    q0, leaf, function = None, np.zeros(0), step_function(strategy, limits)
+    if has_leaf(strategy):
         if start is None:
             raise ArgumentError("start", None, f"{strategy.name!r} has leaves: give a posture on the one to hold")
         q0 = strategy.task.robot.checked(start, "the start posture")
-        _, _, conditioning, margin, *_ = function(q0, *(np.zeros(shape) for shape in shapes))
-        strategy.check(q0, conditioning, margin)
         leaf = leaf_value(strategy, q0)
-    return Controller(strategy, function, dt, gains[0], gains[1], leaf)
+    compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
+    if q0 is not None:
+        compiled.check(q0, strategy.task.robot.pose(q0, strategy.task.tip), np.zeros(6), compiled.parameters)
+    return Controller(compiled)
+
+
+def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:
+    """Raises: ArgumentError: a loop with this step and these gains is unstable."""
+    for what, value in (("gain", gain), ("constraint_gain", constraint_gain)):
+        if not (np.isfinite(value) and 0 <= value * dt < 2):
+            cure = f"give a number from 0 to below 2/dt = {2 / dt:g}; more is unstable"
+            raise ArgumentError(what, value, cure)
+
+
+def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Compiled:
+    """As native code, or else on the virtual machine, which a warning tells."""
+    if enabled() and function.program.instructions <= LARGEST:
+        try:
+            return _Compiled(strategy, function, parameters, StepKernel(*_generated(function)), engine())
+        except NativeError as problem:
+            tell(problem)
+    return _Compiled(strategy, function, parameters, None, "CasADi's virtual machine")
+
+
+def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
+    figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
+    return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
+
+
+def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
+    """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
+    return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
 
 
 def step_function(strategy: Strategy, limits: bool) -> Function:
-    """(q, pose, dx, held) -> (dq, scale, conditioning, margin, room, given), with held = (c, dt, K, K_g).
+    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), with parameters = (c, dt, K, K_g).
 
-    pose (4, 4), or (3,) where the task is a position. Step and gains are data, so one compiled step serves them all.
-    room is the scale that position limits allow; given is finite where all arguments are, also those not needed.
+    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `Controller.step`. One compiled step
+    serves all parameters. room is the scale that position limits allow; given is finite where all arguments are, also
+    those not needed.
     """
     e, task = strategy.expressions, strategy.task
-    r = task.n - task.m if isinstance(strategy, HolonomicStrategy) else 0
-    pose = symbol("pose", 3) if task.orientation is None else symbol("pose", 4, 4)
-    p, R = (pose, SX.eye(3)) if task.orientation is None else (pose[:3, 3], pose[:3, :3])
-    dx, held = symbol("dx", task.m), symbol("held", r + 3)
-    c, dt, gain, leaf_gain = held[:r], held[r], held[r + 1], held[r + 2]
-    u = dx + gain * task.error_expression(e.kinematics, p, R)
-    if isinstance(strategy, HolonomicStrategy):
-        found = strategy.expressions.rate(u, leaf_gain * strategy.leaf_gap(c))
-    else:
-        found = e.rate(u)
+    r = task.n - task.m if has_leaf(strategy) else 0
+    point = task.orientation is None
+    pose, twist = (symbol("pose", 3), symbol("twist", 3)) if point else (symbol("pose", 4, 4), symbol("twist", 6))
+    p, R = (pose, SX.eye(3)) if point else (pose[:3, 3], pose[:3, :3])
+    parameters = symbol("parameters", r + 3)
+    c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
+    dx, error = tracking(task, e.kinematics, p, R, vertcat(twist, SX.zeros(3, 1)) if point else twist, dt)
+    found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
@@ -228,15 +329,16 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
                     left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
                     room = fmin(room, if_else(speed > 1e-12, left / fmax(speed, 1e-12), 1))
     given, scale = SX(0), fmin(fast, room)
-    values = vertcat(e.q, vec(pose), dx, held)
+    values = vertcat(e.q, vec(pose), twist, parameters)
     for i in range(values.shape[0]):
         given = given + fabs(values[i]) / 1024  # their sum is finite where they are
     outputs = {
         "dq": scale * dq,
         "scale": scale,
-        "conditioning": found.conditioning,
-        "margin": strategy.margin_expression,
+        "rcond": found.conditioning,
+        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
         "room": room,
         "given": given,
     }
-    return Function("step", {"q": e.q, "pose": pose, "dx": dx, "held": held}, outputs, found.system)
+    inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
+    return Function("step", inputs, outputs, found.system)

@@ -18,7 +18,7 @@ from ..task import Task
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
-from .control_law import ControlLaw, Law, as_control_law
+from .control_law import ControlLaw, Step, as_control_law
 
 
 @typed
@@ -35,7 +35,7 @@ def simulate(
     """Run a controller along a path: q <- q + dt law(q, pose, twist, dt), one step after the other.
 
     Args:
-        controller: a `ControlLaw`, a `Strategy`, or a function (q, pose, twist, dt) -> dq; see `Law`.
+        controller: a `ControlLaw`, a `Strategy`, or a function (q, pose, twist, dt) -> dq; see `Step`.
         task: what the tool must do; the record's error and singular values are of it.
         dt: longest step [s]; steps are made even so that they end at the corners of the path.
         cycles: runs of a closed path.
@@ -127,7 +127,7 @@ class _Run:
         self.pulse = time.monotonic()
         q = self.start.copy()
         try:
-            law: Law = self.controller.begin(self.start.copy())
+            law: Step = self.controller.begin(self.start.copy())
             for step in range(len(self.q) - 1):
                 i = step % plan.steps
                 self.pulse = time.monotonic()

@@ -1,27 +1,41 @@
-/* A Python callable (q, pose, dx) -> dq around a C step: buffers in, the calling thread's array out, nothing allocated
-   as long as the same thread calls. */
+/* A Python callable (q, pose, twist) -> dq around a C step: arrays in, a new array out. */
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
+#include <string.h>
 
 typedef int (*hk_step_t)(const double *, const double *, const double *, double *, const double *);
 
+/* The head of NumPy's array object, the same in its versions 1 and 2; `know` looks whether it is so here. */
+typedef struct {
+  PyObject_HEAD
+  char *data;
+  int rank;
+  Py_ssize_t *shape, *strides;
+  PyObject *base, *type;
+  int flags;
+} hk_array;
+
+enum { HK_PLAIN = 0x0101 }; /* flags of an array that is aligned and lies in rows */
+
+static PyTypeObject *hk_array_type;     /* numpy.ndarray */
+static PyObject *hk_double, *hk_empty;  /* numpy.dtype(float), numpy.empty */
+
 typedef struct {
   hk_step_t step;
-  const double *held;
-  Py_ssize_t size[3];
-  int square;        /* the pose is a 4x4 matrix */
-  Py_ssize_t status; /* where in out the status goes */
-  PyObject *memory;  /* memory.enter() -> (address of out, dq), each thread's own */
-  PyObject *convert; /* convert(...) -> (q, pose, dx), or an error that says what is wrong */
-  PyObject *kept;    /* what the addresses above belong to */
-  uint64_t thread;   /* that called last, 0 for none: Python gives no number twice, unlike the system */
-  double *out;       /* its results */
-  PyObject *dq;
+  const double *parameters;
+  Py_ssize_t joints;
+  int point;          /* the task is a position: poses (3,) and twists (3,) will do */
+  PyObject *size;     /* joints, for numpy.empty */
+  PyObject *memory;   /* memory.enter() -> address of out, each thread's own */
+  PyObject *convert;  /* convert(q, pose, twist) -> the same as plain arrays, or an error that says what is wrong */
+  PyObject *kept;     /* what the addresses above belong to */
+  uint64_t thread;    /* that called last, 0 for none: Python gives no number twice, unlike the system */
+  double *out;        /* its results: dq, scale, status */
 } hk_bound;
 
 static void hk_free(PyObject *capsule) {
   hk_bound *b = (hk_bound *)PyCapsule_GetPointer(capsule, "hk_bound");
-  Py_XDECREF(b->dq);
+  Py_DECREF(b->size);
   Py_DECREF(b->memory);
   Py_DECREF(b->convert);
   Py_DECREF(b->kept);
@@ -30,56 +44,43 @@ static void hk_free(PyObject *capsule) {
 
 /* Turn to the results of the calling thread. Returns 0, or -1 with an error set. */
 static int hk_enter(hk_bound *b, uint64_t thread) {
-  PyObject *found = PyObject_CallMethod(b->memory, "enter", NULL), *dq, *before;
-  unsigned long long place;
+  PyObject *found = PyObject_CallMethod(b->memory, "enter", NULL);
   if (!found) return -1;
-  if (!PyArg_ParseTuple(found, "KO", &place, &dq)) {
-    Py_DECREF(found);
-    return -1;
-  }
-  Py_INCREF(dq);
+  double *out = (double *)PyLong_AsVoidPtr(found);
   Py_DECREF(found);
-  before = b->dq;
-  b->thread = thread; /* all of it with no Python in between: no other thread sees one without the others */
-  b->out = (double *)(size_t)place;
-  b->dq = dq;
-  Py_XDECREF(before);
+  if (!out) return -1;
+  b->thread = thread; /* both with no Python in between: no other thread sees one without the other */
+  b->out = out;
   return 0;
 }
 
-/* The step of three buffers. Returns 1, or 0 where they are no aligned, contiguous float arrays of the right shape. */
-static int hk_run(const hk_bound *b, PyObject *const *args, double *out) {
-  Py_buffer view[3];
-  int got = 0, fit = 1;
-  for (; fit && got < 3; got++) {
-    if (PyObject_GetBuffer(args[got], &view[got], PyBUF_C_CONTIGUOUS | PyBUF_FORMAT)) {
-      PyErr_Clear();
-      break;
-    }
-    const int rows = got == 1 && b->square ? 2 : 1;
-    fit = view[got].ndim == rows && (rows == 1 || view[got].shape[0] == 4) && view[got].itemsize == 8 &&
-          view[got].len == 8 * b->size[got] && view[got].format[0] == 'd' && !view[got].format[1] &&
-          (size_t)view[got].buf % sizeof(double) == 0;
-  }
-  fit = fit && got == 3;
-  if (fit)
-    out[b->status] =
-        b->step((const double *)view[0].buf, (const double *)view[1].buf, (const double *)view[2].buf, out, b->held);
-  for (int i = 0; i < got; i++) PyBuffer_Release(&view[i]);
-  return fit;
+/* Where the numbers of an array (size,) or (size, size) are, or NULL where it is no plain one of floats. */
+static const double *hk_numbers(PyObject *given, int rank, Py_ssize_t size) {
+  const hk_array *a = (const hk_array *)given;
+  if (Py_TYPE(given) != hk_array_type || a->type != hk_double || (a->flags & HK_PLAIN) != HK_PLAIN) return NULL;
+  if (a->rank != rank || a->shape[0] != size || a->shape[rank - 1] != size) return NULL;
+  return (const double *)a->data;
 }
 
-/* The same of what is no such array. Returns 1, or 0 with an error set. */
-static int hk_run_converted(const hk_bound *b, PyObject *const *args, Py_ssize_t count, double *out) {
-  PyObject *given = PyTuple_New(count), *made, *items[3];
-  int done = 0;
-  if (!given) return 0;
-  for (Py_ssize_t i = 0; i < count; i++) {
-    Py_INCREF(args[i]);
-    PyTuple_SetItem(given, i, args[i]);
+/* The step of three plain arrays. Returns 1, or 0 where they are none. */
+static int hk_run(const hk_bound *b, PyObject *const *args, double *out) {
+  double point[3];
+  const double *q = hk_numbers(args[0], 1, b->joints), *pose = hk_numbers(args[1], 2, 4);
+  const double *twist = hk_numbers(args[2], 1, 6);
+  if (b->point) {
+    for (int i = 0; pose && i < 3; i++) point[i] = pose[4 * i + 3];
+    pose = pose ? point : hk_numbers(args[1], 1, 3);
+    twist = twist ? twist : hk_numbers(args[2], 1, 3); /* of a whole twist the first three are the velocity */
   }
-  made = PyObject_CallObject(b->convert, given);
-  Py_DECREF(given);
+  if (!q || !pose || !twist) return 0;
+  out[b->joints + 1] = b->step(q, pose, twist, out, b->parameters);
+  return 1;
+}
+
+/* The same of other arguments. Returns 1, or 0 with an error set. */
+static int hk_run_converted(const hk_bound *b, PyObject *const *args, double *out) {
+  PyObject *made = PyObject_CallFunctionObjArgs(b->convert, args[0], args[1], args[2], NULL), *items[3];
+  int done = 0;
   if (!made) return 0;
   if (PyTuple_Check(made) && PyTuple_Size(made) == 3) {
     for (int i = 0; i < 3; i++) items[i] = PyTuple_GetItem(made, i);
@@ -93,34 +94,34 @@ static int hk_run_converted(const hk_bound *b, PyObject *const *args, Py_ssize_t
 static PyObject *hk_call(PyObject *self, PyObject *const *args, Py_ssize_t count) {
   hk_bound *b = (hk_bound *)PyCapsule_GetPointer(self, "hk_bound");
   const uint64_t thread = PyThreadState_GetID(PyThreadState_Get());
+  if (count != 3) {
+    PyErr_SetString(PyExc_TypeError, "a step takes q, pose and twist");
+    return NULL;
+  }
   if (thread != b->thread && hk_enter(b, thread)) return NULL;
   double *out = b->out; /* converting runs Python, and another thread may turn b to its own results */
-  PyObject *dq = b->dq;
-  Py_INCREF(dq);
-  if ((count == 3 && hk_run(b, args, out)) || hk_run_converted(b, args, count, out)) return dq;
-  Py_DECREF(dq);
-  return NULL;
+  if (!hk_run(b, args, out) && !hk_run_converted(b, args, out)) return NULL;
+  PyObject *dq = PyObject_CallFunctionObjArgs(hk_empty, b->size, NULL);
+  if (dq) memcpy(((hk_array *)dq)->data, out, (size_t)b->joints * sizeof(double));
+  return dq;
 }
 
 static PyMethodDef hk_call_def = {"step", (PyCFunction)(void (*)(void))hk_call, METH_FASTCALL,
-                                  "step(q, pose, dx) -> dq"};
+                                  "step(q, pose, twist) -> dq"};
 
 static PyObject *hk_bind(PyObject *module, PyObject *args) {
-  unsigned long long step, held;
-  Py_ssize_t size[3], status;
-  int square;
-  PyObject *memory, *convert, *kept, *capsule, *callable;
+  PyObject *step, *parameters, *memory, *convert, *kept, *capsule, *callable;
+  Py_ssize_t joints;
+  int point;
   (void)module;
-  if (!PyArg_ParseTuple(args, "KKnnninOOO", &step, &held, &size[0], &size[1], &size[2], &square, &status, &memory,
-                        &convert, &kept))
-    return NULL;
+  if (!PyArg_ParseTuple(args, "OOnpOOO", &step, &parameters, &joints, &point, &memory, &convert, &kept)) return NULL;
   hk_bound *b = (hk_bound *)PyMem_Malloc(sizeof(hk_bound));
   if (!b) return PyErr_NoMemory();
-  b->step = (hk_step_t)(size_t)step;
-  b->held = (const double *)(size_t)held;
-  for (int i = 0; i < 3; i++) b->size[i] = size[i];
-  b->status = status;
-  b->square = square;
+  b->step = (hk_step_t)(size_t)PyLong_AsVoidPtr(step);
+  b->parameters = (const double *)PyLong_AsVoidPtr(parameters);
+  b->joints = joints;
+  b->point = point;
+  b->size = PyLong_FromSsize_t(joints);
   Py_INCREF(memory);
   Py_INCREF(convert);
   Py_INCREF(kept);
@@ -129,7 +130,6 @@ static PyObject *hk_bind(PyObject *module, PyObject *args) {
   b->kept = kept;
   b->thread = 0;
   b->out = NULL;
-  b->dq = NULL;
   capsule = PyCapsule_New(b, "hk_bound", hk_free);
   if (!capsule) return NULL;
   callable = PyCFunction_NewEx(&hk_call_def, capsule, NULL);
@@ -137,6 +137,32 @@ static PyObject *hk_bind(PyObject *module, PyObject *args) {
   return callable;
 }
 
-static PyMethodDef hk_methods[] = {{"bind", hk_bind, METH_VARARGS, "bind a C step"}, {NULL, NULL, 0, NULL}};
+static int hk_is(PyObject *given, Py_ssize_t rows, Py_ssize_t columns, Py_ssize_t stride, void *place) {
+  const hk_array *a = (const hk_array *)given;
+  return (void *)a->data == place && a->rank == 2 && a->shape[0] == rows && a->shape[1] == columns &&
+         a->strides[0] == stride && a->type == hk_double;
+}
+
+/* know(ndarray, its size, dtype, empty, an array (3, 5) of 0 to 14, its transpose, an array that is not aligned, the
+   first one's address): True where arrays are laid out as above. Each is read only after what leads to it fits. */
+static PyObject *hk_know(PyObject *module, PyObject *args) {
+  PyObject *type, *sample, *turned, *odd, *place;
+  Py_ssize_t size;
+  (void)module;
+  if (!PyArg_ParseTuple(args, "OnOOOOOO", &type, &size, &hk_double, &hk_empty, &sample, &turned, &odd, &place)) return NULL;
+  void *at = PyLong_AsVoidPtr(place);
+  Py_INCREF(type); /* for as long as the process: what is bound needs them */
+  Py_INCREF(hk_double);
+  Py_INCREF(hk_empty);
+  hk_array_type = (PyTypeObject *)type;
+  const int known = size >= (Py_ssize_t)sizeof(hk_array) && hk_is(sample, 3, 5, 40, at) && hk_is(turned, 5, 3, 8, at) &&
+                    (((hk_array *)sample)->flags & HK_PLAIN) == HK_PLAIN &&
+                    (((hk_array *)turned)->flags & HK_PLAIN) == 0x0100 && (((hk_array *)odd)->flags & HK_PLAIN) == 1;
+  return PyBool_FromLong(known);
+}
+
+static PyMethodDef hk_methods[] = {{"bind", hk_bind, METH_VARARGS, "bind a C step"},
+                                   {"know", hk_know, METH_VARARGS, "look at how arrays are laid out"},
+                                   {NULL, NULL, 0, NULL}};
 static struct PyModuleDef hk_module = {PyModuleDef_HEAD_INIT, "holokin_glue", NULL, -1, hk_methods, NULL, NULL, NULL, NULL};
 PyMODINIT_FUNC PyInit_holokin_glue(void) { return PyModule_Create(&hk_module); }

@@ -1,17 +1,18 @@
-/* One control step. hk_step_body takes (q, pose, dx, held) and gives (dq, scale, conditioning,
-   margin, room, given): room is the scale that positions allow, given is finite where all arguments are.
-   held: the leaf c, dt, the gain and the leaf gain. pose: 16 numbers, a 4x4 matrix by rows, or 3, a position.
-   out: dq, then the scale.
+/* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, given):
+   room is the scale that positions allow, given is finite where all arguments are.
+   pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
+   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, dt, the gain and the constraint
+   gain. out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
    dq is zero. */
-HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, const hk_t *held) {
-  enum { size = HK_N + HK_POSE + HK_M + HK_HOLD };
+HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out, const hk_t *parameters) {
+  enum { size = HK_N + HK_POSE + HK_TWIST + HK_PARAMETERS };
   hk_t x[size], y[HK_N + 5];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
-  for (int i = 0; i < HK_M; i++) x[HK_N + HK_POSE + i] = dx[i];
-  for (int i = 0; i < HK_HOLD; i++) x[HK_N + HK_POSE + HK_M + i] = held[i];
+  for (int i = 0; i < HK_TWIST; i++) x[HK_N + HK_POSE + i] = twist[i];
+  for (int i = 0; i < HK_PARAMETERS; i++) x[HK_N + HK_POSE + HK_TWIST + i] = parameters[i];
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
   const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]);
@@ -25,5 +26,5 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *dx, hk_t *out, c
   if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
 #endif
   if (y[HK_N] >= HK_C(1)) return 0;
-  return y[HK_N + 3] > HK_C(HK_HELD) ? 1 : 2;
+  return y[HK_N + 3] > HK_C(HK_AT_LIMIT) ? 1 : 2;
 }

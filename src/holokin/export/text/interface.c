@@ -20,13 +20,14 @@
 #define HK_ALMOST $almost
 #define HK_DONE $done
 #endif
-#define HK_HELD $held
+#define HK_AT_LIMIT $at_limit
 #define HK_CONTRACTION $contraction
 #define HK_N $n
 #define HK_M $m
 #define HK_R $r
 #define HK_POSE $target
-#define HK_HOLD (HK_R + 3)
+#define HK_TWIST $twist
+#define HK_PARAMETERS (HK_R + 3)
 #define HK_IMPRECISE ${NAME}_IMPRECISE
 #define HK_API static
 #define HK_SIMD
@@ -39,17 +40,17 @@ static int hk_finite(const hk_t *x, int count) {
 }
 
 /* Single precision, and too near a singularity for four digits. */
-static int hk_rough(hk_t conditioning, hk_t margin) {
+static int hk_rough(hk_t rcond, hk_t margin) {
 #ifdef HK_PRECISE
-  return conditioning < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || conditioning * margin < HK_C(HK_BOTH);
+  return rcond < HK_C(HK_PRECISE) || margin < HK_C(HK_CLEAR) || rcond * margin < HK_C(HK_BOTH);
 #else
-  (void)conditioning;
+  (void)rcond;
   (void)margin;
   return 0;
 #endif
 }
 
-/* y: `count` results, then the conditioning and the margin of representations. */
+/* y: `count` results, then rcond and the margin of representations. */
 static int hk_deliver(const hk_t *y, int count, hk_t *out) {
   const int sound = HK_SOUND(y[count], y[count + 1]) && hk_finite(y, count);
   for (int i = 0; i < count; i++) out[i] = sound ? y[i] : HK_C(0);
@@ -63,7 +64,7 @@ static int hk_refuse(int count, hk_t *out) {
 }
 
 $step
-void ${name}_defaults(${name}_hold *hold) {
+void ${name}_defaults(${name}_parameters *parameters) {
 $defaults}
 
 void ${name}_start(${name}_real q[$n]) {
@@ -92,19 +93,20 @@ int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_re
   return hk_deliver(y, HK_N, dq);
 }
 
-int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real dx[$m],
-    const ${name}_hold *hold, ${name}_real dq[$n], ${name}_real *scale) {
-  hk_t held[HK_HOLD], out[HK_N + 1];
-$held_copy  held[HK_R] = hold->dt;
-  held[HK_R + 1] = hold->gain;
-  held[HK_R + 2] = hold->leaf_gain;
-  if (!(hold->dt > HK_C(0) && hold->gain >= HK_C(0) && hold->gain * hold->dt < HK_C(2) &&
-        hold->leaf_gain >= HK_C(0) && hold->leaf_gain * hold->dt < HK_C(2))) {
+int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real twist[$twist],
+    const ${name}_parameters *parameters, ${name}_real dq[$n], ${name}_real *scale) {
+  hk_t values[HK_PARAMETERS], out[HK_N + 1];
+  const hk_t dt = parameters->dt, gain = parameters->gain, constraint_gain = parameters->constraint_gain;
+$leaf_copy  values[HK_R] = dt;
+  values[HK_R + 1] = gain;
+  values[HK_R + 2] = constraint_gain;
+  if (!(dt > HK_C(0) && gain >= HK_C(0) && gain * dt < HK_C(2) && constraint_gain >= HK_C(0) &&
+        constraint_gain * dt < HK_C(2))) {
     *scale = HK_C(0);
     hk_refuse(HK_N, dq);
-    return ${NAME}_BAD_HOLD;
+    return ${NAME}_BAD_PARAMETERS;
   }
-  const int status = hk_step(q, target, dx, out, held);
+  const int status = hk_step(q, target, twist, out, values);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];
   *scale = out[HK_N];
   return status;

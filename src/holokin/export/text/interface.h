@@ -29,7 +29,8 @@ enum {
   ${NAME}_N = $n,      /* joints */
   ${NAME}_M = $m,      /* task rows */
   ${NAME}_R = $r,      /* numbers of a leaf */
-  ${NAME}_TARGET = $target /* numbers of a wanted pose */
+  ${NAME}_TARGET = $target, /* numbers of a wanted pose */
+  ${NAME}_TWIST = $twist   /* numbers of the twist that leads there */
 };
 
 enum {
@@ -40,18 +41,18 @@ enum {
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   ${NAME}_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
-  ${NAME}_BAD_HOLD = 6      /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  ${NAME}_BAD_PARAMETERS = 6 /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
 };
 
-/* What a control step holds on to. ${name}_defaults gives that of the start posture, with gains of 0.1/dt: another dt
-   wants other gains, below 2/dt. */
+/* The parameters of a control step. ${name}_defaults gives those of the start posture, with gains of 0.1/dt: another
+   dt wants other gains, below 2/dt. */
 typedef struct {
-$leaf_member  ${name}_real dt;        /* the loop's step [s] */
-  ${name}_real gain;      /* K [1/s]: how fast the tool comes back to its path */
-  ${name}_real leaf_gain; /* K_g [1/s]: how fast the joints come back to their leaf */
-} ${name}_hold;
+$leaf_member  ${name}_real dt;              /* the loop's step [s] */
+  ${name}_real gain;            /* K [1/s]: how fast an error of the tool fades */
+  ${name}_real constraint_gain; /* K_g [1/s]: how fast the joints are led back to their leaf */
+} ${name}_parameters;
 
-void ${name}_defaults(${name}_hold *hold);
+void ${name}_defaults(${name}_parameters *parameters);
 void ${name}_start(${name}_real q[$n]);
 
 /* The tool's pose T at q. */
@@ -61,10 +62,11 @@ int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]);
 int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]);
 int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_real dq[$n]);
 
-/* One control step: joint rates dq towards the wanted pose, which moves with dx, with feedback to the
-   path$and_leaf, slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
-int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real dx[$m],
-    const ${name}_hold *hold, ${name}_real dq[$n], ${name}_real *scale);
+/* One control step: joint rates dq that take the tool to `target`, where it is wanted at the end of the step, with
+   feedback to the path$and_leaf. `twist` is the constant one that takes the wanted pose of now there: $twist_words.
+   dq is slowed by `scale` (0 to 1) where limits ask for it: go on along the path by scale * dt. */
+int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real twist[$twist],
+    const ${name}_parameters *parameters, ${name}_real dq[$n], ${name}_real *scale);
 $leaf_interface
 #ifdef __cplusplus
 }

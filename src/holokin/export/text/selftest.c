@@ -66,28 +66,29 @@ static void copy(const double *from, real *to, int count) {
 
 int main(void) {
   double worst[7] = {0};
-  real q[$n], target[$target], dx[$m], T[16], G[$nm], dq[$n], scale;
-  ${name}_hold hold;
-$declare_leaf  ${name}_defaults(&hold);
+  real q[$n], target[$target], dx[$m], twist[$twist], T[16], G[$nm], dq[$n], scale;
+  ${name}_parameters parameters;
+$declare_leaf  ${name}_defaults(&parameters);
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
 #ifdef ${NAME}_FLOAT
     const double most = v->precise ? TOLERANCE : 1e-2;
-    const double fed_back = most * (v->precise ? v->terms : fmax(1.0, (double)hold.gain / 100.0));
+    const double fed_back = most * (v->precise ? v->terms : fmax(1.0, (double)parameters.gain / 100.0));
 #else
     const double most = TOLERANCE * v->loss;
-    const double fed_back = most * fmax(1.0, (double)hold.gain / 100.0); /* it multiplies what the pose is off */
+    const double fed_back = most * fmax(1.0, (double)parameters.gain / 100.0); /* it multiplies what the pose is off */
 #endif
     copy(v->q, q, $n);
     copy(v->target, target, $target);
     copy(v->dx, dx, $m);
+    copy(v->twist, twist, $twist);
     const int status = ${name}_gain(q, G), rough = !v->precise && sizeof(real) < sizeof(double);
     if (rough && status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
     if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
     if (accept("pose", k, ${name}_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
     if (accept("rate", k, ${name}_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
-    const int stepped = ${name}_step(q, target, dx, &hold, dq, &scale);
+    const int stepped = ${name}_step(q, target, twist, &parameters, dq, &scale);
     if (stepped == v->status || accept("step", k, stepped, rough)) {
       worst[3] = compare("step", k, dq, v->step, $n, fed_back, worst[3]);
       worst[3] = compare("scale", k, &scale, &v->scale, 1, fed_back, worst[3]);
@@ -98,17 +99,23 @@ $leaf_tests  }
     copy(vectors[0].q, q, $n);
     copy(vectors[0].target, target, $target);
     copy(vectors[0].dx, dx, $m);
+    copy(vectors[0].twist, twist, $twist);
     for (int i = 0; i < $m; i++) {
       const real good = dx[i];
       dx[i] = bad[b];
       expect("rate of a bad dx", ${name}_rate(q, dx, dq), ${NAME}_NOT_FINITE, dq, $n);
-      expect("step of a bad dx", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
       dx[i] = good;
+    }
+    for (int i = 0; i < $twist; i++) {
+      const real good = twist[i];
+      twist[i] = bad[b];
+      expect("step of a bad twist", ${name}_step(q, target, twist, &parameters, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+      twist[i] = good;
     }
     for (int i = 0; i < $target; i++) {
       const real good = target[i];
       target[i] = bad[b];
-      expect("step to a bad target", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+      expect("step to a bad target", ${name}_step(q, target, twist, &parameters, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
 $bad_leaf      target[i] = good;
     }
     for (int i = 0; i < $n; i++) {
@@ -116,14 +123,14 @@ $bad_leaf      target[i] = good;
       q[i] = bad[b];
       expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, 16);
       expect("gain of a bad q", ${name}_gain(q, G), ${NAME}_NOT_FINITE, G, $nm);
-      expect("step of a bad q", ${name}_step(q, target, dx, &hold, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
+      expect("step of a bad q", ${name}_step(q, target, twist, &parameters, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
       q[i] = good;
     }
-    ${name}_hold odd = hold;
+    ${name}_parameters odd = parameters;
     odd.dt = bad[b];
-    expect("step with a bad dt", ${name}_step(q, target, dx, &odd, dq, &scale), ${NAME}_BAD_HOLD, dq, $n);
-    odd.dt = -hold.dt;
-    expect("step with a negative dt", ${name}_step(q, target, dx, &odd, dq, &scale), ${NAME}_BAD_HOLD, dq, $n);
+    expect("step with a bad dt", ${name}_step(q, target, twist, &odd, dq, &scale), ${NAME}_BAD_PARAMETERS, dq, $n);
+    odd.dt = -parameters.dt;
+    expect("step with a negative dt", ${name}_step(q, target, twist, &odd, dq, &scale), ${NAME}_BAD_PARAMETERS, dq, $n);
   }
 $singular_test  printf("$name, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
          PRECISION, tested, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");
