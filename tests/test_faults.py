@@ -334,12 +334,19 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     assert hidden(out) == []
 
 
-def test_ctrl_c_that_comes_where_nothing_can_be_raised_is_one_line_all_the_same(tmp_path: Path) -> None:
-    """In the end of an object, for instance, Python prints what it cannot raise."""
+@pytest.mark.parametrize(
+    "lost",
+    [
+        "class Last:\n  def __del__(self): signal.raise_signal(signal.SIGINT)\n Last()",
+        "try: signal.raise_signal(signal.SIGINT)\n except KeyboardInterrupt: warnings.warn('no 3D axes')",
+    ],
+    ids=["at the end of an object", "made a warning"],
+)
+def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost: str) -> None:
+    """At the end of an object Python prints what it cannot raise; some libraries warn that something is missing."""
     setup = (
-        "import signal\nimport holokin.output.report as report\nfill = report._fill\n"
-        "class Last:\n    def __del__(self): signal.raise_signal(signal.SIGINT)\n"
-        "def loses(*arguments):\n    Last()\n    fill(*arguments)\nreport._fill = loses\n"
+        "import signal, warnings\nimport holokin.output.report as report\nfill = report._fill\n"
+        f"def loses(*arguments):\n {lost}\n fill(*arguments)\nreport._fill = loses\n"
     )
     process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", setup)
     _, said = process.communicate(timeout=60)

@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -55,6 +56,7 @@ class Ending:
 
     def _hear(self, *_details: object) -> None:
         self.heard = True
+        warnings.simplefilter("ignore")  # of libraries that lost the signal and found something missing
         raise KeyboardInterrupt
 
     def leave(self) -> None:
