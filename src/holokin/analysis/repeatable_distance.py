@@ -57,8 +57,8 @@ class Price(Value):
     """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
 
     bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
-        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a theorem
-        (theory 5.4); its figure is the least of `points` samples of the circle.
+        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
+        theorem (theory 5.4); its figure is the least of `points` samples of the circle.
     first_order: rms deviation of the radial twin over the ball to first order in the radius, an estimate from the
         curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
         may: a law with a cut has.
@@ -81,8 +81,8 @@ class Price(Value):
         ours = "" if self.ours is None else f"; yours is {self.ours}"
         return (
             f"at some posture of the circle about the start every law g = const, g smooth, regular and of one value "
-            f"there, is at least {self.bound:.2%} away (by a theorem; the least of {self.points} sampled points); the radial "
-            f"twin is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
+            f"there, is at least {self.bound:.2%} away (by a theorem; the least of {self.points} sampled points); "
+            f"the radial twin is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
             "most over these and the circle)"
         )
 
