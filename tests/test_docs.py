@@ -29,20 +29,9 @@ def test_paper_md_names_code_tests_and_jobs_that_exist() -> None:
     for file, name in found:
         assert (ROOT / file).is_file(), file
         if name:
-            assert name in names_in(ROOT / file), f"{file}::{name}"
+            assert set(name.split(".")) <= names_in(ROOT / file), f"{file}::{name}"
     for job in re.findall(r"`out/([^/`]+)/", text):
         assert job in packaged_jobs()
-
-
-def test_paper_md_leaves_no_equation_out() -> None:
-    text = (ROOT / "docs" / "paper.md").read_text("utf-8")
-    covered: set[int] = set()
-    for entry in re.findall(r"^\| (\(.*?) \|", text, re.MULTILINE):
-        numbers = [int(n) for n in re.findall(r"\((\d+)\)", entry)]
-        covered |= set(range(numbers[0], numbers[-1] + 1)) if " to " in entry else set(numbers)
-    assert covered == set(range(1, 37))
-    for figure in range(1, 9):
-        assert f"| Fig. {figure}:" in text
 
 
 def test_the_readmes_python_gives_the_printed_numbers(capsys: pytest.CaptureFixture[str]) -> None:

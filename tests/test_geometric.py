@@ -5,9 +5,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 import holokin as hk
 from conftest import IRB_START
+from holokin.job import job_strategy, open_job
 from holokin.symbolic import lie_bracket
 
 
@@ -87,6 +89,24 @@ def test_the_euler_angle_coupling_in_closed_form_E5(irb140: hk.Robot) -> None:
         )
         closed = np.linalg.solve(irb140.jacobian(q), np.vstack([np.eye(3), -T]))
         assert np.abs(strategy(q) - closed).max() < 1e-11
+
+
+def test_the_packaged_irb140_job_is_27_with_28_and_29() -> None:
+    """N = null(J_p), N_G = null(J_o + J_p), H = [N_G N] by SciPy, G by (7); J_A = [1 0; 1 1] J with ZYZ angles."""
+    _, job, file = open_job("irb140-half-square")
+    _, strategy, start = job_strategy(job, file, "coupled")
+    zyz = hk.pose(strategy.task.robot, "zyz")
+    for q in start + np.random.default_rng(5).uniform(-0.2, 0.2, (5, 6)):
+        J = zyz.jacobian(q)
+        H = np.hstack([null_space(J[3:] + J[:3]), null_space(J[:3])])
+        W = H @ H.T
+        G = W @ J[:3].T @ np.linalg.inv(J[:3] @ W @ J[:3].T)  # (27)
+        assert strategy(q) == pytest.approx(G, abs=1e-10)
+        assert np.abs((J[:3] + J[3:]) @ strategy(q)).max() < 1e-12  # (28)
+        J_A = hk.analysis.general_form(strategy, q).J_A
+        one = np.eye(3)
+        assert pytest.approx(np.block([[one, 0 * one], [one, one]]) @ J, abs=1e-13) == J_A  # (29)
+        assert abs(np.linalg.det(J_A)) == pytest.approx(abs(np.linalg.det(J)))
 
 
 def test_the_papers_example_has_the_wrist_singularity_as_an_algorithmic_one_E5(irb140: hk.Robot) -> None:

@@ -12,6 +12,7 @@ from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
+from holokin.job import job_strategy, open_job
 from holokin.symbolic import lie_bracket, pairwise_brackets
 from papers_arm import C3, G22, G23, J18, N19, NG20, NG25, S3, Q, de_luca_frame, de_luca_g, paper_frame
 from sympy_bridge import to_sympy
@@ -35,11 +36,39 @@ def seven(J: np.ndarray, H: np.ndarray) -> np.ndarray:
 # --- T1: the planar arm, (18) to (25), symbolically exact ---
 
 
-def test_the_robot_ppr_has_the_papers_jacobian_18(ppr: hk.Robot) -> None:
+def test_the_robot_ppr_has_the_papers_jacobian_18() -> None:
+    """The forward kinematics (1) and their derivative (2) of the packaged robot."""
+    ppr = hk.load("ppr")
     task = hk.position(ppr)
     q = ca.SX.sym("q", 3)
     J = to_sympy(task.jacobian_expression(ppr.kinematics(q), q), q, Q)
     assert (J - J18).applyfunc(sp.simplify) == sp.zeros(2, 3)
+    x = to_sympy(task.value_expression(ppr.kinematics(q)), q, Q)
+    assert (x - sp.Matrix([Q[0] + C3, Q[1] + S3])).applyfunc(sp.simplify) == sp.zeros(2, 1)
+    assert (x.jacobian(Q) - J).applyfunc(sp.simplify) == sp.zeros(2, 3)
+
+
+def test_an_orientation_stands_below_the_position_and_its_rows_are_derivatives_26(irb140: hk.Robot) -> None:
+    """J = [J_p; J_o], J_o of ZYZ angles by central differences of the angles of the rotation, written out here."""
+    task, h = hk.pose(irb140, "zyz"), 1e-6
+
+    def zyz(q: np.ndarray) -> np.ndarray:
+        R = irb140.pose(q)[:3, :3]
+        return np.array([np.arctan2(R[1, 2], R[0, 2]), np.arccos(R[2, 2]), np.arctan2(R[2, 1], -R[2, 0])])
+
+    J = task.jacobian(IRB_START)
+    assert J[:3] == pytest.approx(irb140.jacobian(IRB_START)[:3], abs=1e-14)
+    slopes = np.column_stack([(zyz(IRB_START + e) - zyz(IRB_START - e)) / (2 * h) for e in np.eye(6) * h])
+    assert J[3:] == pytest.approx(slopes, abs=1e-8)
+    assert task(IRB_START)[3:] == pytest.approx(zyz(IRB_START), abs=1e-12)
+
+
+def test_joint_rates_are_G_times_the_tools_rates_3(ppr: hk.Robot) -> None:
+    strategy = hk.null_basis(hk.position(ppr), paper_frame)
+    for q, dx in np.random.default_rng(8).uniform(-1, 1, (5, 2, 3)):
+        dq = strategy.rate(q, dx[:2])[0]
+        assert dq == pytest.approx(numeric(G22, q) @ dx[:2], abs=1e-13)
+        assert numeric(J18, q) @ dq == pytest.approx(dx[:2], abs=1e-13)
 
 
 def test_the_null_space_of_ppr_is_the_papers_19(ppr: hk.Robot) -> None:
@@ -91,12 +120,15 @@ def test_H_of_20_has_determinant_one_everywhere_21(ppr: hk.Robot) -> None:
 
 
 def test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23(ppr: hk.Robot) -> None:
-    """(6) with W = H H^T is (7), and gives the paper's G; SymPy does the same with exact numbers."""
+    """(6) with W = H H^T is (7), and gives the paper's G; SymPy does the same in fractions."""
     task = hk.position(ppr)
     for frame, exact, G in ((paper_frame, NG20, G22), (de_luca_frame, NG25, G23)):
         H = exact.row_join(N19)
         W = H * H.T
-        assert (W * J18.T * (J18 * W * J18.T).inv() - G).applyfunc(sp.simplify) == sp.zeros(3, 2)
+        for sine, cosine in ((3, 4), (-5, 12), (8, -15)):  # over 5, 13, 17: angles with exact fractions
+            size = sp.sqrt(sine**2 + cosine**2)
+            W_here, J_here, G_here = (M.subs({S3: sine / size, C3: cosine / size}) for M in (W, J18, G))
+            assert W_here * J_here.T * (J_here * W_here * J_here.T).inv() == G_here
 
         def weight(q: ca.SX, frame=frame) -> ca.SX:
             h = ca.horzcat(fields(frame(q)), ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1))
@@ -133,6 +165,18 @@ def test_our_strategies_are_22_and_23(q: list[float]) -> None:
     assert paper(posture) == pytest.approx(numeric(G22, posture), abs=1e-13)
     for strategy in (hk.null_basis(task, de_luca_frame), hk.holonomic(task, hk.custom(de_luca_g))):
         assert strategy(posture) == pytest.approx(numeric(G23, posture), abs=1e-13)
+
+
+def test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24() -> None:
+    _, job, file = open_job("ppr-half-circle")
+    _, paper, _ = job_strategy(job, file, "paper")
+    _, de_luca, _ = job_strategy(job, file, "de-luca-oriolo")
+    J24 = J18.col_join(sp.Matrix([[1, 1, -1 + C3 - S3]]))
+    for q in np.random.default_rng(9).uniform(-3, 3, (10, 3)):
+        assert paper.distribution(q) == pytest.approx(numeric(NG20, q), abs=1e-14)
+        assert paper(q) == pytest.approx(numeric(G22, q), abs=1e-13)
+        assert de_luca.rows(q) == pytest.approx(numeric(J24, q)[2:], abs=1e-14)
+        assert de_luca(q) == pytest.approx(numeric(G23, q), abs=1e-13)
 
 
 def test_the_paper_strategies_are_holonomic_and_the_pseudo_inverse_is_not(ppr: hk.Robot) -> None:
@@ -179,19 +223,27 @@ def test_units_mix_in_the_pseudo_inverse_of_ppr_E7(w3: float, link: float) -> No
 # --- the general form: T2, T3, Theorem III.2 ---
 
 
-def arms() -> list[tuple[str, hk.Strategy, np.ndarray]]:
-    ppr, irb, panda = hk.load("ppr"), hk.load("irb140"), hk.load("panda")
-    return [
-        ("ppr (20)", hk.null_basis(hk.position(ppr), paper_frame), PPR_START),
-        ("ppr g", hk.holonomic(hk.position(ppr), hk.custom(de_luca_g)), PPR_START),
-        ("irb140 coupled", hk.holonomic(hk.position(irb), hk.coupled(1.0)), IRB_START),
-        ("panda lock", hk.holonomic(hk.pose(panda), hk.lock("panda_joint3")), PANDA_START),
-        ("panda linear zyz", hk.holonomic(hk.pose(panda, "zyz"), hk.linear([1, 0, -1, 0, 0.3, 0, 0])), PANDA_START),
-    ]
+def arm(name: str) -> tuple[hk.Strategy, np.ndarray]:
+    """(a holonomic strategy, a start posture)"""
+    robot = hk.load(name.split()[0])
+    return {
+        "ppr by (20)": lambda: (hk.null_basis(hk.position(robot), paper_frame), PPR_START),
+        "ppr by g": lambda: (hk.holonomic(hk.position(robot), hk.custom(de_luca_g)), PPR_START),
+        "irb140 coupled": lambda: (hk.holonomic(hk.position(robot), hk.coupled(1.0)), IRB_START),
+        "panda lock": lambda: (hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), PANDA_START),
+        "panda linear zyz": lambda: (
+            hk.holonomic(hk.pose(robot, "zyz"), hk.linear([1, 0, -1, 0, 0.3, 0, 0])),
+            PANDA_START,
+        ),
+    }[name]()
 
 
-@pytest.mark.parametrize(("name", "strategy", "start"), arms(), ids=[a[0] for a in arms()])
-def test_seven_equals_the_frame_form_and_the_extended_jacobian(name: str, strategy: hk.Strategy, start) -> None:
+BY_G = ["ppr by g", "irb140 coupled", "panda lock", "panda linear zyz"]
+
+
+@pytest.mark.parametrize("name", ["ppr by (20)", *BY_G])
+def test_seven_equals_the_frame_form_and_the_extended_jacobian(name: str) -> None:
+    strategy, start = arm(name)
     rng = np.random.default_rng(3)
     task = strategy.task
     for q in start + rng.uniform(-0.3, 0.3, (10, task.n)):
@@ -208,9 +260,10 @@ def test_seven_equals_the_frame_form_and_the_extended_jacobian(name: str, strate
         assert strategy.weight(q) == pytest.approx(H @ H.T)
 
 
-@pytest.mark.parametrize(("name", "strategy", "start"), arms()[1:], ids=[a[0] for a in arms()[1:]])
-def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str, strategy: hk.Strategy, start) -> None:
+@pytest.mark.parametrize("name", BY_G)
+def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str) -> None:
     """Theorem III.2, 1 => 2: from G to J_G, N_G, H and back."""
+    strategy, start = arm(name)
     task = strategy.task
     q_symbol = strategy.expressions.q
     rows = ca.Function("J_G", [q_symbol], [strategy.expressions.planes])
@@ -231,6 +284,11 @@ def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str, s
         assert np.abs(seven(J, H) - G).max() < 1e-9
         identity = np.vstack([np.eye(task.m), np.zeros((task.n - task.m, task.m))])
         assert np.abs(J_A @ seven(J, H) - identity).max() < 1e-9  # (14)
+        found = form.residuals()
+        assert max(found[key] for key in ("(7)", "(8)", "(10)", "(13)", "(14)")) < 1e-9
+        sizes = {"(9)": J @ form.N_G, "(11)": J_A, "H": form.H}
+        assert {key: found[key] for key in sizes} == pytest.approx({k: np.linalg.norm(M, -2) for k, M in sizes.items()})
+        assert found["(12)"] == pytest.approx(np.sin(subspace_angles(task.null_space(q), N_G).min()))
 
 
 def test_our_strategy_keeps_the_digits_that_seven_loses(panda: hk.Robot) -> None:

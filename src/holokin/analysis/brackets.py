@@ -78,7 +78,7 @@ def constant_weight(strategy: Strategy) -> Matrix | None:
 
 
 @constant_weight.register
-def _(strategy: FrameStrategy) -> Matrix | None:
+def _weight_of_frame(strategy: FrameStrategy) -> Matrix | None:
     return strategy.constant_weight if strategy.task.orientation in (None, "twist") else None
 
 
@@ -97,8 +97,9 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
     found = e.rate(SX.eye(m), written_out=True)
     closed = _hessian_brackets(task, e, constant_weight(strategy)) if by_hessians else None
     A, brackets = _rows_and_brackets(e, found, closed)
-    N = null_space_expression(e.J)
+    N = null_space_expression(e.J)  # (30)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
+    # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
     outputs = {"F": packed, "G": found.X, "conditioning": found.conditioning, "margin": strategy.margin_expression}
@@ -116,23 +117,24 @@ def _rows_and_brackets(e: Expressions, found: Solution, closed: Brackets | None)
 
 
 @_rows_and_brackets.register
-def _(e: FrameExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
+def _brackets_of_frame(e: FrameExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
     """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""
     B, m = e.planes, e.J.shape[0]
     A = null_space_expression(B.T).T
     of_frame = closed or pairwise_brackets(B, e.q)
-    M = factorise(e.J @ B).solve(SX.eye(m))
+    M = factorise(e.J @ B).solve(SX.eye(m))  # Proposition 1
     rows = range(A.shape[0])
     return A, [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in of_frame.items()}, m) @ M for k in rows]
 
 
 @_rows_and_brackets.register
-def _(e: RowExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
+def _brackets_of_rows(e: RowExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
     """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i): only A is differentiated."""
     A, G = e.planes, found.X
+    # (31), (32): DA[G_i] G_j = -A DG_j[G_i], from A G = 0
     along = [directional(A, e.q, G[:, i]) @ G for i in range(G.shape[1])]
     values = [vertcat(*(turn[k, :] for turn in along)) for k in range(A.shape[0])]
-    return A, [T.T - T for T in values]
+    return A, [T.T - T for T in values]  # (33), (34), (35)
 
 
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:

@@ -51,7 +51,7 @@ class Constraint(Made, Value):
     def slopes(self, task: Task, k: Kinematics, q: SX) -> SX:
         """J_g = dg/dq (r, n). Raises: as `bind`."""
         g = self.bind(task, k, q)
-        return jacobian(g, q) if self.derivative is None else self.derivative(task, k, q)
+        return jacobian(g, q) if self.derivative is None else self.derivative(task, k, q)  # (10)
 
     def nearest(self, gap: Levels) -> Levels:
         """A difference of levels, numbers (..., r) or an expression (r, 1), its angles in (-pi, pi]."""

@@ -88,7 +88,7 @@ class Strategy(Made, Value, ABC):
 
     def H(self, q: ArrayLike) -> Matrix:
         """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""
-        return np.hstack([self.distribution(q), self.task.null_space(q)])
+        return np.hstack([self.distribution(q), self.task.null_space(q)])  # (21): its determinant is 1 for (20)
 
     def weight(self, q: ArrayLike) -> Matrix:
         """W = H H^T (n, n): the weight with which G is a weighted pseudo-inverse (6). [ZR11, (7)]"""
@@ -126,7 +126,7 @@ class Strategy(Made, Value, ABC):
         """(q, dx) -> (dq = G dx, conditioning, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         e = self.expressions
         dx = symbol("dx", self.task.m)
-        found = e.rate(dx)
+        found = e.rate(dx)  # (3)
         outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
         return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
 

@@ -36,8 +36,9 @@ class FrameExpressions(Expressions):
     def rate(self, dx: SX, *, written_out: bool = False) -> Solution:
         """G dx by B = Q R: Q (J Q)^-1 dx."""
         frame = factorise(self.planes)
+        # (7): Q (J Q)^-1 has the planes of H H^T J^T (J H H^T J^T)^-1
         Q = frame.thin_q()
-        inner = factorise(self.J @ Q)
+        inner = factorise(self.J @ Q)  # (9): regular where H is
         return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
 
 
@@ -53,8 +54,8 @@ class RowExpressions(Expressions):
             along: wanted of the rows (r, k); zero by default, for G dx.
         """
         wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
-        A, B = [self.J], [dx]
+        A, B = [self.J], [dx]  # (11)
         for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
             size = norm_2(self.planes[i, :])
             A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
-        return solution(vertcat(*A), vertcat(*B), written_out=written_out)
+        return solution(vertcat(*A), vertcat(*B), written_out=written_out)  # (14)

@@ -20,7 +20,7 @@ def null_space(J: Array) -> Array:
 
     It may jump between postures, so use it at one posture, or where the span alone counts.
     """
-    return np.swapaxes(np.linalg.svd(J)[2][..., J.shape[-2] :, :], -1, -2)
+    return np.swapaxes(np.linalg.svd(J)[2][..., J.shape[-2] :, :], -1, -2)  # (30)
 
 
 def null_space_expression(J: ca.SX) -> ca.SX:
@@ -49,4 +49,4 @@ def null_vector_expression(J: ca.SX) -> ca.SX:
 
 def minors(J: Matrix) -> Vector:
     """The signed minors (n,) of a J (n - 1, n): `null_vector` of length sqrt(det J J^T), smooth in q everywhere."""
-    return null_vector(J) * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))
+    return null_vector(J) * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))  # (19)
