@@ -12,6 +12,7 @@ import hashlib
 import logging
 import os
 import platform
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from pathlib import Path
 
 from ..errors import NativeError
 from .cache import FORMAT, SUFFIX, cache_folder, keep, kept, load, read_regular
-from .toolchain import Compiler, call, compiler, plain
+from .toolchain import Compiler, call, compiler, plain, stopped
 
 PROBE = "double holokin_probe(double x) { return 2 * x; }"
 """What is built first: the smallest library that shows that all of it works."""
@@ -80,7 +81,9 @@ def trouble() -> NativeError | None:
 
 
 def tell(problem: NativeError) -> None:
-    """Warn of what keeps native code from running: once in a process for each cause."""
+    """Warn of what keeps native code from running: once in a process for each cause, and not while it ends."""
+    if stopped():
+        return
     with _telling:
         known = problem.cause in _told
         _told.add(problem.cause)
@@ -182,19 +185,24 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     Raises:
         NativeError: the compiler refuses, fails or does not end, or there is no temporary folder to work in.
     """
+    private: Path | None = None
     try:
-        with tempfile.TemporaryDirectory(prefix="holokin-") as private:
-            file, made = Path(private) / "source.c", Path(private) / f"library{SUFFIX}"
-            file.write_text(source, "utf-8")
-            command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
-            status, said = call(command, patience, "stderr")
-            if status == 0:
-                return read_regular(made)[0]
+        # No TemporaryDirectory: its finalizer would also run at the exit of a child that was forked meanwhile.
+        private = Path(tempfile.mkdtemp(prefix="holokin-"))
+        file, made = private / "source.c", private / f"library{SUFFIX}"
+        file.write_text(source, "utf-8")
+        command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
+        status, said = call(command, patience, "stderr")
+        if status == 0:
+            return read_regular(made)[0]
     except subprocess.TimeoutExpired:
         raise NativeError(f"{chosen} took more than {patience:g} s and was stopped", "patience") from None
     except OSError as problem:
         reason = plain(problem.strerror or "no library was made")
         raise NativeError(f"{chosen} could not build the generated code ({reason})", "building") from problem
+    finally:
+        if private is not None:
+            shutil.rmtree(private, ignore_errors=True)
     lines = said.splitlines()
     complaint = next((line for line in lines if "error" in line), lines[0] if lines else "no reason given")
     if status < 0:

@@ -23,6 +23,7 @@ from ..robot import Kinematics
 from ..symbolic import (
     SX,
     Enclosure,
+    Evaluator,
     Function,
     Solution,
     as_expression,
@@ -114,12 +115,15 @@ class Strategy(Made, Value):
             SingularityError: J, H or [J; J_g] is singular at q, or the representation is; `.kind` says which.
             ShapeError, NotFiniteError: q is not n finite numbers.
         """
-        q = self.task.robot.checked(q)
-        G, conditioning, margin = self.gain(q)
-        self.check(q, conditioning, margin)
-        if not np.isfinite(G).all():
-            self._check_finite(q)
-        return np.reshape(G, (self.task.n, self.task.m))
+        return self._gain_at.call(q)
+
+    def g(self, q: ArrayLike) -> Vector:
+        """g(q), (n,) -> (r,), of a strategy from a constraint: constant along all that the strategy does.
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers, or the strategy has no constraint.
+        """
+        return self._constraint_at.call(q)
 
     def batch(self, Q: ArrayLike, *, threads: int | None = None) -> Array:
         """G at many postures, (k, n) -> (k, n, m); see `Function.batch` for threads.
@@ -301,6 +305,27 @@ class Strategy(Made, Value):
             return SX(0, 1)
         gap, angular = c - self.constraint_expression, self._constraint().angular
         return vertcat(*(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(angular)))
+
+    @cached_property
+    def _gain_at(self) -> Evaluator:
+        shape, bounds = (self.task.n, self.task.m), (TOLERANCES.singular, TOLERANCES.representation)
+        return self.gain.checked(shape, self.task.robot.checked, self._doubtful_gain, bounds)
+
+    def _doubtful_gain(self, q: Vector, G: Matrix, conditioning: float, margin: float) -> Matrix:
+        self.check(self.task.robot.checked(q), conditioning, margin)
+        if not np.isfinite(G).all():
+            self._check_finite(q)
+        return G
+
+    @cached_property
+    def _constraint_at(self) -> Evaluator:
+        return self.constraint_value.checked((self._constraint().rows,), self.task.robot.checked, self._doubtful_value)
+
+    def _doubtful_value(self, q: Vector, g: Vector) -> Vector:
+        self.task.robot.checked(q)
+        if not np.isfinite(g).all():
+            raise NotFiniteError(f"g(q) of {self.name!r} at q = {q.tolist()}", g.tolist())
+        return g
 
     @cached_property
     def _frame(self) -> Function:
