@@ -117,8 +117,9 @@ class Evaluator:
                     break
                 slot[...] = value
             trigger()
-            # A square beyond all floats counts as not finite, too: `doubt` looks closer.
-            if not finite or isfinite(whole.dot(whole)):
+            # A sum beyond all floats counts as not finite, too: `doubt` looks closer. Python's sum, unlike NumPy's, does
+            # not warn of it.
+            if not finite or isfinite(sum(whole())):
                 for figure, bound in zip(figures(), bounds, strict=True) if bounds else ():
                     if not figure > bound:
                         break
@@ -140,7 +141,8 @@ class _Memory(threading.local):
         results = [array.reshape(shape) for array, shape in zip(port.results, shapes, strict=False)]
         takes = [view.copy if view.ndim else view.item for view in results]
         count = sum(array.size for array in (*port.arguments, *results))
-        self.all = (port.trigger, port.arguments, takes, port.numbers[:count], port.numbers[count:].tolist)
+        whole, figures = port.numbers[:count], port.numbers[count:]
+        self.all = (port.trigger, port.arguments, takes, whole.tolist, figures.tolist)
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -253,7 +253,7 @@ class Robot(Value):
         array = numbers(what, q)
         if array.shape != (self.n,):
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
-        return array if isfinite(array.dot(array)) else finite(what, array)
+        return array if isfinite(sum(array.tolist())) else finite(what, array)
 
     def postures(self, Q: ArrayLike) -> Matrix:
         """Postures as (k, n) floats. Raises: ShapeError, ArgumentError if they are not numbers."""
