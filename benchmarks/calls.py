@@ -74,21 +74,22 @@ class Timed:
 
 
 def in_turns(calls: dict[str, Callable[[int], object]], rounds: int, each: float) -> dict[str, Timed]:
-    """Times of loops, round by round in turns.
+    """Times of loops, round by round in turns, each after a few calls that are not timed.
 
     Args:
         calls: name -> a function that calls so many times.
-        each: seconds that a turn may take.
+        each: seconds that a turn should take; short ones are seldom interrupted by what else the machine does.
     """
     counts = {}
     for name, run in calls.items():
         run(3)
         begin = time.perf_counter()
         run(10)
-        counts[name] = max(1, int(each / ((time.perf_counter() - begin) / 10)))
+        counts[name] = max(10, int(each / ((time.perf_counter() - begin) / 10)))
     times = np.empty((rounds, len(calls)))
     for k in range(rounds):
         for i, (name, run) in enumerate(calls.items()):
+            run(counts[name] // 5)
             begin = time.perf_counter()
             run(counts[name])
             times[k, i] = (time.perf_counter() - begin) / counts[name]

@@ -225,9 +225,8 @@ def table(rows: list[Row]) -> str:
 
 def versions() -> str:
     """What was run, and on what."""
-    out = []
+    out = [f"holokin {hk.__version__}"]
     for package in (
-        "holokin",
         "casadi",
         "numpy",
         "pin-pink",

@@ -118,7 +118,7 @@ def main(arguments: list[str] | None = None) -> int:
         "holokin, native": repeated(lambda: servo.step(START, pose, dx)),
         "holokin, virtual machine": repeated(lambda: machine.step(START, pose, dx)),
     } | {name: repeated(lambda step=step: step(START, pose, dx)) for name, step in others}
-    rounds, each = (5, 2e-3) if given.quick else (200, 4e-3)
+    rounds, each = (5 if given.quick else 400), 5e-4
     times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, each)
     rows, floor = [(name, times[name]) for name in steps], times["C floor"].median
     point = robot.pose(START)[:3, 3]

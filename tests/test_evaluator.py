@@ -105,6 +105,30 @@ class Kind(np.ndarray):
     """An array of somebody's own."""
 
 
+@compiled
+@pytest.mark.parametrize("n", [2, 5, 12])
+def test_planar_arms_of_any_size_agree(n: int) -> None:
+    """Without redundancy there is no constraint row; twelve joints are solved by a dense factorisation."""
+    arm = hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"{n}R")
+    task = hk.position(arm)
+    rows = np.random.default_rng(0).normal(size=(n - 2, n))
+    strategy = hk.holonomic(task, hk.linear(rows) if n > 2 else hk.custom(lambda q: [], rows=0))
+    q = np.linspace(0.2, 0.9, n)
+    for call, found in ((strategy, strategy._gain_at), (strategy.g, strategy._constraint_at), (task, task._value_at)):
+        slow = call(q)
+        found.work()
+        assert found.native
+        fast = call(q)
+        assert slow.shape == fast.shape
+        assert np.abs(slow - fast).max(initial=0) <= 1e-12 * np.abs(slow).max(initial=0)
+    assert strategy.g(q).shape == (n - 2,)
+    assert np.abs(task.jacobian(q) @ strategy(q) - np.eye(2)).max() < 1e-12
+    single = hk.moore_penrose(task[[0]])
+    assert single(q).shape == (n, 1)
+    assert single.task(q).shape == (1,)
+    assert single.task.jacobian(q).shape == (1, n)
+
+
 def layouts(q: np.ndarray) -> dict[str, object]:
     """The same seven numbers as everything that a caller may have."""
     wide, bytes_ = np.zeros((7, 3)), bytearray(8 * 7 + 1)

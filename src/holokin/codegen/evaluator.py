@@ -50,19 +50,19 @@ class Evaluator:
         port: the memory on which the virtual machine runs.
         results: the shapes in which the first outputs are given; those beyond are figures, single numbers.
         bounds: above which a figure is sound.
-        finite: whether arguments and results must be finite.
         convert: makes arrays of arguments that are none of the right kind and shape.
-        doubt: what to do where something is not finite or a figure is not sound: it raises, or gives a result.
+        doubt: what to do where something is not finite or a figure is not sound: it raises, or gives a result. Without
+            it everything is given as it is.
     """
 
     call: Callable[..., Any]
 
     def __init__(
         self, made: Program, inputs: Shapes, outputs: Shapes, port: Port, *, results: Shapes,
-        bounds: Sequence[float] = (), finite: bool, convert: Convert, doubt: Doubt | None = None,
+        bounds: Sequence[float] = (), convert: Convert, doubt: Doubt | None = None,
     ) -> None:  # fmt: skip
         self._made, self._inputs, self._outputs = made, tuple(inputs), tuple(outputs)
-        self._results, self._bounds, self._finite = tuple(results), tuple(bounds), finite
+        self._results, self._bounds, self._checks = tuple(results), tuple(bounds), doubt is not None
         self.machine, self._restart = self._on_machine(port, convert, doubt)
         self.call = self.machine
 
@@ -77,7 +77,7 @@ class Evaluator:
         fits = max(len(self._inputs), len(sizes)) <= MOST and self._made.instructions <= LARGEST
         if self.native or not fits or not enabled():
             return
-        code = sample_source(self._made, self._inputs, self._outputs, sizes, self._bounds, self._finite)
+        code = sample_source(self._made, self._inputs, self._outputs, sizes, self._bounds, self._checks)
         try:
             module = _module()
             if module is None:
@@ -96,8 +96,15 @@ class Evaluator:
     def _on_machine(self, port: Port, convert: Convert, doubt: Doubt | None) -> tuple[Callable[..., Any], Any]:
         memory = _Memory(port, self._results)
         inputs, several, double = self._inputs, len(self._results) != 1, np.dtype(float)
-        finite, bounds = self._finite, self._bounds
+        figures = [*zip(range(-len(self._bounds), 0), self._bounds, strict=True)]  # the last of all numbers
         myself, left = weakref.ref(self), HEAVY
+
+        def sound(found: Sequence[float]) -> bool:
+            for place, bound in figures:
+                if not found[place] > bound:
+                    return False
+            # A sum beyond all floats counts as not finite, too: `doubt` looks closer. Python's sum does not warn of it.
+            return isfinite(sum(found))
 
         def machine(*arguments: Any, **named: Any) -> Any:
             nonlocal left
@@ -105,7 +112,7 @@ class Evaluator:
                 left -= 1
                 if left <= 0 and (evaluator := myself()) is not None:
                     later(evaluator)
-            trigger, slots, takes, whole, figures = memory.all
+            trigger, slots, takes, numbers = memory.all
             given: Sequence[Any] = arguments
             if len(given) != len(slots) or named:
                 given = convert(*arguments, **named)
@@ -117,15 +124,9 @@ class Evaluator:
                     break
                 slot[...] = value
             trigger()
-            # A sum beyond all floats counts as not finite, too: `doubt` looks closer. Python's sum, unlike NumPy's, does
-            # not warn of it.
-            if not finite or isfinite(sum(whole())):
-                for figure, bound in zip(figures(), bounds, strict=True) if bounds else ():
-                    if not figure > bound:
-                        break
-                else:
-                    return tuple([take() for take in takes]) if several else takes[0]()
-            return doubt(*given, *[take() for take in takes], *figures())  # type: ignore[misc]
+            if doubt is not None and not sound(found := numbers()):
+                return doubt(*given, *[take() for take in takes], *[found[place] for place, _ in figures])
+            return tuple([take() for take in takes]) if several else takes[0]()
 
         def restart() -> None:
             nonlocal left
@@ -135,14 +136,12 @@ class Evaluator:
 
 
 class _Memory(threading.local):
-    """A thread's views of its memory: (trigger, arguments, ways to take results, arguments and results, figures)."""
+    """A thread's views of its memory: (trigger, arguments, ways to take results, way to take all numbers)."""
 
     def __init__(self, port: Port, shapes: Shapes) -> None:
         results = [array.reshape(shape) for array, shape in zip(port.results, shapes, strict=False)]
         takes = [view.copy if view.ndim else view.item for view in results]
-        count = sum(array.size for array in (*port.arguments, *results))
-        whole, figures = port.numbers[:count], port.numbers[count:]
-        self.all = (port.trigger, port.arguments, takes, whole.tolist, figures.tolist)
+        self.all = (port.trigger, port.arguments, takes, port.numbers.tolist)
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -317,15 +317,17 @@ class Robot(Value):
             return known[tip]
         except (KeyError, TypeError):  # a new one, or no name at all
             check("tip", str | None, tip)
-        q = symbol("q", self.n)
-        k = self.kinematics(q, self._tip(tip).name)
-        if known is self._poses:
-            T = vertcat(horzcat(k.rotation, k.position), SX([[0, 0, 0, 1]]))
-            function, shape = Function("pose", {"q": q}, {"T": T}), (4, 4)
-        else:
-            function, shape = Function("jacobian", {"q": q}, {"J": k.jacobian}), (6, self.n)
-        known[tip] = function.checked(shape, self.checked, self._doubtful)
-        return known[tip]
+        name = self._tip(tip).name
+        if name not in known:
+            q = symbol("q", self.n)
+            k = self.kinematics(q, name)
+            if known is self._poses:
+                T = vertcat(horzcat(k.rotation, k.position), SX([[0, 0, 0, 1]]))
+                function, shape = Function("pose", {"q": q}, {"T": T}), (4, 4)
+            else:
+                function, shape = Function("jacobian", {"q": q}, {"J": k.jacobian}), (6, self.n)
+            known[name] = function.checked(shape, self.checked, self._doubtful)
+        return known.setdefault(tip, known[name])
 
     def _doubtful(self, q: Vector, found: Matrix) -> Matrix:
         """What was found at q, unless q is not finite."""

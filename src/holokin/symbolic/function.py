@@ -57,9 +57,7 @@ class Function:
         self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
         shown = [() if shape == (1,) else shape for shape in self._shapes[1]]
-        self._one = Evaluator(
-            self.program, *self._shapes, self._port, results=shown, finite=False, convert=weak(self._converted)
-        )
+        self._one = Evaluator(self.program, *self._shapes, self._port, results=shown, convert=weak(self._converted))
 
     def __repr__(self) -> str:
         return f"Function({self.program.before})"
@@ -85,7 +83,7 @@ class Function:
         """
         array = weak(convert)
         return Evaluator(
-            self.program, *self._shapes, self._port, results=[result], bounds=bounds, finite=True,
+            self.program, *self._shapes, self._port, results=[result], bounds=bounds,
             convert=lambda given: (array(given),), doubt=weak(doubt),
         )  # fmt: skip
 
