@@ -178,7 +178,8 @@ def page(
         "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
         "path and to the leaf and with joint limits; the C floor is one call of the same step from C. The libraries",
         "run as their own examples run them, pink and mink with one `Configuration` that is updated, a frame task and",
-        "a posture task; of each, the limits that it takes by default and none, and every solver it has here.\n",
+        "a posture task; of each, the limits that it takes by default and none, and every solver it has here. Where",
+        "the load is above the number of cores, p99 tells of the other work.\n",
         "| one control step | median | p99 | in C floors | against holokin, native |",
         "|---|---:|---:|---:|---:|",
     ]

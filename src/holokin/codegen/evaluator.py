@@ -82,7 +82,7 @@ class Evaluator:
             module = _module()
             if module is None:
                 return
-            built = library(code, long=self._made.instructions > LONG, needs=("hk_sample",))
+            built = library(code, long=self._made.instructions > LONG, interleaved=True, needs=("hk_sample",))
         except NativeError as problem:
             tell(problem)
             return

@@ -96,6 +96,7 @@ def library(
     *,
     fast: bool = False,
     long: bool = False,
+    interleaved: bool = False,
     includes: tuple[str, ...] = (),
     needs: tuple[str, ...] = (),
     patience: float | None = None,
@@ -105,6 +106,8 @@ def library(
     Args:
         fast: let products and sums be fused, for vector code; scalar code keeps to the C standard's rounding.
         long: thousands of lines without a branch, on which compilers' cleverest passes take minutes.
+        interleaved: let gcc on x86 order operations by when they can begin, as it does elsewhere: code for several
+            results becomes up to a third faster, with the same rounding, for half as long again to compile.
         needs: the functions that it must have.
         patience: how long the compiler may take [s], PATIENCE by default.
 
@@ -114,7 +117,7 @@ def library(
     chosen = compiler()
     if chosen is None:
         raise NativeError("no C compiler was found")
-    flags, folder = _flags(chosen, fast, long, includes), cache_folder()
+    flags, folder = _flags(chosen, fast, long, interleaved, includes), cache_folder()
     parts = [FORMAT, source, chosen.version, *chosen.command, *flags, _processor()]
     path = folder / f"{hashlib.sha256(os.fsencode(chr(0).join(parts))).hexdigest()[:40]}{SUFFIX}"
     found = kept(path)
@@ -150,7 +153,7 @@ def _loaded(found: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) 
     return loaded
 
 
-def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
+def _flags(chosen: Compiler, fast: bool, long: bool, interleaved: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
     flags = [
         "-std=gnu99",
         "-O1" if long else "-O2",
@@ -160,8 +163,11 @@ def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) 
         "-fopenmp-simd",
         f"-ffp-contract={'fast' if fast else 'off'}",
     ]
-    if long and "clang" not in chosen.version.lower():  # two passes that take time with the square of the length
-        flags += ["-fno-tree-dse", "-fno-tree-fre"]
+    if "clang" not in chosen.version.lower():
+        if long:  # two passes that take time with the square of the length
+            flags += ["-fno-tree-dse", "-fno-tree-fre"]
+        elif interleaved:
+            flags += ["-fschedule-insns", "-fsched-pressure"]
     flags += [] if sys.platform == "win32" else ["-fPIC"]
     flags += ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
     if platform.machine().lower() in ("x86_64", "amd64"):
