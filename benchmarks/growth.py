@@ -1,4 +1,6 @@
-"""How does a step grow with the joints? Part of `python -m benchmarks.speed`.
+"""How does a step grow with the joints? Part of `python -m benchmarks.speed`, or by itself:
+
+    python -m benchmarks.growth
 
 Planar arms of n equal links with n - 2 dense linear constraint rows, and two Pandas from hand to hand, 14 joints. Below
 `linear.DENSE_FROM` the linear system is written out, from there on it is left to a dense factorisation.
@@ -6,6 +8,7 @@ Planar arms of n equal links with n - 2 dense linear constraint rows, and two Pa
 
 from __future__ import annotations
 
+import argparse
 import os
 import tempfile
 import time
@@ -108,11 +111,12 @@ def growth(clock: Clock, quick: bool) -> tuple[list[Growth], list[Growth]]:
         q0 = np.random.default_rng(n).uniform(-1, 1, n) * 3 / np.sqrt(n)
         return grown(hk.position(planar(n)), q0, clock)
 
-    rows = [row(n) for n in (SIZES[:4] if quick else SIZES)]
-    rows.append(grown(hk.pose(two_pandas()), np.concatenate([START[::-1], START]), clock))
+    rows = [row(n) for n in (SIZES[:1] if quick else SIZES)]
+    if not quick:
+        rows.append(grown(hk.pose(two_pandas()), np.concatenate([START[::-1], START]), clock))
     both, usual = [], linear.DENSE_FROM
     try:
-        for n in CROSSING[:2] if quick else CROSSING:
+        for n in CROSSING[:1] if quick else CROSSING:
             for linear.DENSE_FROM in (n + 1, 0):
                 both.append(row(n))
     finally:
@@ -141,3 +145,17 @@ def growth_page(rows: list[Growth], both: list[Growth]) -> list[str]:
         "without a compiler. Both ways, around the crossing:\n",
         *head, *lines(both),
     ]  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print its part of docs/speed.md."""
+    from benchmarks.speed import median_and_p99
+
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.growth", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the smallest arms")
+    print("\n".join(growth_page(*growth(median_and_p99, parser.parse_args(arguments).quick))))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

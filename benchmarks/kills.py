@@ -213,8 +213,8 @@ def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counte
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         folder = Path(name)
-        seconds = min(prepare(folder) for _ in range(3))  # the first warms the caches
-        for k in range(count):
+        seconds = min(prepare(folder) for _ in range(3 if count > 1 else 1))  # the first warms the caches
+        for k in range(1, count + 1):
             moment = (k % 2 == 1, rng.uniform(0, 0.4 * seconds if k % 2 else seconds))
             ended, wrong = trial(kind, moment, folder, k)
             ends[ended] += 1
@@ -229,13 +229,16 @@ def report(what: str, ends: collections.Counter[str], faults: list[str]) -> None
         print(f"  {times:4} {ended}", flush=True)
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Print how the processes ended, and each fault."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "renames"])
-    args = parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help="one kill at a random moment")
+    args = parser.parse_args(arguments)
+    if args.quick:
+        args.count, args.only = 1, "SIGKILL"
     faults = []
     if args.only in (None, "renames"):
         with tempfile.TemporaryDirectory(prefix="kills-") as name:

@@ -4,14 +4,13 @@
 
 All in one run on one machine, Panda, pose task, the same circle: one control step called from Python, ours with
 feedback to the path and to the leaf, native and by the virtual machine, beside pink, mink, placo, Pinocchio and
-roboticstoolbox with NumPy's pinv. The C floor is a bare scalar C loop over our generated step. Then loops in C,
-memory, and growth with the joints.
+roboticstoolbox with NumPy's pinv. The C floor is one such step called from C. Then the functions that users call in
+loops, loops in C, memory, and growth with the joints.
 """
 
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
 import platform
 import tempfile
@@ -23,27 +22,16 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
+from benchmarks.calls import Floor, Timed, calls_page, in_turns, machine_and_native, repeated
 from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
+from benchmarks.rivals import rivals
 from holokin.analysis.brackets import curvature_function
-from holokin.codegen.native import engine, library
-from holokin.codegen.source import step_source
-from holokin.errors import MissingExtraError
-from holokin.laws import PostureTask, mink_law, pink_law, placo_law
-from holokin.motion import ControlLaw, simulate
+from holokin.codegen.native import engine
+from holokin.motion import simulate
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]
-LOOP = """
-double floor_loop(long long count, const double *q, const double *pose, const double *dx, const double *leaf) {
-  double out[HK_N + 1], sum = 0.0;
-  for (long long i = 0; i < count; i++) {
-    hk_step(q + HK_N * (i % 256), pose, dx, out, leaf);
-    sum += out[0];
-  }
-  return sum;
-}
-"""
 
 
 def processor() -> str:
@@ -54,6 +42,11 @@ def processor() -> str:
         lines = []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(named, platform.processor() or platform.machine())
+
+
+def load() -> str:
+    """How busy the machine is."""
+    return f"load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else "load unknown"
 
 
 def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple[float, float]:
@@ -67,18 +60,6 @@ def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple
     return float(np.median(times)), float(np.percentile(times, 99))
 
 
-def c_floor(servo: hk.motion.Controller, pose: np.ndarray, dx: np.ndarray) -> tuple[float, float]:
-    """Seconds of one step in a bare C loop."""
-    lib = library(step_source(*servo.generated) + LOOP)
-    run = lib.floor_loop
-    run.restype, run.argtypes = ctypes.c_double, [ctypes.c_longlong] + [ctypes.c_void_p] * 4
-    Q = START + np.random.default_rng(0).uniform(-0.05, 0.05, (256, 7))
-    leaf = np.append(servo.leaf, 0.0)
-    arguments = (20_000, Q.ctypes.data, pose.ctypes.data, dx.ctypes.data, leaf.ctypes.data)
-    median, p99 = median_and_p99(lambda: run(*arguments), 60, 1)
-    return median / 20_000, p99 / 20_000
-
-
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
     """A servo on the virtual machine."""
     with environment(HOLOKIN_NATIVE="0"):
@@ -89,50 +70,6 @@ def first_use(make: Callable[[], hk.motion.Controller]) -> tuple[float, float]:
     """Seconds to build, compile and load a new strategy, and again from the cache."""
     with tempfile.TemporaryDirectory() as folder, environment(HOLOKIN_CACHE=folder):
         return _seconds(make), _seconds(make)
-
-
-def rivals(robot: hk.Robot) -> list[tuple[str, ControlLaw | str]]:
-    """The libraries, or why one is left out."""
-    import numpy.linalg as la
-
-    out: list[tuple[str, ControlLaw | str]] = []
-    for name, make in (("pink", pink_law), ("mink", mink_law), ("placo", placo_law)):
-        try:
-            out.append((name, make(robot, PostureTask(1e-3))))
-        except MissingExtraError as problem:
-            out.append((name, str(problem)))
-    out.append(("roboticstoolbox + pinv", _roboticstoolbox()))
-    try:
-        import pinocchio as pin
-    except ImportError:
-        return [*out, ("Pinocchio + pinv", "not installed")]
-    from holokin.robot import to_urdf
-
-    model = pin.buildModelFromXML(to_urdf(robot))
-    data, frame = model.createData(), model.getFrameId(robot.tips[0].name)
-
-    def law(q, pose, twist, dt):
-        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-        here = data.oMf[frame]
-        e = np.concatenate([pose[:3, 3] - here.translation, pin.log3(pose[:3, :3] @ here.rotation.T)])
-        return la.pinv(J) @ (twist + 100.0 * e)
-
-    return [*out, ("Pinocchio + pinv", ControlLaw("Pinocchio + pinv", lambda _q0: law))]
-
-
-def _roboticstoolbox() -> ControlLaw | str:
-    """Its own Panda, whose hand is elsewhere: for the time alone."""
-    try:
-        import roboticstoolbox as rtb
-    except ImportError:
-        return "not installed"
-    arm = rtb.models.Panda()
-
-    def law(q, pose, twist, dt):
-        e, _ = rtb.angle_axis(arm.fkine(q).A, pose), dt
-        return np.linalg.pinv(arm.jacob0(q)) @ (twist + 100.0 * e)
-
-    return ControlLaw("roboticstoolbox + pinv", lambda _q0: law)
 
 
 def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str, float, int]]:
@@ -148,7 +85,7 @@ def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str
             tracemalloc.stop()
         return (peaks[1] - peaks[0]) / (high - low)
 
-    low, high = 100_000, int(100_000 + 200_000 * max(scale, 0.5))
+    low, high = int(100_000 * scale), int(300_000 * scale)
     Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (2 * high, 7))
 
     def follow(method: str) -> Callable[[int], object]:
@@ -161,10 +98,10 @@ def memory(strategy: hk.Strategy, loop: hk.Path, scale: float) -> list[tuple[str
 def main(arguments: list[str] | None = None) -> int:
     """Measure, write, and say where."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="few rounds")
+    parser.add_argument("--quick", action="store_true", help="few rounds, and the smallest sizes")
     parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of speed.md")
     given = parser.parse_args(arguments)
-    scale = 0.05 if given.quick else 1.0
+    scale = 0.01 if given.quick else 1.0
     robot = hk.load("panda")
     task = hk.pose(robot)
     pose, dx = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
@@ -174,22 +111,20 @@ def main(arguments: list[str] | None = None) -> int:
         return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
 
     servo, machine = make(), without_compiler(make)
-    floor, floor99 = c_floor(servo, pose, dx)
-    rounds = max(20, int(200 * scale))
-    rows = [("C floor", floor, floor99)]
-    rows.append(("holokin, native", *median_and_p99(lambda: servo.step(START, pose, dx), rounds, 1000)))
-    rows.append(("holokin, virtual machine", *median_and_p99(lambda: machine.step(START, pose, dx), rounds, 200)))
-    left_out = []
-    for name, law in rivals(robot):
-        if isinstance(law, str):
-            left_out.append(f"{name} ({law})")
-            continue
-        step = law.begin(START.copy())
-        rows.append((name, *median_and_p99(lambda step=step: step(START, pose, dx, DT), rounds, 20)))
+    floor_loop = Floor(servo, DT, pose, dx)
+    others, left_out = rivals(robot, START, DT)
+    steps = {
+        "C floor": floor_loop,
+        "holokin, native": repeated(lambda: servo.step(START, pose, dx)),
+        "holokin, virtual machine": repeated(lambda: machine.step(START, pose, dx)),
+    } | {name: repeated(lambda step=step: step(START, pose, dx)) for name, step in others}
+    rounds, each = (5 if given.quick else 400), 5e-4
+    times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, each)
+    rows, floor = [(name, times[name]) for name in steps], times["C floor"].median
     point = robot.pose(START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     strategy = hk.holonomic(task, hk.arm_angle())
-    samples = int(100_000 * max(scale, 0.06))
+    samples = int(100_000 * scale)
     hk.follow(strategy, loop, START, samples=samples)
     follow = min(_seconds(lambda: hk.follow(strategy, loop, START, samples=samples)) for _ in range(3)) / samples
 
@@ -198,7 +133,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     integrate()
     velocity = min(_seconds(integrate) for _ in range(3)) / samples
-    count = int(1_000_000 * max(scale, 0.06))
+    count = int(1_000_000 * scale)
     Q = START + np.random.default_rng(1).uniform(-0.3, 0.3, (count, 7))
     planes = curvature_function(strategy)
     strategy.batch(Q, threads=1), planes.batch(Q[: count // 10], threads=1)
@@ -214,7 +149,8 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     kept = memory(strategy, loop, scale)
     grown = growth(median_and_p99, given.quick)
-    text = page(rows, floor, loops, kept, (cold, warm), left_out, check.tracking_error(), *grown)
+    one = calls_page(times, floor)
+    text = page(rows, floor, one, loops, kept, (cold, warm), left_out, check.tracking_error(), *grown)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "speed.md").write_text(text, "utf-8")
     print(text)
@@ -228,26 +164,31 @@ def _seconds(call: Callable[[], object]) -> float:
 
 
 def page(
-    rows: list[tuple[str, float, float]], floor: float, loops: list[tuple[str, float]],
+    rows: list[tuple[str, Timed]], floor: float, one: list[str], loops: list[tuple[str, float]],
     kept: list[tuple[str, float, int]], first: tuple[float, float], left_out: list[str], tracking: float,
     grown: list[Growth], both: list[Growth],
 ) -> str:  # fmt: skip
     """docs/speed.md."""
-    ours = next(t for name, t, _ in rows if name == "holokin, native")
+    ours = next(t.median for name, t in rows if name == "holokin, native")
     lines = [
         "# The speed benchmark\n",
-        "Written by `python -m benchmarks.speed`; do not edit. Everything in one run, medians; machines differ, ratios",
-        "less so.\n",
-        f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores.\n",
+        "Written by `python -m benchmarks.speed`; do not edit. Everything in one run, in turns, medians; machines",
+        "differ, ratios less so.\n",
+        f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores, {load()}.\n",
         "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
-        "path and to the leaf and with joint limits; the C floor is a bare C loop over the same generated step.\n",
+        "path and to the leaf and with joint limits; the C floor is one call of the same step from C. The libraries",
+        "run as their own examples run them, pink and mink with one `Configuration` that is updated, a frame task and",
+        "a posture task; of each, the limits that it takes by default and none, and every solver it has here. Where",
+        "the load is above the number of cores, p99 tells of the other work.\n",
         "| one control step | median | p99 | in C floors | against holokin, native |",
         "|---|---:|---:|---:|---:|",
     ]
     lines += [
-        f"| {name} | {1e6 * t:.3g} us | {1e6 * p:.3g} us | {t / floor:.3g} | {t / ours:.3g} |" for name, t, p in rows
+        f"| {name} | {1e6 * t.median:.3g} us | {1e6 * t.p99:.3g} us | {t.median / floor:.3g} | {t.median / ours:.3g} |"
+        for name, t in rows
     ]
     lines += [
+        *one,
         "",
         "| loops in C | a sample, one core | in C floors |",
         "|---|---:|---:|",

@@ -1,10 +1,11 @@
 """What `import holokin` costs beyond `import casadi`: whole processes, alternating, medians.
 
-Run: python -m benchmarks.startup
+python -m benchmarks.startup
 """
 
 from __future__ import annotations
 
+import argparse
 import statistics
 import subprocess
 import sys
@@ -18,8 +19,11 @@ def seconds(statement: str) -> float:
     return time.perf_counter() - start
 
 
-def main(rounds: int = 15) -> None:
+def main(arguments: list[str] | None = None) -> int:
     """Print the two medians and their difference."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.startup", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="one round")
+    rounds = 1 if parser.parse_args(arguments).quick else 15
     for statement in ("import casadi", "import holokin"):
         seconds(statement)  # fill the file cache
     pairs = [(seconds("import casadi"), seconds("import holokin")) for _ in range(rounds)]
@@ -28,7 +32,8 @@ def main(rounds: int = 15) -> None:
     print(
         f"import casadi {casadi:.3f} s, import holokin {holokin:.3f} s, difference {extra:.3f} s (median of {rounds})"
     )
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

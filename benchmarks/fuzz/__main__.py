@@ -11,17 +11,19 @@ from benchmarks.fuzz.harness import run
 KINDS = sorted(f.stem for f in Path(__file__).parent.glob("*.py") if f.stem not in ("__init__", "__main__", "harness"))
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Print a line a kind, and each fault."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(KINDS)}")
     parser.add_argument("--count", type=int, default=20_000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--workers", type=int, default=None)
-    args = parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help="three of each kind, in this process")
+    args = parser.parse_args(arguments)
+    count, workers = (3, 1) if args.quick else (args.count, args.workers)
     faults = 0
     for kind in args.kinds or KINDS:
-        tally = run(kind, args.count, first=args.first, workers=args.workers)
+        tally = run(kind, count, first=args.first, workers=workers)
         print(tally, flush=True)
         for seed, what in tally.faults[:20]:
             print(f"  seed {seed}: {what}", flush=True)

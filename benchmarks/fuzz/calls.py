@@ -180,6 +180,7 @@ def calls() -> dict[str, Call]:
         "Task.error_batch": (task.error_batch, (Q[:1], [start], [one]), {}),
         "Task[]": (task.__getitem__, ([0],), {}),
         "Strategy": (law, (q,), {}),
+        "Strategy.g": (held.g, (q,), {}),
         "Strategy.batch": (law.batch, (Q,), {"threads": 1}),
         "Strategy.distribution": (law.distribution, (q,), {}),
         "Strategy.rows": (held.rows, (q,), {}),

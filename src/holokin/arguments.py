@@ -26,18 +26,28 @@ def typed(function: F) -> F:
     """
     known = list(signature(function).parameters.values())
     names = [p.name for p in known if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.POSITIONAL_ONLY)]
-    rest = next((p.name for p in known if p.kind is Parameter.VAR_POSITIONAL), None)
-    kinds = cache(lambda: get_type_hints(function))  # when first called: modules are complete then
+    rest = next((p.name for p in known if p.kind is Parameter.VAR_POSITIONAL), "")
+    prepared: tuple[dict[str, Any], dict[str, Test], list[tuple[str, Test | None]]] | None = None
+
+    def prepare() -> tuple[dict[str, Any], dict[str, Test], list[tuple[str, Test | None]]]:
+        wanted = get_type_hints(function)
+        tests = {name: test for name, kind in wanted.items() if (test := _test(kind)) is not None}
+        return wanted, tests, [(name, tests.get(name)) for name in names]
 
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
-        wanted = kinds()
-        for i, value in enumerate(arguments):
-            name = names[i] if i < len(names) else rest
-            if name in wanted:
+        nonlocal prepared
+        if prepared is None:  # when first called: modules are complete then
+            prepared = prepare()
+        wanted, tests, in_order = prepared
+        for value, (name, test) in zip(arguments, in_order, strict=False):
+            if test is not None and not test(value):
                 check(name, wanted[name], value)
+        if rest in tests:
+            for value in arguments[len(names) :]:
+                check(rest, wanted[rest], value)
         for name, value in named.items():
-            if name in wanted:
+            if name in tests and not tests[name](value):
                 check(name, wanted[name], value)
         return function(*arguments, **named)
 
@@ -46,39 +56,66 @@ def typed(function: F) -> F:
 
 def check(what: str, kind: Any, value: Any) -> None:
     """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
-    if not _fits(kind, value):
+    test = _test(kind)
+    if test is not None and not test(value):
         if hasattr(kind, "cure"):  # a kind of ours that says how to make one
             raise ArgumentError(what, value, kind.cure)
         spoilt = isinstance(value, str | Path) and "\0" in str(value)
         raise ArgumentError(what, value, f"give {_words(kind)}{' without a NUL character' if spoilt else ''}")
 
 
-def _fits(kind: Any, value: Any) -> bool:
+Test = Callable[[Any], bool]
+
+
+@cache
+def _test(kind: Any) -> Test | None:
+    """Whether a value is of a kind; None where every value is, or where others look. Made once: it runs in loops."""
     origin, inner = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        return any(get_origin(k) is np.ndarray for k in inner) or any(_fits(k, value) for k in inner)
     if kind in (Any, object) or origin is np.ndarray:
-        return True
+        return None
+    if origin in (Union, UnionType):
+        return _any_of(inner)
     if kind in (None, NoneType):
-        return value is None
+        return lambda value: value is None
     if kind is bool:
-        return isinstance(value, bool | np.bool_)
+        return lambda value: isinstance(value, bool | np.bool_)
     if kind is int:
-        return isinstance(value, int | np.integer) and not isinstance(value, bool)
+        return lambda value: isinstance(value, int | np.integer) and not isinstance(value, bool)
     if kind is float:
-        return _is_number(value)
+        return _is_number
     if kind is Callable or origin is _CALLABLE:
-        return callable(value)
+        return callable
     if origin is Literal:
-        return isinstance(value, str)
+        return lambda value: isinstance(value, str)
     if origin in (tuple, _SEQUENCE):
-        several = isinstance(value, list | tuple | range) or (isinstance(value, np.ndarray) and value.ndim == 1)
-        return several and _each(inner, list(value))
-    if origin is _MAPPING:
-        return isinstance(value, Mapping) and all(_fits(inner[0], key) for key in value)  # values have better messages
-    if kind in (str, Path) and isinstance(value, str | Path) and "\0" in str(value):
+        return lambda value: _is_sequence(value) and _each(inner, list(value))
+    if origin is _MAPPING:  # values have better messages
+        key = _test(inner[0]) or _anything
+        return lambda value: isinstance(value, Mapping) and all(map(key, value))
+    if kind in (str, Path):
+        return lambda value: isinstance(value, kind) and "\0" not in str(value)
+    return (lambda value: isinstance(value, kind)) if isinstance(kind, type) else None
+
+
+def _any_of(kinds: tuple[Any, ...]) -> Test | None:
+    tests = [_test(kind) for kind in kinds]
+    known = [test for test in tests if test is not None]
+
+    def test(value: Any) -> bool:
+        for one in known:  # noqa: SIM110  a generator costs as much as the tests
+            if one(value):
+                return True
         return False
-    return isinstance(value, kind) if isinstance(kind, type) else True
+
+    return test if len(known) == len(tests) else None
+
+
+def _anything(_value: Any) -> bool:
+    return True
+
+
+def _is_sequence(value: Any) -> bool:
+    return isinstance(value, list | tuple | range) or (isinstance(value, np.ndarray) and value.ndim == 1)
 
 
 _CALLABLE, _SEQUENCE = get_origin(Callable[..., Any]), get_origin(Sequence[Any])
@@ -87,8 +124,9 @@ _MAPPING = get_origin(Mapping[Any, Any])
 
 def _each(kinds: tuple[Any, ...], values: list[Any]) -> bool:
     if len(kinds) == 1 or kinds[-1] is Ellipsis:
-        return all(_fits(kinds[0], value) for value in values)
-    return len(values) == len(kinds) and all(map(_fits, kinds, values))
+        return all(map(_test(kinds[0]) or _anything, values))
+    tests = [_test(kind) or _anything for kind in kinds]
+    return len(values) == len(kinds) and all(test(value) for test, value in zip(tests, values, strict=True))
 
 
 def _is_number(value: Any) -> bool:

@@ -25,6 +25,7 @@ from .errors import (
 from .robot import Kinematics, Robot
 from .symbolic import (
     SX,
+    Evaluator,
     Function,
     cos,
     fmax,
@@ -133,7 +134,7 @@ class Task(Value):
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers.
         """
-        return np.atleast_1d(self._value(self.robot.checked(q)))
+        return self._value_at.call(q)
 
     def jacobian(self, q: ArrayLike) -> Matrix:
         """Task Jacobian J, (n,) -> (m, n).
@@ -141,10 +142,7 @@ class Task(Value):
         Raises:
             SingularityError: the orientation representation is singular at q.
         """
-        q = self.robot.checked(q)
-        J, margin = self._jacobian(q)
-        self.check_representation(q, margin)
-        return np.reshape(J, (self.m, self.n))
+        return self._jacobian_at.call(q)
 
     def null_space(self, q: ArrayLike) -> Matrix:
         """A basis N of ker J, (n,) -> (n, r).
@@ -261,6 +259,20 @@ class Task(Value):
         k = self.robot.kinematics(q, self.tip)
         outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
         return Function("task_jacobian", {"q": q}, outputs)
+
+    @cached_property
+    def _value_at(self) -> Evaluator:
+        return self._value.checked((self.m,), self.robot.checked, self._doubtful)
+
+    @cached_property
+    def _jacobian_at(self) -> Evaluator:
+        bounds = (TOLERANCES.representation,)
+        return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
+
+    def _doubtful(self, q: Vector, found: Array, margin: float = np.inf) -> Array:
+        """What was found at q, unless q is not finite or the representation is singular there."""
+        self.check_representation(self.robot.checked(q), margin)
+        return found
 
     @cached_property
     def error_function(self) -> Function:

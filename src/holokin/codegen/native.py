@@ -12,6 +12,7 @@ import hashlib
 import logging
 import os
 import platform
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from pathlib import Path
 
 from ..errors import NativeError
 from .cache import FORMAT, SUFFIX, cache_folder, keep, kept, load, read_regular
-from .toolchain import Compiler, call, compiler, plain
+from .toolchain import Compiler, call, compiler, plain, stopped
 
 PROBE = "double holokin_probe(double x) { return 2 * x; }"
 """What is built first: the smallest library that shows that all of it works."""
@@ -80,7 +81,9 @@ def trouble() -> NativeError | None:
 
 
 def tell(problem: NativeError) -> None:
-    """Warn of what keeps native code from running: once in a process for each cause."""
+    """Warn of what keeps native code from running: once in a process for each cause, and not while it ends."""
+    if stopped():
+        return
     with _telling:
         known = problem.cause in _told
         _told.add(problem.cause)
@@ -93,6 +96,7 @@ def library(
     *,
     fast: bool = False,
     long: bool = False,
+    interleaved: bool = False,
     includes: tuple[str, ...] = (),
     needs: tuple[str, ...] = (),
     patience: float | None = None,
@@ -102,6 +106,8 @@ def library(
     Args:
         fast: let products and sums be fused, for vector code; scalar code keeps to the C standard's rounding.
         long: thousands of lines without a branch, on which compilers' cleverest passes take minutes.
+        interleaved: let gcc on x86 order operations by when they can begin, as it does elsewhere: code for several
+            results becomes up to a third faster, with the same rounding, for half as long again to compile.
         needs: the functions that it must have.
         patience: how long the compiler may take [s], PATIENCE by default.
 
@@ -111,7 +117,7 @@ def library(
     chosen = compiler()
     if chosen is None:
         raise NativeError("no C compiler was found")
-    flags, folder = _flags(chosen, fast, long, includes), cache_folder()
+    flags, folder = _flags(chosen, fast, long, interleaved, includes), cache_folder()
     parts = [FORMAT, source, chosen.version, *chosen.command, *flags, _processor()]
     path = folder / f"{hashlib.sha256(os.fsencode(chr(0).join(parts))).hexdigest()[:40]}{SUFFIX}"
     found = kept(path)
@@ -147,7 +153,7 @@ def _loaded(found: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) 
     return loaded
 
 
-def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
+def _flags(chosen: Compiler, fast: bool, long: bool, interleaved: bool, includes: tuple[str, ...]) -> tuple[str, ...]:
     flags = [
         "-std=gnu99",
         "-O1" if long else "-O2",
@@ -157,8 +163,11 @@ def _flags(chosen: Compiler, fast: bool, long: bool, includes: tuple[str, ...]) 
         "-fopenmp-simd",
         f"-ffp-contract={'fast' if fast else 'off'}",
     ]
-    if long and "clang" not in chosen.version.lower():  # two passes that take time with the square of the length
-        flags += ["-fno-tree-dse", "-fno-tree-fre"]
+    if "clang" not in chosen.version.lower():
+        if long:  # two passes that take time with the square of the length
+            flags += ["-fno-tree-dse", "-fno-tree-fre"]
+        elif interleaved:
+            flags += ["-fschedule-insns", "-fsched-pressure"]
     flags += [] if sys.platform == "win32" else ["-fPIC"]
     flags += ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
     if platform.machine().lower() in ("x86_64", "amd64"):
@@ -182,19 +191,24 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     Raises:
         NativeError: the compiler refuses, fails or does not end, or there is no temporary folder to work in.
     """
+    private: Path | None = None
     try:
-        with tempfile.TemporaryDirectory(prefix="holokin-") as private:
-            file, made = Path(private) / "source.c", Path(private) / f"library{SUFFIX}"
-            file.write_text(source, "utf-8")
-            command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
-            status, said = call(command, patience, "stderr")
-            if status == 0:
-                return read_regular(made)[0]
+        # No TemporaryDirectory: its finalizer would also run at the exit of a child that was forked meanwhile.
+        private = Path(tempfile.mkdtemp(prefix="holokin-"))
+        file, made = private / "source.c", private / f"library{SUFFIX}"
+        file.write_text(source, "utf-8")
+        command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
+        status, said = call(command, patience, "stderr")
+        if status == 0:
+            return read_regular(made)[0]
     except subprocess.TimeoutExpired:
         raise NativeError(f"{chosen} took more than {patience:g} s and was stopped", "patience") from None
     except OSError as problem:
         reason = plain(problem.strerror or "no library was made")
         raise NativeError(f"{chosen} could not build the generated code ({reason})", "building") from problem
+    finally:
+        if private is not None:
+            shutil.rmtree(private, ignore_errors=True)
     lines = said.splitlines()
     complaint = next((line for line in lines if "error" in line), lines[0] if lines else "no reason given")
     if status < 0:

@@ -78,15 +78,20 @@ def _shared(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function
 class Port(threading.local):
     """One thread's evaluation memory: write `arguments`, call `trigger()`, read `results`.
 
-    With a count, that many samples at once, side by side along the last axis.
+    All of them lie in `numbers`, one after the other. With a count, that many samples at once, side by side along the
+    last axis.
     """
 
     trigger: Callable[[], None]
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, count: int | None = None):
         extra = () if count is None else (count,)
-        self.arguments = [_memory((*shape, *extra)) for shape in inputs]
-        self.results = [_memory((*shape, *extra)) for shape in outputs]
+        shapes = [(*shape, *extra) for shape in (*inputs, *outputs)]
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes]).tolist()
+        self.numbers = np.zeros(ends[-1] if ends else 0)
+        parts = np.split(self.numbers, ends[:-1])
+        arrays = [_columns(part, shape) for part, shape in zip(parts, shapes, strict=False)]
+        self.arguments, self.results = arrays[: len(inputs)], arrays[len(inputs) :]
         early = [self.results[i] for i in made.early]
         if made.after is None:
             self._buffers, self.trigger = _bind([made.before], [self.arguments], [early], count)
@@ -135,8 +140,12 @@ def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
 
 
 def _memory(shape: tuple[int, ...]) -> Array:
+    return _columns(np.zeros(int(np.prod(shape))), shape)
+
+
+def _columns(numbers: Array, shape: tuple[int, ...]) -> Array:
     # CasADi is column-major: a (rows, columns) matrix is the transpose of a C array (columns, rows).
-    return np.zeros(shape[::-1]).T
+    return numbers.reshape(shape[::-1]).T
 
 
 def _bind(

@@ -22,6 +22,10 @@ HEARD = 65_536
 """Bytes of what a compiler says that are kept: enough for the first error. The rest is read and dropped."""
 
 
+_calls: set[subprocess.Popen[bytes]] = set()
+_stopped = threading.Event()
+
+
 @dataclass(frozen=True)
 class Compiler:
     """A C compiler: the words that call it, and what it says it is."""
@@ -55,10 +59,13 @@ def call(command: tuple[str, ...], patience: float, stream: str) -> tuple[int, s
         OSError: it cannot be started. subprocess.TimeoutExpired: it took longer than `patience` [s] and was killed,
         with all that it had started.
     """
+    if _stopped.is_set():
+        raise OSError("the interpreter is ending")
     out, err = (subprocess.PIPE if stream == name else subprocess.DEVNULL for name in ("stdout", "stderr"))
     child = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, bufsize=0, start_new_session=os.name == "posix"
     )
+    _calls.add(child)
     pipe, heard = getattr(child, stream), bytearray()
 
     def listen() -> None:
@@ -67,14 +74,33 @@ def call(command: tuple[str, ...], patience: float, stream: str) -> tuple[int, s
                 heard.extend(piece[: HEARD - len(heard)])
 
     listener = threading.Thread(target=listen, daemon=True)
-    listener.start()
     try:
+        listener.start()
         status = child.wait(patience)
     except BaseException:  # Ctrl-C included: a session of its own does not hear the terminal
         _kill(child)
         raise
+    finally:
+        _calls.discard(child)
     listener.join(1.0)  # not for ever: something that the compiler left running may hold the pipe
     return status, bytes(heard).decode("utf-8", "replace")
+
+
+def stop_all() -> None:
+    """End the calls that run, and refuse others: for the end of the interpreter."""
+    _stopped.set()
+    for child in _calls.copy():
+        _signal(child)
+
+
+def stopped() -> bool:
+    """True after `stop_all`."""
+    return _stopped.is_set()
+
+
+def forget_calls() -> None:
+    """In a child of this process, for which the calls of its parent are not its own."""
+    _calls.clear()
 
 
 def plain(text: str, most: int = 200) -> str:
@@ -107,9 +133,13 @@ def _asked(command: tuple[str, ...]) -> Compiler | None:
 
 def _kill(child: subprocess.Popen[bytes]) -> None:
     """End a process and, where there are process groups, what it started."""
+    _signal(child)
+    with suppress(subprocess.TimeoutExpired):
+        child.wait(5.0)
+
+
+def _signal(child: subprocess.Popen[bytes]) -> None:
     with suppress(OSError):
         if os.name == "posix":
             os.killpg(child.pid, signal.SIGKILL)
         child.kill()
-    with suppress(subprocess.TimeoutExpired):
-        child.wait(5.0)

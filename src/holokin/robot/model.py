@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
-from ..arguments import typed
+from ..arguments import check, typed
 from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameError
-from ..symbolic import SX, Function, cross, densify, symbol, vertcat
+from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, number, numbers
@@ -210,16 +211,13 @@ class Robot(Value):
             joint = moving.parent
         return found[::-1]
 
-    @typed
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,).
 
         Raises:
-            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip.
+            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
         """
-        T = np.eye(4)
-        T[:3, 3], T[:3, :3], _ = self._numeric(tip)(self.checked(q))
-        return T
+        return self._evaluator(self._poses, tip).call(q)
 
     @typed
     def pose_batch(self, Q: Matrix, tip: str | None = None) -> tuple[Matrix, Array]:
@@ -227,13 +225,16 @@ class Robot(Value):
 
         Raises: UnknownNameError, ShapeError, ArgumentError.
         """
-        position, rotation, _ = self._numeric(tip).batch(self.postures(Q))
+        position, rotation = self._numeric(tip).batch(self.postures(Q))
         return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
 
-    @typed
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
-        """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit]."""
-        return self._numeric(tip)(self.checked(q))[2].reshape(6, self.n)
+        """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit].
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
+        """
+        return self._evaluator(self._jacobians, tip).call(q)
 
     def skeleton(self, q: ArrayLike) -> list[Matrix]:
         """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
@@ -252,7 +253,7 @@ class Robot(Value):
         array = numbers(what, q)
         if array.shape != (self.n,):
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
-        return finite(what, array)
+        return array if isfinite(sum(array.tolist())) else finite(what, array)
 
     def postures(self, Q: ArrayLike) -> Matrix:
         """Postures as (k, n) floats. Raises: ShapeError, ArgumentError if they are not numbers."""
@@ -299,9 +300,39 @@ class Robot(Value):
         if name not in self._functions:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
-            outputs = {"p": k.position, "R": k.rotation, "J": k.jacobian}
-            self._functions[name] = Function("kinematics", {"q": q}, outputs)
+            self._functions[name] = Function("kinematics", {"q": q}, {"p": k.position, "R": k.rotation})
         return self._functions[name]
+
+    @cached_property
+    def _poses(self) -> dict[str | None, Evaluator]:
+        return {}
+
+    @cached_property
+    def _jacobians(self) -> dict[str | None, Evaluator]:
+        return {}
+
+    def _evaluator(self, known: dict[str | None, Evaluator], tip: str | None) -> Evaluator:
+        """That of poses or of Jacobians of a tip. Raises: ArgumentError, UnknownNameError."""
+        try:
+            return known[tip]
+        except (KeyError, TypeError):  # a new one, or no name at all
+            check("tip", str | None, tip)
+        name = self._tip(tip).name
+        if name not in known:
+            q = symbol("q", self.n)
+            k = self.kinematics(q, name)
+            if known is self._poses:
+                T = vertcat(horzcat(k.rotation, k.position), SX([[0, 0, 0, 1]]))
+                function, shape = Function("pose", {"q": q}, {"T": T}), (4, 4)
+            else:
+                function, shape = Function("jacobian", {"q": q}, {"J": k.jacobian}), (6, self.n)
+            known[name] = function.checked(shape, self.checked, self._doubtful)
+        return known.setdefault(tip, known[name])
+
+    def _doubtful(self, q: Vector, found: Matrix) -> Matrix:
+        """What was found at q, unless q is not finite."""
+        self.checked(q)
+        return found
 
     @cached_property
     def _skeleton(self) -> Function:

@@ -18,7 +18,7 @@ import numpy as np
 from ..arguments import Made
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
-from ..symbolic import SX, Function, as_expression, symbol
+from ..symbolic import SX, Evaluator, Function, as_expression, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
@@ -51,12 +51,7 @@ class Strategy(Made, Value, ABC):
             SingularityError: J, H or [J; J_g] is singular at q, or the representation is; `.kind` says which.
             ShapeError, NotFiniteError: q is not n finite numbers.
         """
-        q = self.task.robot.checked(q)
-        G, conditioning, margin = self.gain(q)
-        self.check(q, conditioning, margin)
-        if not np.isfinite(G).all():
-            self._check_finite(q)
-        return np.reshape(G, (self.task.n, self.task.m))
+        return self._gain_at.call(q)
 
     def batch(self, Q: ArrayLike, *, threads: int | None = None) -> Array:
         """G at many postures, (k, n) -> (k, n, m); see `Function.batch` for threads.
@@ -146,6 +141,17 @@ class Strategy(Made, Value, ABC):
     @cached_property
     def _planes(self) -> Function:
         return Function("planes", {"q": self.expressions.q}, {"planes": self.expressions.planes})
+
+    @cached_property
+    def _gain_at(self) -> Evaluator:
+        shape, bounds = (self.task.n, self.task.m), (TOLERANCES.singular, TOLERANCES.representation)
+        return self.gain.checked(shape, self.task.robot.checked, self._doubtful_gain, bounds)
+
+    def _doubtful_gain(self, q: Vector, G: Matrix, conditioning: float, margin: float) -> Matrix:
+        self.check(self.task.robot.checked(q), conditioning, margin)
+        if not np.isfinite(G).all():
+            self._check_finite(q)
+        return G
 
     def _check_finite(self, q: Vector) -> None:
         """Raises: NotFiniteError when what the user wrote, frame, rows or constraint, is not finite at a sound q."""

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, final
 
+import numpy as np
+
 from ..constraints import Constraint
-from ..symbolic import SX, Function, fmin
-from ..types import ArrayLike, Matrix
+from ..errors import NotFiniteError
+from ..symbolic import SX, Evaluator, Function, fmin
+from ..types import ArrayLike, Matrix, Vector
 from .base import Field, Strategy
 from .expressions import FrameExpressions, RowExpressions
 
@@ -85,6 +88,14 @@ class HolonomicStrategy(KernelStrategy):
         """J_g of the constraint."""
         return self.constraint.slopes
 
+    def g(self, q: ArrayLike) -> Vector:
+        """g(q), (n,) -> (r,): constant along all that the strategy does.
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        return self._constraint_at.call(q)
+
     @property
     def margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
@@ -106,3 +117,13 @@ class HolonomicStrategy(KernelStrategy):
     def leaf_gap(self, c: SX) -> SX:
         """c - g(q) (r,) as an expression, its angles in (-pi, pi]."""
         return self.constraint.nearest(c - self.constraint_expression)
+
+    @cached_property
+    def _constraint_at(self) -> Evaluator:
+        return self.constraint_value.checked((self.constraint.rows,), self.task.robot.checked, self._doubtful_value)
+
+    def _doubtful_value(self, q: Vector, g: Vector) -> Vector:
+        self.task.robot.checked(q)
+        if not np.isfinite(g).all():
+            raise NotFiniteError(f"g(q) of {self.name!r} at q = {q.tolist()}", g.tolist())
+        return g

@@ -25,7 +25,7 @@ from casadi import (
 from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
 from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
-from .function import Function
+from .function import Evaluator, Function
 from .geometry import wrapped
 from .integrate import runge_kutta
 from .linear import Factorisation, Solution, factorise, solution, solve
@@ -36,6 +36,7 @@ from .qp import NearestPoint
 __all__ = [
     "SX",
     "Enclosure",
+    "Evaluator",
     "Factorisation",
     "Function",
     "NearestPoint",

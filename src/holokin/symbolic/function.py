@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from ..codegen.evaluator import Doubt, Evaluator, weak
 from ..codegen.program import Port, program
 from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike, numbers
@@ -55,16 +56,36 @@ class Function:
         self._port = Port(self.program, *self._shapes)
         self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
+        shown = [() if shape == (1,) else shape for shape in self._shapes[1]]
+        self._one = Evaluator(self.program, *self._shapes, self._port, results=shown, convert=weak(self._converted))
 
     def __repr__(self) -> str:
         return f"Function({self.program.before})"
 
     def __call__(self, *args: ArrayLike, **named: ArrayLike) -> Any:
-        """Evaluate once. Returns one array (float if 1x1), or a tuple when there are several outputs."""
-        self._evaluate(self._collect(args, named))
-        pairs = zip(self._port.results, self.output_shapes.values(), strict=True)
-        outs = [_out(result, shape) for result, shape in pairs]
-        return outs[0] if len(outs) == 1 else tuple(outs)
+        """Evaluate once. Returns one new array (float if 1x1), or a tuple when there are several outputs.
+
+        By native code when it is called often, see `Evaluator`.
+        """
+        return self._one.call(*args, **named)
+
+    def checked(
+        self, result: tuple[int, ...], convert: Callable[[Any], Array], doubt: Doubt, bounds: Sequence[float] = ()
+    ) -> Evaluator:
+        """The same for a function of one argument, with checks: its first output, in a shape.
+
+        Args:
+            convert: a method that makes an array of what is given. Raises typed errors.
+            doubt: a method, (argument, result, figures) -> result or an error, called where a number is not finite or
+                where a figure, one of the other outputs, is not above its bound.
+
+        Neither keeps its object.
+        """
+        array = weak(convert)
+        return Evaluator(
+            self.program, *self._shapes, self._port, results=[result], bounds=bounds,
+            convert=lambda given: (array(given),), doubt=weak(doubt),
+        )  # fmt: skip
 
     def batch(
         self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None, **named: ArrayLike
@@ -106,7 +127,9 @@ class Function:
             here = slice(start, min(start + CHUNK, count))
             self._evaluate_chunk([v[here] for v in stacked], [r[here] for r in results])
         for i in range(whole, count):  # a short remainder is cheaper one by one
-            self._evaluate([v[i] for v in stacked])
+            for slot, value in zip(self._port.arguments, stacked, strict=True):
+                slot[...] = value[i]
+            self._port.trigger()
             for result, slot in zip(results, self._port.results, strict=True):
                 result[i] = slot
         return self._unwrapped(results, count)
@@ -159,14 +182,14 @@ class Function:
 
         return body(self.program, *self._shapes, name)
 
-    def _evaluate(self, values: list[ArrayLike]) -> None:
-        port = self._port
-        for slot, value, key in zip(port.arguments, values, self.input_shapes, strict=True):
+    def _converted(self, *args: ArrayLike, **named: ArrayLike) -> list[Array]:
+        out = []
+        for value, (key, shape) in zip(self._collect(args, named), self.input_shapes.items(), strict=True):
             array = numbers(f"{self.name}: argument {key!r}", value)
-            if array.shape != slot.shape:
-                raise ShapeError(f"{self.name}: argument {key!r}", slot.shape, array.shape)
-            slot[...] = array
-        port.trigger()
+            if array.shape != shape:
+                raise ShapeError(f"{self.name}: argument {key!r}", shape, array.shape)
+            out.append(array)
+        return out
 
     def _evaluate_chunk(self, arguments: list[Array], results: list[Array]) -> None:
         if self._map is None:
@@ -220,7 +243,3 @@ def _rows(value: Array) -> Array:
 def _shape(expression: ca.SX) -> tuple[int, ...]:
     rows, columns = ca.SX(expression).shape
     return (rows,) if columns == 1 else (rows, columns)
-
-
-def _out(result: Array, shape: tuple[int, ...]) -> Any:
-    return float(result[0]) if shape == (1,) else result.copy(order="C")

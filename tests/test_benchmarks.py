@@ -1,0 +1,65 @@
+"""Every benchmark runs, and the floor of the speed benchmark is the step that it says it is."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.calls import Floor, in_turns, repeated
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.codegen import native
+
+ROOT = Path(__file__).parents[1]
+FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
+MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
+compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
+
+
+def test_the_benchmarks_are_those_that_the_pages_name() -> None:
+    """Each page that says `python -m benchmarks.X` names one that is run below."""
+    pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+    named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
+    assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
+    assert len(MODULES) == 7
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_it_runs_with_quick(module: str, tmp_path: Path) -> None:
+    more = ["--out", str(tmp_path)] if module in ("benchmarks.drift", "benchmarks.speed") else []
+    command = [sys.executable, "-m", module, "--quick", *more]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
+    assert done.stdout
+    if more:
+        page = (tmp_path / f"{module.rpartition('.')[2]}.md").read_text("utf-8")
+        assert "nan" not in page
+        for library in ("pink", "mink", "placo"):
+            if importlib.util.find_spec(library) is None and module == "benchmarks.speed":
+                assert f"{library} ({library} is not installed)" in page
+
+
+@compiled
+@pytest.mark.parametrize("constraint", [hk.arm_angle(), None])
+def test_the_c_floor_is_the_step_that_python_gets(constraint: hk.Constraint | None) -> None:
+    """The same joint rates: it reads the leaf, the step and both gains, as many as the step has."""
+    task = hk.pose(hk.load("panda"))
+    strategy = hk.moore_penrose(task) if constraint is None else hk.holonomic(task, constraint)
+    controller = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    pose, dx = task.robot.pose(PANDA_START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
+    pose[0, 3] += 1e-4
+    floor = Floor(controller, 1e-3, pose, dx)
+    assert floor(3) == 0
+    assert floor.first == pytest.approx(controller.step(PANDA_START, pose, dx), rel=1e-13)
+    with pytest.raises(ValueError, match="reads arrays of shapes"):
+        Floor(controller, 1e-3, pose[:3, 3], dx)
+
+
+def test_calls_that_are_timed_in_turns_keep_their_order() -> None:
+    times = in_turns({"little": repeated(lambda: None), "more": repeated(lambda: sum(range(3000)))}, 5, 1e-3)
+    assert 10 * times["little"].median < times["more"].median <= times["more"].p99
