@@ -137,10 +137,10 @@ class Task(Value):
         r > 1: an orthonormal basis from the singular value decomposition, which may jump between postures.
         """
         J = self.jacobian(q)
-        N = np.linalg.svd(J)[2][self.m :].T
+        N = np.linalg.svd(J)[2][self.m :].T  # (30)
         if self.n - self.m == 1:
             sign = np.sign(np.linalg.det(np.vstack([J, N.T])))
-            N = N * sign * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))
+            N = N * sign * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))  # (19)
         return N
 
     def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Vector:
@@ -194,13 +194,13 @@ class Task(Value):
 
     def value_expression(self, k: Kinematics) -> SX:
         """x = f(q) as an expression (m,)."""
-        return self._select(vertcat(k.position, self._angles(k.rotation)))
+        return self._select(vertcat(k.position, self._angles(k.rotation)))  # (1)
 
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
         if self.orientation in (None, "twist"):
-            return self._select(k.jacobian)
-        return self._select(vertcat(k.jacobian[:3, :], jacobian(self._angles(k.rotation), q)))
+            return self._select(k.jacobian)  # (2)
+        return self._select(vertcat(k.jacobian[:3, :], jacobian(self._angles(k.rotation), q)))  # (2), (26)
 
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
@@ -219,7 +219,7 @@ class Task(Value):
         if self.orientation not in (None, "twist"):
             # d/dt of the coordinates along R' = [w]x R
             turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
-            angular = jacobian(self._angles(R), R) @ turn @ w
+            angular = jacobian(self._angles(R), R) @ turn @ w  # (15), (16), (17): x' = T^-1 w
         return self._select(vertcat(v, angular))
 
     def margin_expression(self, rotation: SX) -> SX:

@@ -81,10 +81,11 @@ def _build(strategy: Strategy, method: str) -> Function:
         A = factorise(B).complement().T
         found = _hessian_brackets(strategy, e) if method == "hessian" else pairwise_brackets(B, e.q)
         # G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated
-        M = factorise(e.J @ B).solve(SX.eye(m))
+        M = factorise(e.J @ B).solve(SX.eye(m))  # Proposition 1
         brackets = [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in found.items()}, m) @ M for k in rows]
-    N = factorise(e.J.T).complement()
+    N = factorise(e.J.T).complement()  # (30)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
+    # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and rows else SX.zeros(strategy.task.n, max(1, len(columns)))
     outputs = {"F": packed, "G": G, "conditioning": conditioning, "margin": strategy.margin_expression}
@@ -101,9 +102,10 @@ def _hessian_brackets(strategy: Strategy, e: Expressions) -> dict[tuple[int, int
 
 def _brackets_of_rows(e: Expressions, G: SX, m: int) -> list[SX]:
     """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i) as (m, m), for each row k: only A is differentiated."""
+    # (31), (32): DA[G_i] G_j = -A DG_j[G_i], from A G = 0
     along = [directional(e.planes, e.q, G[:, i]) @ G for i in range(m)]
     values = [vertcat(*(turn[k, :] for turn in along)) for k in range(e.planes.shape[0])]
-    return [T.T - T for T in values]
+    return [T.T - T for T in values]  # (33), (34), (35)
 
 
 def _antisymmetric(upper: dict[tuple[int, int], SX], m: int) -> SX:

@@ -121,8 +121,9 @@ def involutivity_of(
     units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
     frame = factorise(units)
     basis = frame.thin_q()
+    # Lemma III.1, Proposition 1: B = N is involutive, W J^T where G_W is
     brackets = pairwise_brackets(B, q)
-    normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]
+    normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]  # (4)
     planes = list(brackets) or [(0, 0)]
     function = Function("distribution", {"q": q}, {"F": horzcat(*normal), "B": B, "conditioning": frame.conditioning()})
 
@@ -156,6 +157,7 @@ def _subject(strategy: Strategy) -> _Subject:
         return None
 
     e = strategy.expressions
+    # Lemma III.1: range G is the null space of an exact J_g
     grounds = (Grounds.CONSTRAINT, ()) if strategy.constraint is not None else _grounds(e.planes, e.q)
     units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
     name = f"{strategy.name}, {task.name}"

@@ -35,7 +35,7 @@ class GeneralForm(Value):
     @property
     def J_A(self) -> Matrix:
         """(11): the extended Jacobian [J; J_G] (n, n)."""
-        return np.vstack([self.J, self.J_G])
+        return np.vstack([self.J, self.J_G])  # (11)
 
     def residuals(self) -> dict[str, float]:
         """How far (7), (8), (10), (13), (14) are from holding, and how safely (9), (11), (12) and "H" hold.
@@ -45,17 +45,19 @@ class GeneralForm(Value):
         """
         m = len(self.J)
         W = self.H @ self.H.T
-        seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)
-        eight = W @ self.J.T - self.N_G @ (self.J @ self.N_G).T
+        seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)  # (7)
+        eight = W @ self.J.T - self.N_G @ (self.J @ self.N_G).T  # (8)
         kernel = np.linalg.qr(self.N)[0]
-        sines = np.linalg.svd(kernel - self.N_G @ (self.N_G.T @ kernel), compute_uv=False)
-        blocks = self.J_A @ self.H
+        sines = np.linalg.svd(kernel - self.N_G @ (self.N_G.T @ kernel), compute_uv=False)  # (12)
+        blocks = self.J_A @ self.H  # (13)
         off = max(np.abs(blocks[:m, m:]).max(initial=0.0), np.abs(blocks[m:, :m]).max(initial=0.0))
-        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])
+        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])  # (14): what J_A G is
         return {
             "(7)": float(np.abs(seven - self.G).max()),
             "(8)": float(np.abs(eight).max()),
+            # (9)
             "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),
+            # (10)
             "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),
             "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
             "(12)": float(sines.min(initial=1.0)),
@@ -86,5 +88,6 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
         g.check(posture)
         J_G = g.gradient(posture)
     m = task.m
-    N_G = np.linalg.svd(J_G)[2][len(J_G) :].T if len(J_G) else np.eye(task.n)
+    N_G = np.linalg.svd(J_G)[2][len(J_G) :].T if len(J_G) else np.eye(task.n)  # (25): for the g of (24)
+    # Theorem III.2: 1 => 2
     return GeneralForm(posture, J, G, J_G, N_G[:, :m], task.null_space(posture))

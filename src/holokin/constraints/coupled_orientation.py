@@ -36,6 +36,7 @@ def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = 
     orientation_angles(orientation, SX.eye(3))
 
     def expression(_task: Task, k: Kinematics, _q: SX) -> SX:
+        # (28), (29): its gradient is J_o + Lambda J_p
         return orientation_angles(orientation, k.rotation)[chosen] + SX(L) @ k.position
 
     def margin(_task: Task, k: Kinematics, _q: SX) -> SX:

@@ -76,16 +76,17 @@ class Expressions:
         """
         if self.form == "kernel":
             wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
-            A, B = [self.J], [dx]
+            A, B = [self.J], [dx]  # (11)
             for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
                 size = norm_2(self.planes[i, :])
                 A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
-            return solution(vertcat(*A), vertcat(*B), written_out=written_out)
+            return solution(vertcat(*A), vertcat(*B), written_out=written_out)  # (14)
         if along is not None:
             raise ArgumentError("the form of the planes", self.form, "only planes given by rows have a rate along them")
         frame = factorise(self.planes)
+        # (7): Q (J Q)^-1 has the planes of H H^T J^T (J H H^T J^T)^-1
         Q = frame.thin_q()
-        inner = factorise(self.J @ Q)
+        inner = factorise(self.J @ Q)  # (9): regular where H is
         return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
 
 
@@ -162,7 +163,7 @@ class Strategy(Made, Value):
 
     def H(self, q: ArrayLike) -> Matrix:
         """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""
-        return np.hstack([self.distribution(q), self.task.null_space(q)])
+        return np.hstack([self.distribution(q), self.task.null_space(q)])  # (21): its determinant is 1 for (20)
 
     def weight(self, q: ArrayLike) -> Matrix:
         """W = H H^T (n, n): the weight with which G is a weighted pseudo-inverse (6). [ZR11, (7)]"""
@@ -214,7 +215,7 @@ class Strategy(Made, Value):
         """(q, dx) -> (dq = G dx, conditioning, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         e = self.expressions
         dx = symbol("dx", self.task.m)
-        found = e.rate(dx)
+        found = e.rate(dx)  # (3)
         outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
         return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
 
@@ -323,7 +324,7 @@ class Strategy(Made, Value):
 
 def gradient_rows(constraint: Constraint) -> Field:
     """J_g = dg/dq of a constraint, as a field of rows (r, n)."""
-    return lambda task, k, q: jacobian(constraint.bind(task, k, q), q)
+    return lambda task, k, q: jacobian(constraint.bind(task, k, q), q)  # (10)
 
 
 def check_regular(task: Task, name: str, q: Vector, conditioning: float, margin: float) -> None:

@@ -48,7 +48,7 @@ def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "wei
         value = as_expression(field(q))
         if value.shape != (task.n, task.n):
             raise ShapeError("the weight W", (task.n, task.n), value.shape)
-        return value @ task.jacobian_expression(k, q).T
+        return value @ task.jacobian_expression(k, q).T  # (6): the frame of G_W
 
     return Strategy(name, task, "span", frame, constant_weight=constant)
 
@@ -89,6 +89,8 @@ def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis"
     Raises:
         ShapeError (when first used): N_G is not (n, m).
     """
+    # Theorem III.2: 2 => 1
+    # Theorem III.3: N_G does not know how the task writes the orientation
     return Strategy(name, task, "span", lambda _task, _k, q: as_expression(N_G(q)))
 
 

@@ -77,6 +77,7 @@ def from_transport(
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
 
     _check(task, K, z, transport, label, x0, task.robot.checked(around, "the posture to check around"))
+    # Further research
     return holonomic(task, Constraint(name, r, expression, (False,) * r), name=name)
 
 

@@ -27,11 +27,12 @@ def directional(expression: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
 
 def lie_bracket(A: ca.SX, B: ca.SX, q: ca.SX) -> ca.SX:
     """[A, B] = (dB/dq) A - (dA/dq) B of two vector fields; (n,), (n,), (n,) -> (n,). [ZR11, (5)]"""
-    return directional(B, q, A) - directional(A, q, B)
+    return directional(B, q, A) - directional(A, q, B)  # (5)
 
 
 def pairwise_brackets(fields: ca.SX, q: ca.SX) -> dict[tuple[int, int], ca.SX]:
     """[B_a, B_b] for all columns a < b of a matrix of vector fields (n, k)."""
     k = fields.shape[1]
     along = [directional(fields, q, fields[:, a]) for a in range(k)]  # along[a][:, b] = (dB_b) B_a
+    # (36): of a null-space basis N, J [N_a, N_b] = 0
     return {(a, b): along[a][:, b] - along[b][:, a] for a in range(k) for b in range(a + 1, k)}
