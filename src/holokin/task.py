@@ -22,24 +22,9 @@ from .errors import (
     shown,
 )
 from .robot import Kinematics, Robot
-from .symbolic import (
-    SX,
-    Function,
-    cos,
-    fmax,
-    if_else,
-    jacobian,
-    minors,
-    norm_2,
-    null_space,
-    sin,
-    sumsqr,
-    symbol,
-    vec,
-    vertcat,
-    wrapped,
-)
+from .symbolic import SX, Function, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, symbol, vec, vertcat, wrapped
 from .symbolic.geometry import log_so3, rpy_angles, skew, zyz_angles
+from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 

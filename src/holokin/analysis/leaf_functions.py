@@ -11,7 +11,8 @@ from ..arguments import typed
 from ..errors import NotHolonomicError
 from ..robot import Robot
 from ..strategies import Strategy
-from ..symbolic import Function, jacobian, null_space, runge_kutta, symbol
+from ..symbolic import Function, jacobian, runge_kutta, symbol
+from ..symbolic.null_space import null_space
 from ..types import ArrayLike, Matrix, Value, Vector, frozen, whole
 from .frobenius import involutivity, involutivity_at
 from .region import around
