@@ -1,4 +1,8 @@
-"""Recovering g from nothing but an involutive N_G or G: carry the posture to a reference pose (theory 5.5)."""
+"""Recovering g from nothing but an involutive N_G or G: carry the posture to a reference pose (theory 5.5).
+
+`radial` carries along the same segments, as an expression. The 32 steps that a comparison of two ways asks for would be
+3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
+"""
 
 from __future__ import annotations
 
