@@ -17,7 +17,8 @@ from holokin.errors import (
     SingularityKind,
     UnknownNameError,
 )
-from holokin.symbolic import Function, jacobian, null_vector_expression, symbol
+from holokin.symbolic import Function, jacobian, symbol
+from holokin.symbolic.null_space import null_vector_expression
 
 R3_START = np.array([0.3, 0.9, 0.7])
 

@@ -44,7 +44,7 @@ def motion(shift: Callable[[np.ndarray], np.ndarray], cycles: int, creep: float)
     others = [0, 1, 3, 4, 5, 6]
     for _ in range(8):
         jacobian, _ = POSE.jacobian_batch(q)
-        q[:, others] += np.linalg.solve(jacobian[:, :, others], POSE.error_batch(q, place, turn)[:, :, None])[:, :, 0]
+        q[:, others] += np.linalg.solve(jacobian[:, :, others], POSE.error(q, place, turn)[:, :, None])[:, :, 0]
     return q
 
 

@@ -177,7 +177,7 @@ def calls() -> dict[str, Call]:
         "Task.rates": (k["turn"].rates, ([one], [start], [start]), {}),
         "Task.value_batch": (task.value_batch, (Q,), {}),
         "Task.jacobian_batch": (task.jacobian_batch, (Q,), {}),
-        "Task.error_batch": (task.error_batch, (Q[:1], [start], [one]), {}),
+        "Task.error of many": (task.error, (Q[:1], [start], [one]), {}),
         "Task[]": (task.__getitem__, ([0],), {}),
         "Strategy": (law, (q,), {}),
         "Strategy.g": (held.g, (q,), {}),

@@ -114,7 +114,7 @@ class Plan:
         """
         block, i = self._block(step), step % BLOCK
         if not block.margin[i] > TOLERANCES.representation:
-            self.task.check_representation(np.full(self.task.n, np.nan), block.margin[i])
+            self._check(block.margin[i])
         x0, x1, x2 = block.rates
         return float(block.h[i]), x0[i], x1[i], x2[i]
 
@@ -125,7 +125,7 @@ class Plan:
             found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
             turned = [at.rotation @ self.start_rotation for at in found]
             pairs = zip(found, turned, strict=True)
-            rates, margins = zip(*(self.task.rates_batch(R, at.velocity, at.angular) for at, R in pairs), strict=True)
+            rates, margins = zip(*(self.task.rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
             self._kept[first] = _Block(found[2].position, turned[2], h, rates, np.min(margins, axis=0))
@@ -145,7 +145,12 @@ class Plan:
         )
 
     def _rates_at(self, at: Samples) -> Matrix:
-        return self.task.rates(at.rotation @ self.start_rotation, at.velocity, at.angular)
+        rates, margins = self.task.rates(at.rotation @ self.start_rotation, at.velocity, at.angular)
+        self._check(margins.min(initial=np.inf))
+        return rates
+
+    def _check(self, margin: float) -> None:
+        self.task.check_representation(np.full(self.task.n, np.nan), margin)
 
     @cached_property
     def _grid(self) -> tuple[Indices, Vector, Vector]:
@@ -187,7 +192,7 @@ def record(
         index = np.arange(count) % steps
         p = np.vstack([plan.first[0][None], plan.position[index]])
         R = np.concatenate([plan.first[1][None], plan.rotation[index]])
-        return task.error_batch(q, p, R)
+        return task.error(q, p, R)
 
     def sigma() -> Vector:
         J, _ = task.jacobian_batch(q)

@@ -15,7 +15,6 @@ import numpy as np
 from .arguments import check, typed
 from .errors import (
     ArgumentError,
-    ShapeError,
     SingularityError,
     SingularityKind,
     TaskTooLargeError,
@@ -31,9 +30,7 @@ from .symbolic import (
     fmax,
     if_else,
     jacobian,
-    minors,
     norm_2,
-    null_space,
     sin,
     sumsqr,
     symbol,
@@ -42,6 +39,7 @@ from .symbolic import (
     wrapped,
 )
 from .symbolic.geometry import log_so3, rpy_angles, skew, zyz_angles
+from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
@@ -153,13 +151,19 @@ class Task(Value):
         J = self.jacobian(q)
         return minors(J)[:, None] if self.n - self.m == 1 else null_space(J)
 
-    def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Vector:
-        """Task error (m,) from the pose at q to a target position (3,) and rotation (3, 3) [m, rad].
+    def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Array:
+        """Task error (m,) from the pose at q (n,) to a target position (3,) and rotation (3, 3) [m, rad].
 
-        Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi].
+        Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi]. At many postures
+        (k, n), to targets (k, 3), (k, 3, 3) or to one for all, it is (k, m).
+
+        Raises: ShapeError, NotFiniteError, ArgumentError.
         """
+        at = numbers("q", q)
+        if at.ndim == 2:
+            return self.error_function.batch(self.robot.postures(at), position, rotation).reshape(len(at), self.m)
         p, R = finite("the position", position, (3,)), finite("the rotation", rotation, (3, 3))
-        return np.atleast_1d(self.error_function(self.robot.checked(q), p, R))
+        return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
 
     def value_batch(self, Q: Matrix) -> Matrix:
         """f at postures (k, n) -> (k, m)."""
@@ -172,27 +176,12 @@ class Task(Value):
         J, margin = self._jacobian.batch(Q)
         return J.reshape(len(Q), self.m, self.n), margin
 
-    def error_batch(self, Q: Matrix, position: Matrix, rotation: Array) -> Matrix:
-        """`error` at postures (k, n) to targets (k, 3), (k, 3, 3) -> (k, m)."""
-        Q = self.robot.postures(Q)
-        return self.error_function.batch(Q, position, rotation).reshape(len(Q), self.m)
+    def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
+        """x' of a tool turned by R (k, 3, 3) that moves with v (k, 3), w (k, 3) -> (k, m), unchecked.
 
-    def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> Matrix:
-        """x' of a tool turned by R (k, 3, 3) that moves with v (k, 3), w (k, 3) -> (k, m).
-
-        Raises:
-            SingularityError: the representation is singular at one of the rotations.
+        And the margins (k,) of the representation, for `check_representation`. Raises: ShapeError.
         """
-        out, margins = self.rates_batch(rotation, velocity, angular)
-        self.check_representation(np.full(self.n, np.nan), margins.min(initial=np.inf))
-        return out
-
-    def rates_batch(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
-        """`rates`, unchecked, with the representation's margins (k,)."""
-        R = numbers("the rotations", rotation)
-        if R.shape[1:] != (3, 3):
-            raise ShapeError("the rotations", ("k", 3, 3), R.shape)
-        out, margins = self._rates.batch(R, velocity, angular)
+        out, margins = self._rates.batch(finite("the rotations", rotation, ("k", 3, 3)), velocity, angular)
         return out.reshape(-1, self.m), margins
 
     def check_representation(self, q: Vector, margin: float) -> None:
@@ -249,14 +238,18 @@ class Task(Value):
     # --- numeric functions, built once -------------------------------------------------------------------------
 
     @cached_property
-    def _value(self) -> Function:
+    def _symbols(self) -> tuple[SX, Kinematics]:
         q = symbol("q", self.n)
-        return Function("task", {"q": q}, {"x": self.value_expression(self.robot.kinematics(q, self.tip))})
+        return q, self.robot.kinematics(q, self.tip)
+
+    @cached_property
+    def _value(self) -> Function:
+        q, k = self._symbols
+        return Function("task", {"q": q}, {"x": self.value_expression(k)})
 
     @cached_property
     def _jacobian(self) -> Function:
-        q = symbol("q", self.n)
-        k = self.robot.kinematics(q, self.tip)
+        q, k = self._symbols
         outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
         return Function("task_jacobian", {"q": q}, outputs)
 
@@ -277,9 +270,19 @@ class Task(Value):
     @cached_property
     def error_function(self) -> Function:
         """(q, p, R) -> `error`, unchecked."""
-        q, p, R = symbol("q", self.n), symbol("p", 3), symbol("R", 3, 3)
-        k = self.robot.kinematics(q, self.tip)
-        return Function("task_error", {"q": q, "p": p, "R": R}, {"e": self.error_expression(k, p, R)})
+        inputs, e = self._error
+        return Function("task_error", inputs, {"e": e})
+
+    @cached_property
+    def error_and_slope(self) -> Function:
+        """(q, p, R) -> (`error`, its derivative by q (m, n)), unchecked."""
+        inputs, e = self._error
+        return Function("task_error_slope", inputs, {"e": e, "slope": jacobian(e, inputs["q"])})
+
+    @cached_property
+    def _error(self) -> tuple[dict[str, SX], SX]:
+        (q, k), p, R = self._symbols, symbol("p", 3), symbol("R", 3, 3)
+        return {"q": q, "p": p, "R": R}, self.error_expression(k, p, R)
 
     @cached_property
     def _rates(self) -> Function:

@@ -7,7 +7,6 @@ the brackets themselves do not vanish, their vertical part does.
 
 from __future__ import annotations
 
-from functools import singledispatch
 from typing import Literal
 
 import numpy as np
@@ -15,20 +14,9 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..robot import hessian_expression
-from ..strategies import Expressions, FrameExpressions, FrameStrategy, RowExpressions, Strategy
-from ..symbolic import (
-    SX,
-    Function,
-    Solution,
-    as_expression,
-    directional,
-    dot,
-    factorise,
-    horzcat,
-    null_space_expression,
-    pairwise_brackets,
-    vertcat,
-)
+from ..strategies import Brackets, Expressions, FrameStrategy, Strategy
+from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
+from ..symbolic.null_space import null_space_expression
 from ..task import Task
 from ..types import Array, ArrayLike, Matrix, kept
 
@@ -39,9 +27,6 @@ MOST_JOINTS = 100
 """Joints of a robot whose laws are judged. Time and memory to write the curvature out grow with the third power of
 their number, for a position on one core: 60 joints 2.4 s and 0.1 GB, 100 joints 7.7 s and 0.5 GB, 140 joints 17 s
 and 1.3 GB."""
-
-Brackets = dict[tuple[int, int], SX]
-"""[B_a, B_b] (n,) of the columns a < b of a frame."""
 
 
 @typed
@@ -65,21 +50,16 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
     """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, conditioning, margin), built once a strategy and method."""
     if method not in ("auto", "hessian", "ad"):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
-    weight = constant_weight(strategy)
+    weight = _constant_weight(strategy)
     if method == "hessian" and weight is None:
         raise ArgumentError("method", method, f"{strategy.name!r} has no constant weight, or its task is not a twist")
     return _curvature(strategy, weight is not None and method != "ad")
 
 
-@singledispatch
-def constant_weight(strategy: Strategy) -> Matrix | None:
+def _constant_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
-    return None
-
-
-@constant_weight.register
-def _weight_of_frame(strategy: FrameStrategy) -> Matrix | None:
-    return strategy.constant_weight if strategy.task.orientation in (None, "twist") else None
+    twist = strategy.task.orientation in (None, "twist")
+    return strategy.constant_weight if isinstance(strategy, FrameStrategy) and twist else None
 
 
 def pairs(m: int) -> list[tuple[int, int]]:
@@ -95,8 +75,8 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
         raise ArgumentError(f"the number of joints of {task.robot.name!r}", task.n, cure)
     e, m = strategy.expressions, task.m
     found = e.rate(SX.eye(m), written_out=True)
-    closed = _hessian_brackets(task, e, constant_weight(strategy)) if by_hessians else None
-    A, brackets = _rows_and_brackets(e, found, closed)
+    closed = _hessian_brackets(task, e, _constant_weight(strategy)) if by_hessians else None
+    A, brackets = e.brackets(found.X, closed)
     N = null_space_expression(e.J)  # (30)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part
     # (4): what of [G_i, G_j] lies outside range G
@@ -106,50 +86,11 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
     return Function("curvature", {"q": e.q}, outputs)
 
 
-@singledispatch
-def _rows_and_brackets(e: Expressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
-    """Rows A (r, n) that annul the planes, and A_k [G_i, G_j] as (m, m) for each row k (theory 5.1).
-
-    Args:
-        found: G. closed: the brackets of the frame, where they are known in closed form.
-    """
-    raise NotImplementedError
-
-
-@_rows_and_brackets.register
-def _brackets_of_frame(e: FrameExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
-    """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""
-    B, m = e.planes, e.J.shape[0]
-    A = null_space_expression(B.T).T
-    of_frame = closed or pairwise_brackets(B, e.q)
-    M = factorise(e.J @ B).solve(SX.eye(m))  # Proposition 1
-    rows = range(A.shape[0])
-    return A, [M.T @ _antisymmetric({ab: dot(A[k, :].T, v) for ab, v in of_frame.items()}, m) @ M for k in rows]
-
-
-@_rows_and_brackets.register
-def _brackets_of_rows(e: RowExpressions, found: Solution, closed: Brackets | None) -> tuple[SX, list[SX]]:
-    """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i): only A is differentiated."""
-    A, G = e.planes, found.X
-    # (31), (32): DA[G_i] G_j = -A DG_j[G_i], from A G = 0
-    along = [directional(A, e.q, G[:, i]) @ G for i in range(G.shape[1])]
-    values = [vertcat(*(turn[k, :] for turn in along)) for k in range(A.shape[0])]
-    return A, [T.T - T for T in values]  # (33), (34), (35)
-
-
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
     every = hessian_expression(task.robot, e.q, task.tip)
     H, W = [every[row] for row in task.rows], as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
-
-
-def _antisymmetric(upper: dict[tuple[int, int], SX], m: int) -> SX:
-    """K (m, m) with K_ab = -K_ba given for a < b."""
-    K = SX.zeros(m, m)
-    for (a, b), value in upper.items():
-        K[a, b], K[b, a] = value, -value
-    return K
 
 
 def _unpacked(packed: Array, m: int) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..strategies import HolonomicStrategy, Strategy
-from ..symbolic import null_space
+from ..symbolic.null_space import null_space
 from ..types import ArrayLike, Matrix, Value, Vector
 from .leaf_functions import leaf_function
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..strategies import Strategy, radial, self_motion
-from ..symbolic import null_space
+from ..symbolic.null_space import null_space
 from ..types import ArrayLike, Matrix, Value, Vector, whole
 from .brackets import curvature, curvature_function, pairs
 from .region import Ball

@@ -37,7 +37,7 @@ def to_pose(task: Task, q: Matrix, position: Matrix, rotation: Array) -> tuple[M
 
     What remains between two visits so moved is motion of the joints that the gap of the tool does not explain.
     """
-    error = task.error_batch(q, position, rotation)
+    error = task.error(q, position, rotation)
     jacobian, _ = task.jacobian_batch(q)
     gram = jacobian @ jacobian.transpose(0, 2, 1)
     trace = np.trace(gram, axis1=1, axis2=2)[:, None, None]

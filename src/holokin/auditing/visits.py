@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..symbolic import null_space
+from ..symbolic.null_space import null_space
 from ..types import Array, Matrix, Vector
 
 MOST_GAIN = 3.0

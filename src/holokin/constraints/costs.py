@@ -11,7 +11,8 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, factorise, jacobian, log, null_vector_expression, solve, sumsqr
+from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr
+from ..symbolic.null_space import null_vector_expression
 from ..task import Task
 from ..types import ArrayLike, Value, finite, frozen
 from .base import Constraint

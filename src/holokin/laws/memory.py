@@ -11,7 +11,8 @@ from ..constraints import Cost
 from ..errors import ArgumentError
 from ..motion.control_law import ControlLaw, Step
 from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness
-from ..symbolic import SX, Function, factorise, null_space_expression, runge_kutta, symbol, vertcat
+from ..symbolic import SX, Function, factorise, runge_kutta, symbol, vertcat
+from ..symbolic.null_space import null_space_expression
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector, finite, frozen
 

@@ -13,7 +13,8 @@ from ..constraints import Constraint, Cost
 from ..errors import InfeasibleError, ShapeError
 from ..motion.control_law import ControlLaw, Step, Symbols, compiled, feedback
 from ..strategies import Strategy, holonomic
-from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, null_space_expression, vec, vertcat
+from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
+from ..symbolic.null_space import null_space_expression
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector, finite, frozen, not_negative, numbers
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import Plan
-from ..symbolic import Function, jacobian, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
@@ -71,12 +70,9 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float,
 
 def _errors(task: Task) -> Callable[[Vector, Vector, Matrix], tuple[Vector, Matrix]]:
     """(q, p, R) -> the task error (m,) and its derivative (m, n)."""
-    q, p, R = symbol("q", task.n), symbol("p", 3), symbol("R", 3, 3)
-    e = task.error_expression(task.robot.kinematics(q, task.tip), p, R)
-    made = Function("reach", {"q": q, "p": p, "R": R}, {"e": e, "D": jacobian(e, q)})
 
     def errors(q: Vector, position: Vector, rotation: Matrix) -> tuple[Vector, Matrix]:
-        error, derivative = made(q, position, rotation)
+        error, derivative = task.error_and_slope(q, position, rotation)
         return np.atleast_1d(error), np.reshape(derivative, (task.m, task.n))
 
     return errors

@@ -2,7 +2,7 @@
 
 from .base import Field, Strategy, check_regular, checked_rate
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
-from .expressions import Expressions, FrameExpressions, RowExpressions
+from .expressions import Brackets, Expressions, FrameExpressions, RowExpressions
 from .family import from_transport
 from .fibre import SelfMotion, correction, self_motion, unit_null
 from .kinds import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy
@@ -11,6 +11,7 @@ from .polynomial import fitted
 from .straight_lines import radial
 
 __all__ = [
+    "Brackets",
     "Expressions",
     "Field",
     "FrameExpressions",

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from typing import final
 
 from ..robot import Kinematics
-from ..symbolic import SX, Solution, factorise, fmin, norm_2, solution, vertcat
+from ..symbolic import SX, Solution, directional, dot, factorise, fmin, norm_2, pairwise_brackets, solution, vertcat
+from ..symbolic.null_space import null_space_expression
+
+Brackets = dict[tuple[int, int], SX]
+"""[B_a, B_b] (n,) of the columns a < b of a frame."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,14 @@ class Expressions(ABC):
             written_out: for those who differentiate it: no system is left to numbers, however large.
         """
 
+    @abstractmethod
+    def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
+        """Rows A (r, n) that annul the planes, and A_k [G_i, G_j] as (m, m) for each row k (theory 5.1).
+
+        Args:
+            of_frame: the brackets of the frame, where they are known in closed form.
+        """
+
 
 @final
 @dataclass(frozen=True)
@@ -40,6 +52,21 @@ class FrameExpressions(Expressions):
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)  # (9): regular where H is
         return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
+
+    def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
+        """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""
+        B, m = self.planes, self.J.shape[0]
+        A = null_space_expression(B.T).T
+        M = factorise(self.J @ B).solve(SX.eye(m))  # Proposition 1
+        found = of_frame or pairwise_brackets(B, self.q)
+        turned = []
+        for k in range(A.shape[0]):
+            K = SX.zeros(m, m)  # antisymmetric
+            for (a, b), value in found.items():
+                K[a, b] = dot(A[k, :].T, value)
+                K[b, a] = -K[a, b]
+            turned.append(M.T @ K @ M)
+        return A, turned
 
 
 @final
@@ -59,3 +86,10 @@ class RowExpressions(Expressions):
             size = norm_2(self.planes[i, :])
             A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
         return solution(vertcat(*A), vertcat(*B), written_out=written_out)  # (14)
+
+    def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
+        """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i): only A is differentiated."""
+        # (31), (32): DA[G_i] G_j = -A DG_j[G_i], from A G = 0
+        along = [directional(self.planes, self.q, G[:, i]) @ G for i in range(G.shape[1])]
+        values = [vertcat(*(turn[k, :] for turn in along)) for k in range(self.planes.shape[0])]
+        return self.planes, [T.T - T for T in values]  # (33), (34), (35)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, SingularityError, SingularityKind
-from ..symbolic import null_vector, wrapped
+from ..symbolic import wrapped
+from ..symbolic.null_space import null_vector
 from ..task import Task
 from ..types import MOST, ArrayLike, Matrix, Value, Vector
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..robot import Robot
-from ..symbolic import SX, atan2, cos, exp, fabs, factorise, null_space, null_space_expression, sin, vertcat
+from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
+from ..symbolic.null_space import null_space, null_space_expression
 from ..task import Task
 from ..types import Matrix, Vector
 from .fibre import self_motion

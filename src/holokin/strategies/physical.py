@@ -12,7 +12,8 @@ from ..arguments import made
 from ..constraints import Cost
 from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
-from ..symbolic import SX, as_map, factorise, hessian, jacobian, null_space_expression, symbol
+from ..symbolic import SX, as_map, factorise, hessian, jacobian, symbol
+from ..symbolic.null_space import null_space_expression
 from ..task import Task
 from .kinds import RowStrategy
 

@@ -17,7 +17,8 @@ from ..arguments import made
 from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import Kinematics
-from ..symbolic import SX, Function, as_expression, jacobian, null_space, symbol, vertcat
+from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
+from ..symbolic.null_space import null_space
 from ..task import Task
 from ..types import ArrayLike, Matrix, finite, frozen, whole
 from .base import Field

@@ -30,7 +30,6 @@ from .geometry import wrapped
 from .integrate import runge_kutta
 from .linear import Factorisation, Solution, factorise, solution, solve
 from .nature import other_operations
-from .null_space import minors, null_space, null_space_expression, null_vector, null_vector_expression
 from .qp import NearestPoint
 
 __all__ = [
@@ -62,12 +61,7 @@ __all__ = [
     "jacobian",
     "lie_bracket",
     "log",
-    "minors",
     "norm_2",
-    "null_space",
-    "null_space_expression",
-    "null_vector",
-    "null_vector_expression",
     "other_operations",
     "pairwise_brackets",
     "parse",
