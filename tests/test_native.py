@@ -129,6 +129,7 @@ def test_following_by_native_code_is_the_same_to_the_last_bit(cache: Path, monke
         walks = []
         for native_from in (1, 10**9):
             monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+            monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
             strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())
             walks.append(hk.follow(strategy, path, PANDA_START, samples=150, cycles=3))
         assert np.abs(walks[0].q - walks[1].q).max() < 1e-14
@@ -150,6 +151,7 @@ def test_native_following_halts_where_the_machine_does(cache: Path, monkeypatch:
         ends = []
         for native_from in (1, 10**9):
             monkeypatch.setattr(FOLLOW, "NATIVE_FROM", native_from)
+            monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
             with pytest.raises((error, OutOfReachError, LimitReachedError)) as caught:
                 hk.follow(held, path, PANDA_START, samples=200)
             ends.append((type(caught.value), len(caught.value.trajectory), caught.value.trajectory.q[-1]))

@@ -36,7 +36,11 @@ from .velocity import native_velocity, velocity_stepper
 METHODS = ("velocity", "leaf")
 
 NATIVE_FROM = 5_000
-"""Steps from which following is worth a compiler's second, once."""
+"""Steps from which following is worth a compiler's second, once. Native code that this process has is always used."""
+
+CACHED_FROM = 1_000
+"""Steps from which native code is looked for among the libraries built before: its C must be written to know its name,
+which takes 0.05 s, as long as some 700 steps on the virtual machine."""
 
 BLOCK = 10_000
 """Native steps between two looks at the clock and the keyboard."""
@@ -113,7 +117,7 @@ def _walk(strategy: Strategy, plan: Plan, q: Vector, cycles: int, method: str, l
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
     make = native_leaf if method == "leaf" else native_velocity
-    fast = make(strategy, plan, q, limits) if total >= NATIVE_FROM else None
+    fast = make(strategy, plan, q, limits, load=total >= CACHED_FROM, build=total >= NATIVE_FROM)
     native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:

@@ -164,9 +164,11 @@ def leaf_stepper(strategy: Strategy, plan: Plan, q0: Vector) -> Callable[[Vector
     return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def native_leaf(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
-    """The same steps as native code, many in one call; None without a compiler."""
-    kernel = strategy.leaf_step.follower("leaf", lambda: branch_code(strategy))
+def native_leaf(
+    strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
+) -> NativeWalk | None:
+    """The same steps as native code, many in one call; None without it, see `Function.follower`."""
+    kernel = strategy.leaf_step.follower("leaf", lambda: branch_code(strategy), load=load, build=build)
     if kernel is None:
         return None
     (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
