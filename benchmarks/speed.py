@@ -35,10 +35,10 @@ from holokin.motion import ControlLaw, simulate
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]
 LOOP = """
-double floor_loop(long long count, const double *q, const double *pose, const double *dx, const double *leaf) {
+double floor_loop(long long count, const double *q, const double *pose, const double *twist, const double *parameters) {
   double out[HK_N + 1], sum = 0.0;
   for (long long i = 0; i < count; i++) {
-    hk_step(q + HK_N * (i % 256), pose, dx, out, leaf);
+    hk_step(q + HK_N * (i % 256), pose, twist, out, parameters);
     sum += out[0];
   }
   return sum;
@@ -67,20 +67,19 @@ def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple
     return float(np.median(times)), float(np.percentile(times, 99))
 
 
-def c_floor(servo: hk.motion.Controller, pose: np.ndarray, dx: np.ndarray) -> tuple[float, float]:
+def c_floor(servo: hk.motion.Controller, pose: np.ndarray, twist: np.ndarray) -> tuple[float, float]:
     """Seconds of one step in a bare C loop."""
     lib = library(step_source(*servo.generated) + LOOP)
     run = lib.floor_loop
     run.restype, run.argtypes = ctypes.c_double, [ctypes.c_longlong] + [ctypes.c_void_p] * 4
     Q = START + np.random.default_rng(0).uniform(-0.05, 0.05, (256, 7))
-    leaf = np.append(servo.leaf, 0.0)
-    arguments = (20_000, Q.ctypes.data, pose.ctypes.data, dx.ctypes.data, leaf.ctypes.data)
+    arguments = (20_000, *(array.ctypes.data for array in (Q, pose, twist, servo.parameters)))
     median, p99 = median_and_p99(lambda: run(*arguments), 60, 1)
     return median / 20_000, p99 / 20_000
 
 
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
-    """A servo on the virtual machine."""
+    """A controller on the virtual machine."""
     with environment(HOLOKIN_NATIVE="0"):
         return make()
 
@@ -167,25 +166,25 @@ def main(arguments: list[str] | None = None) -> int:
     scale = 0.05 if given.quick else 1.0
     robot = hk.load("panda")
     task = hk.pose(robot)
-    pose, dx = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
+    pose, twist = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
 
     def make() -> hk.motion.Controller:
         return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
 
     servo, machine = make(), without_compiler(make)
-    floor, floor99 = c_floor(servo, pose, dx)
+    floor, floor99 = c_floor(servo, pose, twist)
     rounds = max(20, int(200 * scale))
     rows = [("C floor", floor, floor99)]
-    rows.append(("holokin, native", *median_and_p99(lambda: servo.step(START, pose, dx), rounds, 1000)))
-    rows.append(("holokin, virtual machine", *median_and_p99(lambda: machine.step(START, pose, dx), rounds, 200)))
+    rows.append(("holokin, native", *median_and_p99(lambda: servo.step(START, pose, twist), rounds, 1000)))
+    rows.append(("holokin, virtual machine", *median_and_p99(lambda: machine.step(START, pose, twist), rounds, 200)))
     left_out = []
     for name, law in rivals(robot):
         if isinstance(law, str):
             left_out.append(f"{name} ({law})")
             continue
         step = law.begin(START.copy())
-        rows.append((name, *median_and_p99(lambda step=step: step(START, pose, dx, DT), rounds, 20)))
+        rows.append((name, *median_and_p99(lambda step=step: step(START, pose, twist, DT), rounds, 20)))
     point = robot.pose(START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     strategy = hk.holonomic(task, hk.arm_angle())
@@ -205,7 +204,7 @@ def main(arguments: list[str] | None = None) -> int:
     batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
     curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
     cold, warm = first_use(make)
-    check = simulate(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
+    check = simulate(servo, task, loop, START, dt=0.01)
     loops = [
         (f"`follow` by leaf, circle of {samples:,} samples", follow),
         (f"`follow` by velocity (five evaluations), {samples:,} samples", velocity),

@@ -132,7 +132,8 @@ def audit(
     loop in every plane of two task rows, of 0.1 m or 0.2 rad a side; the worst of them, if it drifts, for all cycles.
 
     Args:
-        controller: a function (q, pose, twist, dt) -> dq, see `control.Law`; a `ControlLaw`; or a `Strategy`.
+        controller: a function (q, pose, twist, dt) -> dq, see `motion.Step`; a `ControlLaw`, such as
+            a compiled `controller`; or a `Strategy`.
         task: what the tool must do; its full pose by default.
         loops: closed paths that begin at the tool pose of `start`; a circle and a square of 0.1 m, and a loop in every
             plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
