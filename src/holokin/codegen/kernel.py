@@ -214,7 +214,8 @@ def _glue() -> Any:
     start: Any = ctypes.PyDLL("holokin_glue", handle=built._handle).PyInit_holokin_glue
     start.restype = ctypes.py_object
     module = start()
-    sample = np.arange(15.0).reshape(3, 5)
+    sample = np.zeros((3, 5))
+    sample.flags.writeable = False
     odd = np.zeros(17, np.uint8)[1:].view(float)  # not aligned
     known = module.know(
         np.ndarray, np.ndarray.__basicsize__, sample.dtype, np.empty, sample, sample.T, odd, sample.ctypes.data
