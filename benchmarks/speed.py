@@ -97,7 +97,7 @@ def rivals(robot: hk.Robot) -> list[tuple[str, ControlLaw | str]]:
     out: list[tuple[str, ControlLaw | str]] = []
     for name, make in (("pink", pink_law), ("mink", mink_law), ("placo", placo_law)):
         try:
-            out.append((name, make(robot, PostureTask(1e-3))))
+            out += [(law.name, law) for law in (make(robot, PostureTask(1e-3), limits=on) for on in (True, False))]
         except MissingExtraError as problem:
             out.append((name, str(problem)))
     out.append(("roboticstoolbox + pinv", _roboticstoolbox()))
