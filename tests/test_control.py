@@ -304,13 +304,13 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
         ({"cycles": 2.0}, ArgumentError),
         ({"cycles": True}, ArgumentError),
         ({"dt": 1e-300}, ArgumentError),
-        ({"controller": None}, ArgumentError),
+        ({"law": None}, ArgumentError),
         ({"q0": START + 0.1}, StartError),
         ({"q0": START[:2]}, ShapeError),
         ({"path": loop.part(0, 0.3), "cycles": 2}, OpenPathError),
     ):
         with pytest.raises(error):
-            hk.simulate(**({"controller": law, "task": task, "path": loop, "q0": START} | arguments))
+            hk.simulate(**({"law": law, "task": task, "path": loop, "q0": START} | arguments))
     for make in (
         lambda: hk.laws.damped(task, -1.0),
         lambda: hk.laws.closed_loop(hk.moore_penrose(task), np.nan),

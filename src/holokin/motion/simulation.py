@@ -23,7 +23,7 @@ from .control_law import ControlLaw, Step, as_control_law
 
 @typed
 def simulate(
-    controller: object,
+    law: object,
     task: Task,
     path: Path,
     q0: ArrayLike,
@@ -38,7 +38,7 @@ def simulate(
     limits stop nothing: a law must know them itself.
 
     Args:
-        controller: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
+        law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
             function (q, pose, twist, dt) -> dq. `Step` says what these are.
         task: what the tool must do; the record's error and singular values are of it.
         path: of the tool.
@@ -56,7 +56,7 @@ def simulate(
         ControllerError: the law threw, blocked, or returned something that is not n finite numbers; `.trajectory`
             holds what was computed.
     """
-    chosen = as_control_law(controller)
+    chosen = as_control_law(law)
     start = task.robot.checked(q0, "the start posture")
     positive("dt", dt, "give a positive step in seconds")
     if patience is not None:
