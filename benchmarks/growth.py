@@ -89,7 +89,7 @@ def grown(task: hk.Task, q0: np.ndarray, clock: Clock) -> Growth:
     rows = np.random.default_rng(0).normal(size=(task.n - task.m, task.n))
     pose = task.robot.pose(q0)
     target = pose if task.orientation else pose[:3, 3].copy()
-    dx = np.full(task.m, 0.01)
+    twist = np.full(6 if task.orientation else 3, 0.01)
     build, times, operations = [], [], 0
     with tempfile.TemporaryDirectory() as folder:
         for flag in ("1", "0"):
@@ -99,7 +99,7 @@ def grown(task: hk.Task, q0: np.ndarray, clock: Clock) -> Growth:
                 servo = hk.controller(hk.holonomic(task, hk.linear(rows)), dt=1e-3, start=q0)
                 build.append(time.perf_counter() - begin)
                 operations = servo.generated[0].instructions
-                times.append(clock(lambda servo=servo: servo.step(q0, target, dx), 60, 100)[0])
+                times.append(clock(lambda servo=servo: servo.step(q0, target, twist), 60, 100)[0])
     way = "numbers" if task.n >= linear.DENSE_FROM else "written out"
     return Growth(task.robot.name, task.n, way, operations, build[0], *times)
 

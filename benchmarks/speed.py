@@ -61,7 +61,7 @@ def median_and_p99(call: Callable[[], object], rounds: int, inner: int) -> tuple
 
 
 def without_compiler(make: Callable[[], hk.motion.Controller]) -> hk.motion.Controller:
-    """A servo on the virtual machine."""
+    """A controller on the virtual machine."""
     with environment(HOLOKIN_NATIVE="0"):
         return make()
 
@@ -104,20 +104,20 @@ def main(arguments: list[str] | None = None) -> int:
     scale = 0.01 if given.quick else 1.0
     robot = hk.load("panda")
     task = hk.pose(robot)
-    pose, dx = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
+    pose, twist = robot.pose(START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
 
     def make() -> hk.motion.Controller:
         return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
 
     servo, machine = make(), without_compiler(make)
-    floor_loop = Floor(servo, DT, pose, dx)
+    floor_loop = Floor(servo, pose, twist)
     others, left_out = rivals(robot, START, DT)
     steps = {
         "C floor": floor_loop,
-        "holokin, native": repeated(lambda: servo.step(START, pose, dx)),
-        "holokin, virtual machine": repeated(lambda: machine.step(START, pose, dx)),
-    } | {name: repeated(lambda step=step: step(START, pose, dx)) for name, step in others}
+        "holokin, native": repeated(lambda: servo.step(START, pose, twist)),
+        "holokin, virtual machine": repeated(lambda: machine.step(START, pose, twist)),
+    } | {name: repeated(lambda step=step: step(START, pose, twist)) for name, step in others}
     rounds, each = (5 if given.quick else 400), 5e-4
     times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, each)
     rows, floor = [(name, times[name]) for name in steps], times["C floor"].median
@@ -140,7 +140,7 @@ def main(arguments: list[str] | None = None) -> int:
     batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
     curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
     cold, warm = first_use(make)
-    check = simulate(lambda q, p, w, dt: servo.step(q, p, w).copy(), task, loop, START, dt=0.01)
+    check = simulate(servo, task, loop, START, dt=0.01)
     loops = [
         (f"`follow` by leaf, circle of {samples:,} samples", follow),
         (f"`follow` by velocity (five evaluations), {samples:,} samples", velocity),

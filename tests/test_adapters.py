@@ -99,3 +99,41 @@ def test_with_a_posture_task_it_repeats_but_two_ways_differ(panda: hk.Robot, lib
     assert np.abs(walk.drift()[1]).max() < 1e-6
     a, b = (hk.simulate(law, task, way, PANDA_START, dt=0.04).q[-1] for way in loop.ways())
     assert np.abs(a - b).max() > 1e-3
+
+
+@pytest.mark.parametrize("library", ["pink", "mink"])
+def test_a_run_has_one_configuration_which_its_steps_update(
+    panda: hk.Robot, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, made = pytest.importorskip(library), []
+
+    class Counted(module.Configuration):
+        def __init__(self, *arguments, **named) -> None:
+            made.append(1)
+            super().__init__(*arguments, **named)
+
+    monkeypatch.setattr(module, "Configuration", Counted)
+    law, fresh = maker(library)(panda, PostureTask(1e-3)), maker(library)(panda, PostureTask(1e-3))
+    step, rng = law.begin(PANDA_START), np.random.default_rng(0)
+    for _ in range(5):
+        q, pose = PANDA_START + rng.uniform(-0.1, 0.1, 7), panda.pose(PANDA_START + rng.uniform(-0.1, 0.1, 7))
+        before = len(made)
+        dq = step(q, pose, np.zeros(6), 0.01)
+        assert len(made) == before
+        assert np.abs(dq - fresh.begin(PANDA_START)(q, pose, np.zeros(6), 0.01)).max() < 1e-9
+
+
+@pytest.mark.parametrize("library", ["pink", "placo"])
+def test_limits_of_a_library_can_be_left_out(panda: hk.Robot, library: str) -> None:
+    """A target 5 cm away in a step of 1 ms: pink's own limits are of speed, too; placo's are of position alone."""
+    pose, edge = panda.pose(PANDA_START), PANDA_START.copy()
+    pose[0, 3] += 0.05
+    edge[3] = panda.upper[3] - 1e-6
+    beyond = panda.pose(edge + [0, 0, 0, 0.02, 0, 0, 0])
+    rates = []
+    for limits in (True, False):
+        step = maker(library)(panda, limits=limits).begin(PANDA_START)
+        over = np.abs(step(PANDA_START, pose, np.zeros(6), 1e-3)) / panda.max_velocity
+        rates.append(over.max() if library == "pink" else (edge + step(edge, beyond, np.zeros(6), 1.0))[3])
+    bound = 1.0 if library == "pink" else panda.upper[3]
+    assert rates[0] < bound + 1e-3 < rates[1]

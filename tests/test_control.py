@@ -308,12 +308,16 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
         ({"dt": 0.0}, ArgumentError),
         ({"dt": np.nan}, ArgumentError),
         ({"cycles": 0}, ArgumentError),
+        ({"cycles": 2.0}, ArgumentError),
+        ({"cycles": True}, ArgumentError),
+        ({"dt": 1e-300}, ArgumentError),
+        ({"law": None}, ArgumentError),
         ({"q0": START + 0.1}, StartError),
         ({"q0": START[:2]}, ShapeError),
         ({"path": loop.part(0, 0.3), "cycles": 2}, OpenPathError),
     ):
         with pytest.raises(error):
-            hk.simulate(**({"controller": law, "task": task, "path": loop, "q0": START} | arguments))
+            hk.simulate(**({"law": law, "task": task, "path": loop, "q0": START} | arguments))
     twist, springs = hk.pose(hk.load("panda")), hk.constraints.posture_cost(PANDA_START)
     for make, error, said in (
         (lambda: hk.laws.damped(task, -1.0), ArgumentError, "-1.0"),

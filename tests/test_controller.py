@@ -87,6 +87,29 @@ def test_each_step_returns_an_array_of_its_own(arm: hk.Strategy, panda: hk.Robot
     assert np.array_equal(c.step(twist=twist, q=q, pose=pose), found[0])
 
 
+def test_what_is_left_of_a_result_stays_whatever_was_done_to_it(arm: hk.Strategy, panda: hk.Robot) -> None:
+    """Views of it, and results of another shape, type or access, that nobody has any more."""
+    c, expected, kept = hk.controller(arm, dt=DT, start=PANDA_START), [], []
+    uses = (
+        lambda dq: dq[2:5],
+        lambda dq: memoryview(dq),
+        lambda dq: setattr(dq, "shape", (7, 1)),
+        lambda dq: setattr(dq, "dtype", np.int64),
+        lambda dq: dq.setflags(write=False),
+        lambda dq: dq.resize(3, refcheck=False),
+    )
+    for k in range(60):
+        dq = c.step(*wanted(panda, PANDA_START, k))
+        assert dq.shape == (7,) and dq.dtype == float and dq.flags.writeable
+        values, use = dq.copy(), uses[k % len(uses)]
+        expected.append(values[2:5] if k % len(uses) == 0 else values)
+        kept.append(use(dq))
+        del dq
+        c.step(*wanted(panda, PANDA_START, k + 1))
+    for k, (view, values) in enumerate(zip(kept, expected, strict=True)):
+        assert view is None or np.array_equal(np.asarray(view), values), k
+
+
 def test_a_position_task_takes_points_and_poses_velocities_and_twists(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
     c = hk.controller(planar, dt=DT, start=START)
     q, pose, twist = wanted(planar_3r, START, 1)

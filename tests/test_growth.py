@@ -82,6 +82,7 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_long_arm_comes_home(native_from: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+    monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     strategy, q0 = snake(), np.full(12, 0.2)
     at = strategy.task.robot.pose(q0)[:3, 3]
     walk = hk.follow(strategy, hk.circle(at, at - [0.1, 0.05, 0]), q0, samples=60, cycles=2)
@@ -196,6 +197,7 @@ def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(
 ) -> None:
     """The left arm does four tenths of what the right one does, mirrored; one more row holds."""
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+    monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     robot = baxter()
     q0 = np.zeros(14)
     for side, sign in (("left", -1), ("right", 1)):
@@ -255,6 +257,7 @@ def test_a_base_at_the_end_of_the_tree_asks_for_a_tip() -> None:
 def test_a_constraint_written_in_tiny_units_follows_as_well(native_from: int, monkeypatch: Patch) -> None:
     """det [J; J_g] of 30 joints would be 1e-168; the sign is all that is needed."""
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+    monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     bends = 1e-6 * np.diff(np.eye(30), 2, axis=0)
     strategy, q0 = hk.holonomic(hk.position(chain(30)), hk.linear(bends)), np.full(30, 0.08)
     at = strategy.task.robot.pose(q0)[:3, 3]

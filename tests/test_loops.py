@@ -58,6 +58,7 @@ def both(run: Callable[[], object], monkeypatch: Patch) -> list:
     out: list = []
     for native_from in (1, 10**9):
         monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+        monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
         try:
             out.append(run())
         except PathError as problem:
@@ -77,6 +78,7 @@ def test_following_by_native_code_is_the_same_to_1e_14(monkeypatch: Patch, nativ
         for native_from in (1, 10**9):
             natively.clear()
             monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+            monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
             strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())
             walks.append(hk.follow(strategy, path, PANDA_START, samples=150, cycles=3))
             assert sum(natively) == (len(walks[0]) - 1 if native_from == 1 else 0)
@@ -98,6 +100,7 @@ def test_native_following_halts_where_the_machine_does(monkeypatch: Patch, nativ
         for native_from in (1, 10**9):
             natively.clear()
             monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+            monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
             with pytest.raises(error) as caught:
                 hk.follow(held, path, PANDA_START, samples=200)
             ends.append(caught.value.trajectory)
@@ -135,12 +138,51 @@ def test_velocity_halts_where_python_does(path: hk.Path, error: type[Exception],
     assert len(ours.trajectory) > 20
 
 
+@compiled
+@pytest.mark.parametrize("method", ["leaf", "velocity"])
+def test_a_short_path_takes_native_code_that_is_there_and_builds_none(method: str, monkeypatch: Patch) -> None:
+    """What a long path built serves every later one; what an earlier process built, those that are worth a look."""
+    loop, built, steps = hk.circle(POINT, POINT - [0.1, 0, 0]), [], []
+    compile_it = native._built
+    monkeypatch.setattr(native, "_built", lambda *arguments: built.append(1) or compile_it(*arguments))
+    make = getattr(following, f"{method}_stepper")
+
+    def counted(*of: object) -> Callable[[np.ndarray, int], np.ndarray]:
+        step = make(*of)
+        return lambda q, i: steps.append(1) or step(q, i)
+
+    monkeypatch.setattr(following, f"{method}_stepper", counted)
+    monkeypatch.setattr(following, "NATIVE_FROM", 100)
+    monkeypatch.setattr(following, "CACHED_FROM", 50)
+
+    def follow(strategy: hk.Strategy, samples: int) -> tuple[np.ndarray, int, int]:
+        built.clear(), steps.clear()
+        q = hk.follow(strategy, loop, PANDA_START, samples=samples, method=method).q
+        return q, len(built), len(steps)
+
+    first, later = (hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)) for _ in range(2))
+    assert native.enabled()  # which builds a library of its own
+    assert follow(first, 20)[1:] == (0, 20)
+    assert follow(first, 60)[1:] == (0, 60)
+    assert follow(first, 100)[1:] == (1, 0)
+    short, long = follow(first, 20), follow(first, 60)
+    assert short[1:] == long[1:] == (0, 0)
+    by_steps, loaded = follow(later, 20), follow(later, 60)
+    assert by_steps[1:] == (0, 20)
+    assert loaded[1:] == (0, 0)
+    assert np.abs(by_steps[0] - short[0]).max() < 1e-13
+    assert np.array_equal(loaded[0], long[0])
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    assert follow(first, 60)[1:] == (0, 60)
+
+
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_done(
     native_from: int, monkeypatch: Patch
 ) -> None:
     """The pitch grows to 90 degrees at nine tenths of the path."""
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+    monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     robot = hk.load("panda")
     q0 = PANDA_START
     strategy = hk.moore_penrose(hk.pose(robot, "rpy"))
@@ -158,6 +200,7 @@ def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_don
 def test_following_allocates_its_outputs_and_no_more(method: str, native_from: int, monkeypatch: Patch) -> None:
     """q and t: 64 bytes a sample; targets and rates are made in blocks."""
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
+    monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
     loop = hk.circle(POINT, POINT - [0.1, 0, 0])
     short, long = (20_000, 60_000) if native_from == 1 else (3_000, 7_000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import sysconfig
 import threading
 import weakref
 from collections.abc import Callable, Iterator
@@ -258,3 +259,21 @@ def test_a_function_may_be_shared_by_threads_from_its_first_call_on(
             assert np.abs(dq - [rate(q, TWIST)[0] for q in Q]).max() < 1e-12
 
         at_once(*(lambda k=k, loop=loop: loop(k) for k in range(4 + (os.cpu_count() or 1) // 4)))
+
+
+@pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
+def test_where_there_are_pythons_headers_steps_are_bound_in_c(cache: Path, monkeypatch: Patch) -> None:
+    """And a NumPy whose arrays are laid out otherwise is told from ours."""
+    monkeypatch.setenv("HOLOKIN_CACHE", str(cache))
+    if not (Path(sysconfig.get_paths()["include"]) / "Python.h").is_file():
+        pytest.skip("no headers here")
+    glue = kernel._glue()
+    assert glue is not None
+    one, odd = np.zeros((3, 5)), np.zeros(17, np.uint8)[1:].view(float)
+    one.flags.writeable = False
+    known = [np.ndarray, np.ndarray.__basicsize__, one.dtype, np.empty, one, one.T, odd, one.ctypes.data]
+    assert glue.know(*known)
+    wrong = {1: 16, 2: np.dtype(np.int64), 4: np.zeros((3, 5)), 5: one, 6: np.zeros(2), 7: one.ctypes.data + 8}
+    for k, value in wrong.items():
+        assert not glue.know(*known[:k], value, *known[k + 1 :]), k
+    assert glue.know(*known)

@@ -1,4 +1,4 @@
-"""Any controller put to the test: do closed tool paths give closed joint paths, and if not, by how much, and why?
+"""Any control law put to the test: do closed tool paths give closed joint paths, and if not, by how much, and why?
 
 The law is a black box: it is only run, through `simulate`, on loops, ways, speeds and starts, and judged by where the
 joints end. Every question is asked on its own: one that the law cannot answer is reported and the rest goes on.
@@ -60,7 +60,7 @@ class Finding:
 class Audit:
     """What `audit` found: the verdict, each question apart from the others, and the planes of the task."""
 
-    controller: str
+    law: str
     verdict: Homecoming
     findings: tuple[Finding, ...]
     tolerance: float
@@ -79,7 +79,7 @@ class Audit:
     @property
     def sentence(self) -> str:
         """The verdict, with what it does not cover."""
-        said = f"{self.controller}: {self.verdict.value}"
+        said = f"{self.law}: {self.verdict.value}"
         if self.untested and self.verdict is not Homecoming.UNKNOWN:
             said += f"; NOT tested: loops in {', '.join(self.untested)}"
         small = self["small loops"].figures
@@ -109,13 +109,13 @@ class Audit:
         ]
         verdict = self.verdict.name.lower()
         return {
-            "controller": self.controller, "verdict": verdict, "untested": list(self.untested), "findings": findings,
+            "law": self.law, "verdict": verdict, "untested": list(self.untested), "findings": findings,
         }  # fmt: skip
 
 
 @typed
 def audit(
-    controller: object,
+    law: object,
     robot: Robot,
     task: Task | None = None,
     loops: Sequence[Path] | None = None,
@@ -126,13 +126,14 @@ def audit(
     tolerance: float = TOLERANCE,
     patience: float = 2.0,
 ) -> Audit:
-    """Put any controller to the test.
+    """Put any control law to the test.
 
     A loop sees only the curvature of the planes in which it encloses area. By default the law is run round one more
     loop in every plane of two task rows, of 0.1 m or 0.2 rad a side; the worst of them, if it drifts, for all cycles.
 
     Args:
-        controller: a function (q, pose, twist, dt) -> dq, see `control.Law`; a `ControlLaw`; or a `Strategy`.
+        law: a function (q, pose, twist, dt) -> dq, see `motion.Step`; a `ControlLaw`, such as
+            a compiled `controller`; or a `Strategy`.
         task: what the tool must do; its full pose by default.
         loops: closed paths that begin at the tool pose of `start`; a circle and a square of 0.1 m, and a loop in every
             plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
@@ -151,7 +152,7 @@ def audit(
     q0 = robot.checked(start, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
         raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
-    bench = Bench(as_control_law(controller), chosen, q0, dt, cycles, patience, tolerance)
+    bench = Bench(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)
     paths = list(loops) if loops is not None else _default_loops(bench)
     if not paths:
         raise ArgumentError("the loops", loops, "give at least one, or None for the usual ones")

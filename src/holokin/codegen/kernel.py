@@ -98,9 +98,12 @@ class FollowKernel:
     "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, sign of det).
     "velocity": by Runge-Kutta steps of (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
     more: C that the drivers need besides, of which "leaf" takes the extended Jacobian and its change.
+    build: False for one whose library is in the cache, or none.
     """
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> None:
+    def __init__(
+        self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "", build: bool = True
+    ) -> None:
         state = sum(int(np.prod(shape)) for shape in inputs)
         head = f"#define HK_N {inputs[0][0]}\n#define HK_STATE {state}\n"
         drivers = {
@@ -109,7 +112,7 @@ class FollowKernel:
         }
         name, *files = drivers[method]
         code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "path.c", *files)
-        self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",))
+        self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",), build=build)
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._run.restype = ctypes.c_longlong
@@ -211,7 +214,8 @@ def _glue() -> Any:
     start: Any = ctypes.PyDLL("holokin_glue", handle=built._handle).PyInit_holokin_glue
     start.restype = ctypes.py_object
     module = start()
-    sample = np.arange(15.0).reshape(3, 5)
+    sample = np.zeros((3, 5))
+    sample.flags.writeable = False
     odd = np.zeros(17, np.uint8)[1:].view(float)  # not aligned
     known = module.know(
         np.ndarray, np.ndarray.__basicsize__, sample.dtype, np.empty, sample, sample.T, odd, sample.ctypes.data

@@ -100,6 +100,7 @@ def library(
     includes: tuple[str, ...] = (),
     needs: tuple[str, ...] = (),
     patience: float | None = None,
+    build: bool = True,
 ) -> ctypes.CDLL:
     """The shared library of a C source, from the cache or built now.
 
@@ -110,9 +111,11 @@ def library(
             results becomes up to a third faster, with the same rounding, for half as long again to compile.
         needs: the functions that it must have.
         patience: how long the compiler may take [s], PATIENCE by default.
+        build: False for one that is in the cache, or none.
 
     Raises:
-        NativeError: no compiler, or it refuses the source, or the result cannot be kept or loaded.
+        NativeError: no compiler, or it refuses the source, or the result cannot be kept or loaded; or it is not in the
+            cache and none is to be built.
     """
     chosen = compiler()
     if chosen is None:
@@ -124,6 +127,8 @@ def library(
     if found is not None:
         with suppress(NativeError):  # such as a C library other than the one it was built for
             return _loaded(found, path, chosen, needs)
+    if not build:
+        raise NativeError("the library was not built before", "absent")
     known = _troubles.get((chosen, folder))
     if known is not None:
         raise NativeError(known.fact, known.cause)

@@ -133,7 +133,7 @@ class Source:
             "title": line(f"{s.name}, {task.name}"),
             "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
             if constraint
-            else "The strategy keeps no leaf; whether it comes home is for `holokin run` to tell.",
+            else "The strategy keeps no leaf; whether it is repeatable is for `holokin run` to tell.",
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
             "twist": 3 if position else 6,
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,

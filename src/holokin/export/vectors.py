@@ -124,7 +124,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
     """x' (m,) of a tool at a pose that moves with a twist (6,), or with a velocity (3,)."""
     v, w = np.concatenate([twist, np.zeros(3)])[:6].reshape(2, 1, 3)
-    return task.rates_batch(pose[None, :3, :3], v, w)[0][0]
+    return task.rates(pose[None, :3, :3], v, w)[0][0]
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:

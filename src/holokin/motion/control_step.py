@@ -191,7 +191,8 @@ def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Arra
 class _MachineMemory(threading.local):
     """What a thread needs for steps on the virtual machine: (trigger, arguments, results, its results of a step)."""
 
-    def __init__(self, port: Port, memory: StepMemory) -> None:
+    def __init__(self, port: Port, parameters: Vector, memory: StepMemory) -> None:
+        port.arguments[-1][...] = parameters
         self.all = (port.trigger, port.arguments, port.results, memory.out)
 
 
@@ -199,7 +200,11 @@ def _machine(
     function: Function, parameters: Vector, memory: StepMemory, convert: Callable[..., tuple[Array, Array, Array]]
 ) -> Rates:
     """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
-    mine = _MachineMemory(function.port(), memory)
+    mine, latest, change = (
+        _MachineMemory(function.port(), parameters, memory),
+        memory.latest,
+        parameters.flags.writeable,
+    )
     shapes = tuple(function.input_shapes.values())[:3]
     double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
 
@@ -211,8 +216,10 @@ def _machine(
         if not fit:
             q, pose, twist = convert(q, pose, twist)
         trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
-        memory.enter()
-        q_in[...], pose_in[...], twist_in[...], parameters_in[...] = q, pose, twist, parameters
+        latest[0], memory.stepped = out, True
+        q_in[...], pose_in[...], twist_in[...] = q, pose, twist
+        if change:
+            parameters_in[...] = parameters
         trigger()
         rates, scale, rcond, margin, room, given = results
         share = scale.item()

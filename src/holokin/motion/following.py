@@ -36,7 +36,11 @@ from .velocity import native_velocity, velocity_stepper
 METHODS = ("velocity", "leaf")
 
 NATIVE_FROM = 5_000
-"""Steps from which following is worth a compiler's second, once."""
+"""Steps from which following is worth a compiler's second, once. Native code that this process has is always used."""
+
+CACHED_FROM = 1_000
+"""Steps from which native code is looked for among the libraries built before: its C must be written to know its name,
+which takes 0.05 s, as long as some 700 steps on the virtual machine."""
 
 BLOCK = 10_000
 """Native steps between two looks at the clock and the keyboard."""
@@ -115,9 +119,11 @@ def _walk(
         postures.flags.writeable = False  # the trajectory keeps them as they are
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
-    fast = None
-    if total >= NATIVE_FROM:
-        fast = native_velocity(strategy, plan, q, limits) if leaf is None else native_leaf(leaf, plan, q, limits)
+    sources = {"load": total >= CACHED_FROM, "build": total >= NATIVE_FROM}
+    if leaf is None:
+        fast = native_velocity(strategy, plan, q, limits, **sources)
+    else:
+        fast = native_leaf(leaf, plan, q, limits, **sources)
     native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:

@@ -183,10 +183,12 @@ def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callabl
     return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def native_leaf(strategy: HolonomicStrategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
-    """The same steps as native code, many in one call; None without a compiler."""
+def native_leaf(
+    strategy: HolonomicStrategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
+) -> NativeWalk | None:
+    """The same steps as native code, many in one call; None without it, see `Function.follower`."""
     step = leaf_step(strategy)
-    kernel = step.follower("leaf", lambda: branch_code(strategy))
+    kernel = step.follower("leaf", lambda: branch_code(strategy), load=load, build=build)
     if kernel is None:
         return None
     (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES

@@ -1,4 +1,4 @@
-"""`simulate`: runs a controller round a path, step by step, as the loop of a robot would."""
+"""`simulate`: runs a control law round a path, step by step, as the loop of a robot would, on ideal kinematics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .control_law import ControlLaw, Step, as_control_law
 
 @typed
 def simulate(
-    controller: object,
+    law: object,
     task: Task,
     path: Path,
     q0: ArrayLike,
@@ -32,29 +32,37 @@ def simulate(
     cycles: int = 1,
     patience: float | None = None,
 ) -> Trajectory:
-    """Run a controller along a path: q <- q + dt law(q, pose, twist, dt), one step after the other.
+    """Run a control law along a path: q <- q + dt step(q, pose, twist, dt), one step after the other.
+
+    The joints do exactly as they are told. The path goes on at its own speed, also where a law slows down, and joint
+    limits stop nothing: a law must know them itself.
 
     Args:
-        controller: a `ControlLaw`, a `Strategy`, or a function (q, pose, twist, dt) -> dq; see `Step`.
+        law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
+            function (q, pose, twist, dt) -> dq. `Step` says what these are.
         task: what the tool must do; the record's error and singular values are of it.
+        path: of the tool.
+        q0: start posture (n,), with the tool at the start of the path.
         dt: longest step [s]; steps are made even so that they end at the corners of the path.
         cycles: runs of a closed path.
         patience: seconds after which a call that has not returned is given up; None waits for ever.
 
-    Joint limits do not stop it: a law must know them itself.
+    Returns:
+        What the joints did.
 
     Raises:
+        ArgumentError, ShapeError, NotFiniteError: bad arguments.
         StartError: the tool at q0 is not at the start of the path. OpenPathError: several cycles of an open path.
         ControllerError: the law threw, blocked, or returned something that is not n finite numbers; `.trajectory`
             holds what was computed.
     """
-    chosen = as_control_law(controller)
+    chosen = as_control_law(law)
     start = task.robot.checked(q0, "the start posture")
     positive("dt", dt, "give a positive step in seconds")
     if patience is not None:
         positive("patience", patience, "give positive seconds, or None")
     if whole("cycles", cycles) > 1 and not path.closed:
-        raise OpenPathError(f"driving {cycles} cycles", path.gap)
+        raise OpenPathError(f"simulating {cycles} cycles", path.gap)
     tool = task.robot.pose(start, task.tip)
     steps = np.ceil(path.duration / dt - 1e-9)
     if not steps * cycles <= MOST:
@@ -70,7 +78,7 @@ def simulate(
 class _Run:
     """One run: the postures so far, and the pulse by which a watcher sees whether the law still answers."""
 
-    controller: ControlLaw
+    law: ControlLaw
     task: Task
     plan: Plan
     start: Vector
@@ -89,7 +97,7 @@ class _Run:
     def go(self, patience: float | None) -> Trajectory:
         """Run to the end, or to the law's first fault. Raises: ControllerError."""
         total = len(self.q) - 1
-        with progress(f"driving {self.controller.name}", total) as report:
+        with progress(f"simulating {self.law.name}", total) as report:
             if patience is None:
                 self._loop(report)
             else:
@@ -103,7 +111,7 @@ class _Run:
         said, cause = self.fault
         cycle, step = divmod(self.done, self.plan.steps)
         where = f"in cycle {cycle + 1}, {100 * step / self.plan.steps:.1f} % along the path"
-        raise ControllerError(self.controller.name, f"{where}: {said}", walk) from cause
+        raise ControllerError(self.law.name, f"{where}: {said}", walk) from cause
 
     def _watched(self, patience: float, report: Callable[[int], None]) -> None:
         """The loop in a thread of its own, left behind if a call does not come back."""
@@ -127,21 +135,21 @@ class _Run:
         self.pulse = time.monotonic()
         q = self.start.copy()
         try:
-            law: Step = self.controller.begin(self.start.copy())
-            for step in range(len(self.q) - 1):
-                i = step % plan.steps
+            step: Step = self.law.begin(self.start.copy())
+            for k in range(len(self.q) - 1):
+                i = k % plan.steps
                 self.pulse = time.monotonic()
-                answer = law(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i]))
+                answer = step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i]))
                 if self.stopped:
                     return
                 fault = _flaw(answer, n)
                 if fault:
                     self.fault = (fault, None)
                     return
-                self.dq[step] = np.asarray(answer, dtype=float)
-                q = q + plan.h[i] * self.dq[step]
-                self.q[step + 1] = q
-                self.done = step + 1
+                self.dq[k] = np.asarray(answer, dtype=float)
+                q = q + plan.h[i] * self.dq[k]
+                self.q[k + 1] = q
+                self.done = k + 1
                 report(self.done)
         except HolokinError as problem:
             self.fault = (str(problem), problem)

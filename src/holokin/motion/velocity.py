@@ -56,9 +56,11 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
     return step
 
 
-def native_velocity(strategy: Strategy, plan: Plan, q0: Vector, limits: bool) -> NativeWalk | None:
-    """The same steps as native code, many in one call; None without a compiler."""
-    kernel, t = path_rate(strategy).follower("velocity"), TOLERANCES
+def native_velocity(
+    strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
+) -> NativeWalk | None:
+    """The same steps as native code, many in one call; None without it, see `Function.follower`."""
+    kernel, t = path_rate(strategy).follower("velocity", load=load, build=build), TOLERANCES
     if kernel is None:
         return None
     return NativeWalk(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)

@@ -56,6 +56,7 @@ class Function:
         self._port = Port(self.program, *self._shapes)
         self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
+        self._absent: set[str] = set()  # of those that the cache did not have
         shown = [() if shape == (1,) else shape for shape in self._shapes[1]]
         self._one = Evaluator(self.program, *self._shapes, self._port, results=shown, convert=weak(self._converted))
 
@@ -158,19 +159,34 @@ class Function:
         """Memory besides the function's own, and each thread's own too, for a loop that others may interrupt."""
         return Port(self.program, *self._shapes)
 
-    def follower(self, method: str, more: Callable[[], str] = str) -> FollowKernel | None:
+    def follower(
+        self, method: str, more: Callable[[], str] = str, *, load: bool = True, build: bool = True
+    ) -> FollowKernel | None:
         """The loop of following a path by this function, see `FollowKernel`; None where there can be none.
 
         Args:
             more: makes the C that the loop needs besides this function's.
+            load: look for it in the cache of libraries. build: make it if it is not there. Without them, only one
+                that this process has already.
         """
         from ..codegen.kernel import LARGEST, FollowKernel
-        from ..codegen.native import enabled
+        from ..codegen.native import enabled, tell
 
-        if not enabled() or self.program.instructions > LARGEST:
+        known = method in self._natives
+        if not known and (not (load or build) or self.program.instructions > LARGEST):
             return None
-        if method not in self._natives:
-            self._natives[method] = _tried(lambda: FollowKernel(self.program, *self._shapes, method, more()))
+        if not enabled() or (not known and not build and method in self._absent):
+            return None
+        if known:
+            return self._natives[method]
+        try:
+            self._natives[method] = FollowKernel(self.program, *self._shapes, method, more(), build)
+        except NativeError as problem:
+            if problem.cause == "absent":
+                self._absent.add(method)
+                return None
+            tell(problem)
+            self._natives[method] = None
         return self._natives[method]
 
     def c(self, name: str) -> str:
