@@ -1,7 +1,7 @@
 """One call from Python, in C floors: the functions that users call in loops. Part of `python -m benchmarks.speed`.
 
-The C floor is one control step called from C. Everything is timed at the same posture, in turns, round by round, so
-that what else the machine does falls on all alike.
+The C floor is one control step called from C. Everything is timed at the same posture, in turns, round by round, and in
+processor time, so that what else the machine does counts little.
 """
 
 from __future__ import annotations
@@ -67,32 +67,32 @@ class Floor:
 
 @dataclass(frozen=True)
 class Timed:
-    """Seconds of one call: the median, and the 99th percentile over the rounds."""
+    """Seconds of the processor for one call: the median, and the 99th percentile over the rounds."""
 
     median: float
     p99: float
 
 
 def in_turns(calls: dict[str, Callable[[int], object]], rounds: int, each: float) -> dict[str, Timed]:
-    """Times of loops, round by round in turns, each after a few calls that are not timed.
+    """Processor times of loops, round by round in turns, each after a few calls that are not timed.
 
     Args:
         calls: name -> a function that calls so many times.
-        each: seconds that a turn should take; short ones are seldom interrupted by what else the machine does.
+        each: seconds that a turn should take.
     """
     counts = {}
     for name, run in calls.items():
         run(3)
-        begin = time.perf_counter()
+        begin = time.process_time()
         run(10)
-        counts[name] = max(10, int(each / ((time.perf_counter() - begin) / 10)))
+        counts[name] = max(10, int(each / ((time.process_time() - begin) / 10)))
     times = np.empty((rounds, len(calls)))
     for k in range(rounds):
         for i, (name, run) in enumerate(calls.items()):
             run(counts[name] // 5)
-            begin = time.perf_counter()
+            begin = time.process_time()
             run(counts[name])
-            times[k, i] = (time.perf_counter() - begin) / counts[name]
+            times[k, i] = (time.process_time() - begin) / counts[name]
     return {
         name: Timed(float(np.median(t)), float(np.percentile(t, 99))) for name, t in zip(calls, times.T, strict=True)
     }
