@@ -1,7 +1,7 @@
 """For the API reference: writes what docstrings say briefly in the long form that the Google style knows.
 
-`Args:` entries for several names become one for each. `Raises:` in a line, or with several errors in a row, becomes a list;
-an error of which nothing is said gets the first sentence of its own docstring. Members of an Enum get their text.
+`Args:` entries for several names become one for each. `Raises:` in a line, or with several errors in a row, becomes a
+list; an error of which nothing is said gets the first sentence of its own docstring. Members of an Enum get their text.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from griffe import Attribute, Class, Docstring, Extension, Module, Object
+from griffe import Alias, Attribute, Class, Docstring, Extension, Module, Object
 
 NAMES = re.compile(r"(?:(?<=^)|(?<=[.;,] ))((?:[A-Z]\w*Error)(?:(?:, | or )[A-Z]\w*Error)*)(?=$|[\s:.;,])")
 RAISES = re.compile(r"(?:^|(?<=[.\])]\s))Raises(?: \(([^)]*)\))?:[ \n]", re.MULTILINE)
@@ -58,6 +58,9 @@ class Docstrings(Extension):
         self._walk(pkg, meanings)
 
     def _walk(self, thing: Object, meanings: dict[str, str]) -> None:
+        if isinstance(thing, Module) and thing.name != "errors":  # so that the names of errors lead to their page
+            for name in meanings.keys() - thing.members.keys():
+                thing.set_member(name, Alias(name, f"holokin.errors.{name}", parent=thing))
         if thing.docstring:
             thing.docstring.value = long_form(thing.docstring.value, meanings)
         enum = isinstance(thing, Class) and any(str(base) == "Enum" for base in thing.bases)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -75,7 +76,8 @@ def planar_loops() -> None:
         axes.plot(*np.array([robot.pose(q)[:2, 3] for q in walk.q[:401:4]]).T, color="0.6", linewidth=1)
         ends = walk.q[np.linspace(0, len(walk.q) - 1, 6).round().astype(int)]
         for k, q in enumerate(ends):
-            arm(axes, robot, q, color=plt.get_cmap("viridis")(0.95 * k / 5), linewidth=1.8, label=f"after {2 * k} loops")
+            colour = plt.get_cmap("viridis")(0.95 * k / 5)
+            arm(axes, robot, q, color=colour, linewidth=1.8, label=f"after {2 * k} loops")
         largest = float(np.abs(ends[-1] - ends[0]).max())
         said = f"{largest:.2f} rad away" if largest > 1e-6 else f"{largest:.0e} rad away"
         axes.set(aspect="equal", title=f"{name}\nafter 10 loops {said}", xlabel="x [m]")
@@ -139,7 +141,7 @@ def joints_over_cycles() -> None:
     for (name, law), colour in zip(laws.items(), PALETTE, strict=False):
         drift = hk.drift(law, path, PANDA, cycles=8, samples=200, limits=False).largest
         axes.semilogy(np.arange(1, 9), np.maximum(drift, 1e-17), "-o", color=colour, label=name)
-    axes.set(xlabel="circles of 0.1 m radius", ylabel="largest joint error [rad]", title="Panda: joints after each circle")
+    axes.set(xlabel="circles of 0.1 m radius", ylabel="largest joint error [rad]", title="Panda, after each circle")
     axes.legend(loc="center right")
     save(figure, "panda-drift")
 
@@ -159,7 +161,7 @@ def jobs() -> None:
 
 
 if __name__ == "__main__":
+    draws = {draw.__name__: draw for draw in (self_motion, planar_loops, leaves, joints_over_cycles, jobs)}
     with plt.rc_context(style()):
-        import sys
-        for draw in [d for d in (self_motion, planar_loops, leaves, joints_over_cycles, jobs) if len(sys.argv) < 2 or d.__name__ in sys.argv[1:]]:
-            draw()
+        for name in sys.argv[1:] or draws:
+            draws[name]()
