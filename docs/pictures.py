@@ -14,7 +14,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.job import open_job, run_job
-from holokin.output.figures import cycles_figure, drift_figure, robot_figure, ways_figure
+from holokin.output.figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.plots import PALETTE, style
 
 HERE = Path(__file__).parent
@@ -153,7 +153,7 @@ def jobs() -> None:
         if name == "ppr-cycle":
             save(cycles_figure(result), f"job-{name}")
         elif name == "panda-circle":
-            save(drift_figure(result), f"job-{name}")
+            save(robot_figure(result), f"job-{name}")
         else:
             save(ways_figure(result.drawn[0]), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
