@@ -108,3 +108,10 @@ def test_errors_in_docstrings_become_a_list_of_cross_references(site: Path) -> N
     part = part[: part.index('id="holokin.constraints.stack"')]
     for error in ("NotFiniteError", "ArgumentError", "ShapeError"):
         assert f'href="../errors/#holokin.errors.{error}"' in part, error
+
+
+def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
+    """[G v, G e](q(t)) is a vector field at a posture."""
+    page = (site / "theory" / "index.html").read_text("utf-8")
+    assert "[G v, G e](q(t)) dt" in page
+    assert 'href="q(t)' not in page
