@@ -11,6 +11,7 @@ from types import ModuleType
 import pytest
 
 import holokin as hk
+from conftest import Command
 from holokin.job import open_job, run_job
 from holokin.output.table import row
 
@@ -115,3 +116,29 @@ def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
     page = (site / "theory" / "index.html").read_text("utf-8")
     assert "[G v, G e](q(t)) dt" in page
     assert 'href="q(t)' not in page
+
+
+PICTURES = ROOT / "docs" / "pictures"
+
+
+@pytest.mark.parametrize("name", ["self_motion", "planar_loops", "leaves"])
+def test_a_picture_of_the_concepts_can_be_drawn_again(name: str, tmp_path: Path) -> None:
+    code = f"import pictures, pathlib; pictures.OUT = pathlib.Path({str(tmp_path)!r}); pictures.{name}()"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT / "docs", check=True, timeout=120, capture_output=True)
+    (drawn,) = tmp_path.glob("*.png")
+    assert drawn.stat().st_size > 0.5 * (PICTURES / drawn.name).stat().st_size
+
+
+def test_every_command_on_the_pages_exists_with_its_options(holokin: Command, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+    blocks = [text for page in pages for text in re.findall(r"^```sh\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)]
+    lines = [line for text in blocks for line in re.findall(r"\bholokin [^\n#&|]+", text)]
+    assert len(lines) > 10
+    for line in lines:
+        words = line.split()[1:]
+        command = words[:2] if words[0] == "export" else words[:1]
+        help_text = holokin(*command, "--help").out
+        assert "Usage" in help_text, line
+        for option in re.findall(r"(?<= )--[a-z-]+", line):
+            assert option in help_text, line
