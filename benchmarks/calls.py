@@ -25,12 +25,12 @@ PLACES = 256
 """Places in memory from which the loop in C reads the posture, so that no compiler takes the step out of the loop."""
 
 LOOP = """
-HK_API int floor_loop(long long count, const double *Q, const double *pose, const double *dx, const double *held,
+HK_API int floor_loop(long long count, const double *Q, const double *pose, const double *twist, const double *parameters,
                       double *first) {
   double out[HK_N + 2];
   int status = 0;
   for (long long i = 0; i < count; i++) {
-    status |= hk_step(Q + HK_N * (i % 256), pose, dx, out, held);
+    status |= hk_step(Q + HK_N * (i % 256), pose, twist, out, parameters);
     if (!i)
       for (int k = 0; k < HK_N; k++) first[k] = out[k];
   }
@@ -42,15 +42,14 @@ HK_API int floor_loop(long long count, const double *Q, const double *pose, cons
 class Floor:
     """One step of a controller in C, at START. The sizes of what it reads are those of the step that was generated."""
 
-    def __init__(self, controller: Any, dt: float, pose: np.ndarray, dx: np.ndarray) -> None:
+    def __init__(self, controller: Any, pose: np.ndarray, twist: np.ndarray) -> None:
         _, shapes, _, _ = controller.generated
-        held = np.concatenate([controller.leaf, [dt, 0.1 / dt, 0.1 / dt]])  # c, dt, K, K_g as in `hk.controller`
         self.first = np.empty(shapes[0])
         self._arrays = [
             np.tile(START, (PLACES, 1)),
             np.array(pose, dtype=float),
-            np.array(dx, dtype=float),
-            held,
+            np.array(twist, dtype=float),
+            np.array(controller.parameters),
             self.first,
         ]
         found = [array.shape for array in (*self._arrays[0][:1], *self._arrays[1:4])]

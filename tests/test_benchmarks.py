@@ -55,11 +55,11 @@ def test_the_c_floor_is_the_step_that_python_gets(constraint: hk.Constraint | No
     controller = hk.controller(strategy, dt=1e-3, start=PANDA_START)
     pose, dx = task.robot.pose(PANDA_START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
-    floor = Floor(controller, 1e-3, pose, dx)
+    floor = Floor(controller, pose, dx)
     assert floor(3) == 0
     assert floor.first == pytest.approx(controller.step(PANDA_START, pose, dx), rel=1e-13)
     with pytest.raises(ValueError, match="reads arrays of shapes"):
-        Floor(controller, 1e-3, pose[:3, 3], dx)
+        Floor(controller, pose[:3, 3], dx)
 
 
 def test_calls_that_are_timed_in_turns_keep_their_order() -> None:
@@ -77,6 +77,6 @@ def test_a_call_from_python_costs_a_few_steps_in_c(tmp_path: Path, monkeypatch: 
     pose, dx = task.robot.pose(PANDA_START), np.zeros(6)
     repeated(lambda: strategy(PANDA_START))(HEAVY)
     assert idle(120.0)
-    calls = {"floor": Floor(controller, 1e-3, pose, dx), "G": repeated(lambda: strategy(PANDA_START))}
+    calls = {"floor": Floor(controller, pose, dx), "G": repeated(lambda: strategy(PANDA_START))}
     times = in_turns(calls, 50, 1e-3)
     assert times["G"].median < 5 * times["floor"].median

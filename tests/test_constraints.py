@@ -273,7 +273,7 @@ def test_some_angles_can_be_coupled_and_paired_at_will(irb140: hk.Robot) -> None
 
 def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:
     """At the leaf 0 of the gravity cost, moving the elbow changes no potential energy: by Pinocchio."""
-    import pinocchio as pin
+    pin = pytest.importorskip("pinocchio")
 
     from conftest import urdf
 

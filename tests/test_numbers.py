@@ -182,7 +182,7 @@ def circle_at(robot: hk.Robot) -> hk.Path:
 
 def test_the_pseudo_inverse_drifts_on_the_panda_as_pinocchio_says(panda_urdf: hk.Robot) -> None:
     """0.163 rad in the first cycle, 0.32 after two, 0.475 after three; to 1e-7 as Pinocchio with DOP853 says."""
-    import pinocchio as pin
+    pin = pytest.importorskip("pinocchio")
     from scipy.integrate import solve_ivp
 
     model = pin.buildModelFromUrdf(str(urdf("panda.urdf")))

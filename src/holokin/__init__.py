@@ -1,4 +1,4 @@
-"""holokin: makes redundant robots repeatable, and tests it.
+"""holokin: makes redundant robots repeatable, and measures how repeatable any control law is.
 
 The flow:
 
@@ -22,8 +22,7 @@ from .robot import Robot, catalogue, from_dh, from_urdf, load
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
-
-__version__ = "0.1.0"
+from .version import __version__ as __version__
 
 __all__ = [
     "Constraint",

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from . import __version__
 from .errors import ArgumentError
 from .outcome import Ending, finish, prepare_streams, show, show_rich
+from .version import __version__
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -43,7 +43,7 @@ _ending = Ending()
 app = typer.Typer(
     name="holokin",
     cls=_Commands,
-    help="Makes redundant robots repeatable, and tests it.",
+    help="Makes redundant robots repeatable, and measures how repeatable any control law is.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -70,7 +70,7 @@ def _options(
         bool, typer.Option("--traceback", help="Of an error show where it arose, too; with any subcommand.")
     ] = False,
 ) -> None:
-    """Makes redundant robots repeatable, and tests it."""
+    """Makes redundant robots repeatable, and measures how repeatable any control law is."""
 
 
 @app.command()

@@ -15,6 +15,7 @@ from ..files import alone, aside, replace_files, uninterrupted, writing
 from ..motion.branch import enclosed_change, extended_jacobian
 from ..strategies import HolonomicStrategy, Strategy
 from ..types import ArrayLike, number, whole
+from ..version import __version__
 from .code import Source, header, library, line, text
 from .vectors import selftest, vectors, vectors_header
 
@@ -67,8 +68,6 @@ def export_c(
         ArgumentError: a name that is no C name, a bad dt, files in the way, a start near a singularity.
         ExportError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
     """
-    from .. import __version__
-
     robot = strategy.task.robot
     q0 = robot.checked(start, "the start posture")
     robot.check_limits(q0)
