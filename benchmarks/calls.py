@@ -25,8 +25,8 @@ PLACES = 256
 """Places in memory from which the loop in C reads the posture, so that no compiler takes the step out of the loop."""
 
 LOOP = """
-HK_API int floor_loop(long long count, const double *Q, const double *pose, const double *twist, const double *parameters,
-                      double *first) {
+HK_API int floor_loop(long long count, const double *Q, const double *pose, const double *twist,
+                      const double *parameters, double *first) {
   double out[HK_N + 2];
   int status = 0;
   for (long long i = 0; i < count; i++) {
