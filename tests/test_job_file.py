@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import JobError
-from holokin.job import open_job, run_job
+from holokin.job import KINDS, keys_of, open_job, run_job
 from holokin.job.read import _TABLES
-from holokin.job.schema import _USES, Job
+from holokin.job.schema import Job
 from holokin.output.result import FIGURES
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "jobs.md").read_text("utf-8")
@@ -159,20 +159,24 @@ def section(heading: str) -> dict[str, list[str]]:
 @pytest.mark.parametrize("name", ["robot", "task", "start", "path", "strategies", "expect", "verdict"])
 def test_the_reference_has_every_key_and_no_other(name: str) -> None:
     heading = f"`[{name}.NAME]`" if name in ("strategies", "expect") else f"`[{name}]`"
-    extra = {"kind"} if name == "strategies" else set()
-    assert set(section(heading)) | extra == set(_TABLES[name].model_fields) | (set(_USES) if extra else set())
+    if name == "strategies":
+        keys = {key for model in KINDS.values() for key in model.model_fields}
+        assert set(section(heading)) == (keys - {"kind"}) | set(KINDS)
+    else:
+        assert set(section(heading)) == set(_TABLES[name].model_fields)
 
 
 def test_the_reference_has_every_table_and_says_what_each_kind_and_figure_is() -> None:
     assert set(section("Top level")) == set(Job.model_fields)
     kinds, figures = section("`[strategies.NAME]`"), section("`[expect.NAME]`")
-    for kind, (needed, optional) in _USES.items():
+    for kind, model in KINDS.items():
+        needed, optional = keys_of(model)
         needs, may, about = kinds[kind]
         assert tuple(re.findall(r"`(\w+)`", needs)) == needed, kind
         assert tuple(re.findall(r"`(\w+)`", may)) == optional, kind
         assert len(about) > 10
     assert {key for key in figures if key not in ("holonomic", "completes")} == set(FIGURES)
-    for table in _TABLES.values():
+    for table in (*_TABLES.values(), *KINDS.values()):
         for field, info in table.model_fields.items():
             words = " ".join(re.findall(r"Literal\[(.*?)\]", str(info.annotation)))
             for word in re.findall(r"'([a-z-]+)'", words):

@@ -11,7 +11,8 @@ import pytest
 import holokin as hk
 from holokin.analysis import curvature
 from holokin.job import open_job, run_job
-from holokin.job.schema import ExpectTable, Job, StrategyTable
+from holokin.job.schema import ExpectTable, Job
+from holokin.job.strategies import MoorePenrose
 from holokin.output.animate import animate
 from holokin.output.figures import figures
 from holokin.output.plots import best_azimuth
@@ -54,7 +55,7 @@ def half_lost() -> JobResult:
 
 def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> None:
     names = ["my strat", "my-strat", "My_Strat", "!!!", "a", "a counter", "ü/ß"]
-    table = StrategyTable(kind="moore-penrose")
+    table = MoorePenrose(kind="moore-penrose")
     result = shortened(strategies=dict.fromkeys(names, table), cycles=1, samples=8)
     stems = result.stems
     assert stems["my strat"] == "my-strat"
@@ -171,7 +172,7 @@ def test_neither_end_of_the_ways_hides_the_other(ppr_cycle: JobResult) -> None:
 
 def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
     """The arm is a planimeter: q3 creeps by 2 pi (1 - sqrt(1 - k^2)) a cycle in the long run, k = r/2 (theory 4)."""
-    result = shortened(cycles=49, samples=40, strategies={"mp": StrategyTable(kind="moore-penrose")})
+    result = shortened(cycles=49, samples=40, strategies={"mp": MoorePenrose(kind="moore-penrose")})
     f = result.strategies[0].figures
     each = np.abs(result.strategies[0].cycles.drift()).max(axis=1)
     assert each.std() > 1e-3
@@ -183,7 +184,7 @@ def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
 
 def test_the_mean_drift_is_not_the_total_over_the_cycles() -> None:
     """After eleven circles of a Panda another joint drifts most, and the total is of no single joint."""
-    long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": StrategyTable(kind="moore-penrose")})
+    long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": MoorePenrose(kind="moore-penrose")})
     f, each = long.strategies[0].figures, np.abs(long.strategies[0].cycles.drift())
     assert len(set(each.argmax(axis=1))) == 2
     assert f["drift_mean"] == pytest.approx(each.max(axis=1).mean(), rel=1e-12)
@@ -200,7 +201,7 @@ def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
     assert remarks(slow) == []
     factor = 1.5 / shares.max()
     fast = shortened(
-        "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": StrategyTable(kind="moore-penrose")}
+        "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": MoorePenrose(kind="moore-penrose")}
     )
     assert fast.strategies[0].figures["peak_speed"] == pytest.approx(1.5)
     said = speed_warning(fast, fast.strategies[0])

@@ -32,7 +32,7 @@ holonomic = false
 drift = { above = 0.001, below = 3 }
 """, """[strategies.w]
 kind = "weighted"
-W = [[1, 0, 0], [0, 2, 0], [0, 0, "1 + 0.1*cos(q2)"]]
+weight = [[1, 0, 0], [0, 2, 0], [0, 0, "1 + 0.1*cos(q2)"]]
 invariant = ["q1 + q2"]
 """, """[strategies.g]
 kind = "custom"

@@ -143,10 +143,11 @@ def jobs(
     ] = False,
 ) -> None:
     """List the packaged jobs, or what a job file may hold."""
-    from .job import PAPER, kinds_of_strategy, open_job, packaged_jobs
+    from .job import KINDS, PAPER, keys_of, open_job, packaged_jobs
 
     if kinds:
-        for kind, (needed, optional) in kinds_of_strategy().items():
+        for kind, model in KINDS.items():
+            needed, optional = keys_of(model)
             more = f"   may have {', '.join(optional)}" if optional else ""
             show(f"{kind:16} {'needs ' + ', '.join(needed) if needed else ''}{more}".rstrip())
         return

@@ -27,7 +27,7 @@ class Cost(Made, Value):
 
 @made
 def stationary(
-    cost: Cost | Callable[[SX], Any], *, free: tuple[str, ...] | None = None, name: str | None = None
+    cost: Cost | Callable[[SX], Any], *, free: tuple[str | int, ...] | None = None, name: str | None = None
 ) -> Constraint:
     """g(q) = N^T grad U: zero where the cost U is stationary under self-motions, the tool held.
 
@@ -38,7 +38,7 @@ def stationary(
 
     Args:
         cost: `posture_cost`, `centring_cost`, `manipulability_cost`, `gravity_cost`, or q -> CasADi expression.
-        free: names of r joints for Chang's basis; needed when r > 1.
+        free: r joints for Chang's basis, by name or by index from 0; needed when r > 1.
 
     Raises (when bound):
         ConstraintRowsError: r > 1 without `free`, or `free` has not r joints. ShapeError: the cost is not a scalar.

@@ -23,11 +23,9 @@ from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
     build_begin,
-    build_invariant,
     build_path,
     build_robot,
     build_start,
-    build_strategy,
     build_tasks,
     naming,
 )
@@ -95,13 +93,13 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     about = job.about
     for label, table in job.strategies.items():
         with naming(file, "strategies", label, "invariant"):
-            invariant = build_invariant(table, robot)
+            invariant = table.invariants(tasks[0])
         variants = []
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
             with naming(file, "strategies", label):
-                strategy = build_strategy(title, table, task, start)
+                strategy = table.build(task, start, title)
                 begin, note = build_begin(table, strategy, start)
                 about = f"{about} {note}"
                 variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
