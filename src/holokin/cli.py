@@ -83,9 +83,9 @@ def run(
 ) -> None:
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
 
-    Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input: of the command or of a job
-    file before anything runs, else of the jobs that cannot be done or written, after the others have been; 3 where
-    holokin itself failed at one.
+    Exits 0 when every expectation of every job holds, 1 when one fails, 2 when a strategy cannot be run, after the
+    others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
+    cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -116,7 +116,7 @@ def run(
                 folder = write_report(result, out, __version__, extra)
                 show_rich(lambda console, result=result: print_result(result, console))
                 show(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n")
-                code = max(code, 0 if result.passed else 1)
+                code = max(code, result.exit_code)
             except Exception as problem:  # noqa: BLE001  whatever happens to one job, the others are done
                 _ending.check()
                 code = max(code, _ending.tell(problem, name if len(opened) > 1 else ""))

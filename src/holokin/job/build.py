@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import MOST_JOINTS
-from ..errors import ArgumentError, HolokinError, JobError, JointLimitError, PathError
+from ..errors import ArgumentError, BranchError, HolokinError, JobError, JointLimitError, PathError, SingularityError
 from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
@@ -123,11 +123,16 @@ def _typed(point: Vector) -> str:
 def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
     """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one settled from it.
 
-    Raises: as `settle`.
+    Raises: BranchError where settling fails; else as `settle`.
     """
     if not isinstance(table, ConstraintTable) or table.leaf is None:
         return start, ""
-    begin = settle(strategy, start, table.leaf)
     leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
+    try:
+        begin = settle(strategy, start, table.leaf)
+    except (SingularityError, PathError) as problem:
+        fact, _, cure = str(problem).rpartition("; ")
+        fact = f"settling failed: from the start posture to leaf {leaf}, {fact}"
+        raise BranchError(fact, f"{cure}, or another leaf") from problem
     joints = ", ".join(f"{value:.6g}" for value in begin)
     return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."

@@ -12,10 +12,21 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import around, involutivity
-from ..errors import JobError, OutOfReachError, PathError, UnknownNameError
+from ..errors import (
+    EmptyRegionError,
+    HolokinError,
+    JobError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    PathError,
+    RoundOffError,
+    SingularityError,
+    UnknownNameError,
+)
 from ..files import replacing
 from ..motion import follow
-from ..output.result import Check, JobResult, StrategyResult
+from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path import Path
 from ..strategies import Strategy
 from ..symbolic import Function
@@ -34,6 +45,11 @@ from .schema import ExpectTable, Job
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
+
+_OF_ONE_STRATEGY = (
+    SingularityError, PathError, EmptyRegionError, JointLimitError, NotFiniteError, RoundOffError,
+)  # fmt: skip
+"""What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file."""
 
 _COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
 # (delete this part, run, read the table), then write here what must stay true.
@@ -78,9 +94,11 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
     """Do a job. `say` hears what is going on.
 
+    A strategy that stops at a limit or a singularity is a result; one that cannot be run at all (it cannot settle,
+    the path leaves its workspace, it is singular at the start posture) is in `not_run`, and the others are done.
+
     Raises:
-        HolokinError: bad input; a strategy that stops at a limit or a singularity is a result, not an error.
-        OutOfReachError: the path leaves the workspace.
+        HolokinError: bad input; or no strategy could be run, for the first one's reason.
     """
     began = time.perf_counter()
     robot = build_robot(job, file)
@@ -90,6 +108,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "path"):
         path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
+    failed: list[NotRun] = []
+    first: HolokinError | None = None
     about = job.about
     for label, table in job.strategies.items():
         with naming(file, "strategies", label, "invariant"):
@@ -98,21 +118,32 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
-            with naming(file, "strategies", label):
-                strategy = table.build(task, start, title)
-                begin, note = build_begin(table, strategy, start)
-                about = f"{about} {note}"
-                variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+            try:
+                with naming(file, "strategies", label):
+                    strategy = table.build(task, start, title)
+                    begin, note = build_begin(table, strategy, start)
+                    variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+                    about = f"{about} {note}"
+            except HolokinError as problem:
+                if not isinstance(problem.__cause__ or problem, _OF_ONE_STRATEGY):
+                    raise
+                first = first or problem
+                failed.append(
+                    NotRun(title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))
+                )
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:
             figures = variant.figures | {"same_joints": apart}
             results.append(_checked(variant, figures, expect))
+    if first is not None and not results:
+        raise first
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
     seconds = time.perf_counter() - began
     return JobResult(
-        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds
-    )
+        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
+        tuple(failed),
+    )  # fmt: skip
 
 
 def _run_strategy(

@@ -16,7 +16,7 @@ from ..files import writing
 from .figures import figures
 from .folder import FACTS, renewed
 from .result import FIGURES, JobResult
-from .table import columns, remarks, row
+from .table import columns, remarks, rows
 from .words import joint_unit
 
 _PAGE = """<!doctype html>
@@ -91,6 +91,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         "joint_names": list(result.robot.joint_names), "path_length_m": result.path.length,
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
+        "not_run": [vars(one) for one in result.not_run],
         "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
     with writing(folder / FACTS):
@@ -110,7 +111,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
         _html_table(
-            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in row(s)] for s in result.strategies]
+            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
         ),
         "<ul>",
         *(f"<li>{told}.<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
@@ -129,7 +130,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
 
 
 def _cell(text: str) -> str:
-    mark = {"holonomic": "yes", "ok": "yes", "NOT holonomic": "no", "FAILED": "no"}.get(text)
+    mark = {"holonomic": "yes", "ok": "yes", "NOT holonomic": "no", "NOT run": "no", "FAILED": "no"}.get(text)
     return f"<span class='{mark}'>{escape(text)}</span>" if mark else escape(text)
 
 

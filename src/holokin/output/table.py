@@ -46,9 +46,17 @@ def row(result: StrategyResult) -> list[str]:
     ]
 
 
+def rows(result: JobResult) -> list[list[str]]:
+    """The cells of every strategy: those that could not be run last."""
+    width = len(columns(result))
+    failed = [[one.name, "NOT run", *["-"] * (width - 3), "FAILED"] for one in result.not_run]
+    return [*map(row, result.strategies), *failed]
+
+
 def remarks(result: JobResult) -> list[tuple[str, str]]:
-    """(strategy, sentence) of all that the table does not tell: what stopped, and what would be too fast."""
-    found = [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
+    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
     return [(name, text) for name, text in found if text]
 
 
@@ -67,9 +75,9 @@ def print_result(result: JobResult, console: Any) -> None:
     table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in columns(result):
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {"holonomic": "green", "NOT holonomic": "red", "FAILED": "bold red", "ok": "green"}
-    for strategy in result.strategies:
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in row(strategy)))
+    colors = {"holonomic": "green", "NOT holonomic": "red", "NOT run": "bold red", "FAILED": "bold red", "ok": "green"}
+    for cells in rows(result):
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style="yellow", markup=False, highlight=False)
