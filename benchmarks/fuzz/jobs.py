@@ -15,8 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from holokin.job import Job, open_job, packaged_jobs, run_job
-from holokin.job.runner import packaged_text
+from holokin.job import Job, open_job, packaged_jobs, packaged_text, run_job
 from holokin.output.folder import check_folder
 from holokin.output.table import print_result
 

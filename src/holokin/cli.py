@@ -159,12 +159,25 @@ def jobs(
 @app.command()
 def new(
     file: Annotated[Path, typer.Argument(help="The job file to write, ending in .toml.")],
-    template: Annotated[str, typer.Option("--from", help="The packaged job to copy.")] = "panda-circle",
+    template: Annotated[
+        str | None, typer.Option("--from", help="The packaged job to copy; by default panda-circle.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Write a job for this robot instead: a catalogue name, .urdf or .toml file.")
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a URDF that is the tool.")] = None,
 ) -> None:
-    """Write a job file of your own, a copy of a packaged one."""
-    from .job import new_job
+    """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
+    from .job import new_job, new_job_for
 
-    new_job(file, template)
+    if robot is not None and template is not None:
+        raise ArgumentError("--robot beside --from", template, "give one of them")
+    if robot is None and tip is not None:
+        raise ArgumentError("--tip without --robot", tip, "give the robot, too")
+    if robot is not None:
+        new_job_for(file, robot, tip)
+    else:
+        new_job(file, template or "panda-circle")
     show(f"wrote {file}; edit it, then: holokin run {file}")
 
 

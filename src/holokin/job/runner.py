@@ -24,7 +24,6 @@ from ..errors import (
     SingularityError,
     UnknownNameError,
 )
-from ..files import replacing
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path import Path
@@ -51,23 +50,11 @@ _OF_ONE_STRATEGY = (
 )  # fmt: skip
 """What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file."""
 
-_COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
-# (delete this part, run, read the table), then write here what must stay true.
-"""
-"""What a copied job says above its expectations."""
-
 
 def packaged_jobs() -> tuple[str, ...]:
     """Names of the jobs that come with the library."""
     names = (entry.name for entry in files("holokin.job").joinpath("packaged").iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
-
-
-def packaged_text(name: str) -> str:
-    """The TOML text of a packaged job. Raises: UnknownNameError."""
-    if name not in packaged_jobs():
-        raise UnknownNameError("job", name, packaged_jobs())
-    return files("holokin.job").joinpath("packaged", f"{name}.toml").read_text("utf-8")
 
 
 def expand(names: list[str]) -> list[str]:
@@ -241,18 +228,3 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
         if bound is not None:
             checks.append(Check(key, str(bound), f"{value:.6g}", bound.holds(value)))
     return replace(result, figures=figures, checks=tuple(checks))
-
-
-def new_job(path: FilePath, template: str) -> None:
-    """Write a copy of a packaged job to a new file.
-
-    Raises:
-        UnknownNameError: of the template. JobError: the file exists. WriteError: the system refuses it.
-    """
-    text = packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1)
-    if path.suffix.lower() != ".toml":
-        raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
-    if os.path.lexists(path):
-        raise JobError(path, "file", "exists already", "choose another name, or delete it first")
-    with replacing(path, new=True) as part:
-        part.write_text(text, "utf-8")
