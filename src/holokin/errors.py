@@ -143,6 +143,17 @@ class ArgumentError(HolokinError):
         super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
 
 
+class NoArmError(HolokinError):
+    """A chain of joints on which no shoulder, elbow and wrist are found."""
+
+    def __init__(self, robot: str, chain: Sequence[str]) -> None:
+        self.chain = tuple(chain)
+        super().__init__(
+            "no shoulder (three consecutive hinges that meet), elbow (the next hinge) and wrist (two or three that "
+            f"meet) were found on {robot!r}; name joints=(shoulder, elbow, wrist), three of {brief(', '.join(self.chain))}"
+        )
+
+
 class TaskTooLargeError(HolokinError):
     """A task with more rows than the robot has joints: m > n."""
 

@@ -10,6 +10,7 @@ from ..robot import Kinematics
 from ..symbolic import SX, atan2, cross, dot, fmin, norm_2, vertcat
 from ..task import Task
 from ..types import ArrayLike, Vector, numbers
+from .arm_geometry import shoulder_elbow_wrist
 from .base import Constraint
 
 
@@ -29,7 +30,9 @@ def arm_angle(
 
     Args:
         definition: "stereographic" or "conventional".
-        joints: names of the joints whose origins are shoulder, elbow, wrist; by default the 2nd, 4th and 6th.
+        joints: the joints whose origins are shoulder, elbow, wrist, by name or by index in q, counted from 0. By
+            default they are found by geometry: shoulder, where three consecutive hinges meet; elbow, the next hinge;
+            wrist, where the two or three hinges after it meet. On a Panda and an iiwa these are joints 1, 3 and 5.
         reference: the direction V (3,), the base's z axis by default.
         pole: the direction R (3,) of the stereographic kind, perpendicular to V; by default a horizontal one, -x.
 
@@ -38,7 +41,8 @@ def arm_angle(
     sphere). Rows: 1.
 
     Raises:
-        UnknownNameError: an unknown definition; when bound, an unknown joint. ArgumentError: R not perpendicular to V.
+        UnknownNameError: an unknown definition; when bound, an unknown joint. NoArmError (when bound): no such
+            joints are on the chain to the tip; it lists those there are. ArgumentError: R not perpendicular to V.
     """
     if definition not in ("stereographic", "conventional"):
         raise UnknownNameError("definition of an arm angle", definition, ("stereographic", "conventional"))
@@ -47,19 +51,19 @@ def arm_angle(
     if definition == "stereographic" and abs(float(R @ V)) > 1e-9:
         raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
 
-    def vectors(task: Task, k: Kinematics) -> tuple[SX, SX, SX, SX]:
-        S, elbow, wrist = (_origin(task, k, joint) for joint in _three(task, joints))
+    def vectors(task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX, SX]:
+        S, elbow, wrist = _points(task, k, q, joints)
         E, W = elbow - S, wrist - S
         w = W / norm_2(W)
         return E, W, w, cross(w if definition == "conventional" else w - SX(R), SX(V))
 
-    def expression(task: Task, k: Kinematics, _q: SX) -> SX:
-        E, W, w, n_ref = vectors(task, k)
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        E, W, w, n_ref = vectors(task, k, q)
         n_sew = cross(W, E)
         return atan2(dot(n_sew, cross(w, n_ref)), dot(n_sew, n_ref))
 
-    def margin(task: Task, k: Kinematics, _q: SX) -> SX:
-        E, W, _, n_ref = vectors(task, k)
+    def margin(task: Task, k: Kinematics, q: SX) -> SX:
+        E, W, _, n_ref = vectors(task, k, q)
         return fmin(norm_2(cross(W, E)) / (norm_2(W) * norm_2(E)), norm_2(n_ref))
 
     return Constraint(f"arm angle ({definition})", 1, expression, (True,), margin)
@@ -83,7 +87,7 @@ def height(*joints: str | int) -> Constraint:
     def expression(task: Task, k: Kinematics, _q: SX) -> SX:
         return vertcat(*(_origin(task, k, joint)[2] for joint in joints))
 
-    name = f"height of {', '.join(map(str, joints))}"
+    name = f"height of {', '.join(j if isinstance(j, str) else f'q[{j}]' for j in joints)}"
     return Constraint(name, len(joints), expression, (False,) * len(joints))
 
 
@@ -93,13 +97,11 @@ def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     return k.origins[str(name)]
 
 
-def _three(task: Task, joints: tuple[str | int, str | int, str | int] | None) -> tuple[str | int, ...]:
+def _points(task: Task, k: Kinematics, q: SX, joints: tuple[str | int, ...] | None) -> list[SX]:
+    """Shoulder, elbow and wrist (3,) each."""
     if joints is not None:
-        return tuple(joints)
-    names = tuple(joint.name for joint in task.robot.joints)
-    if len(names) < 6:
-        raise ArgumentError("the number of joints for an arm angle", len(names), "name joints=(shoulder, elbow, wrist)")
-    return names[1], names[3], names[5]
+        return [_origin(task, k, joint) for joint in joints]
+    return [point.expression(task, k, q) for point in shoulder_elbow_wrist(task)]
 
 
 def _direction(what: str, value: ArrayLike) -> Vector:
