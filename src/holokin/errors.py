@@ -150,7 +150,8 @@ class NoArmError(HolokinError):
         self.chain = tuple(chain)
         super().__init__(
             "no shoulder (three consecutive hinges that meet), elbow (the next hinge) and wrist (two or three that "
-            f"meet) were found on {robot!r}; name joints=(shoulder, elbow, wrist), three of {brief(', '.join(self.chain))}"
+            f"meet) were found on {robot!r}; name joints=(shoulder, elbow, wrist), three of "
+            f"{brief(', '.join(self.chain))}"
         )
 
 

@@ -108,5 +108,6 @@ def _meeting(axes: Sequence[_Axis]) -> Vector | None:
     if not turned or not all(axis.hinge for axis in axes):
         return None
     across = [np.eye(3) - np.outer(axis.direction, axis.direction) for axis in axes]
-    point = np.linalg.solve(sum(across), sum(P @ axis.origin for P, axis in zip(across, axes, strict=True)))
+    feet = [P @ axis.origin for P, axis in zip(across, axes, strict=True)]
+    point: Vector = np.linalg.solve(np.sum(across, axis=0), np.sum(feet, axis=0))
     return point if max(np.linalg.norm(point - axis.foot(point)) for axis in axes) < MEET else None
