@@ -212,9 +212,9 @@ def audit(
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Judge a log of joint motion: does the arm come home after each cycle of its tool?
+    """Judge a log of joint motion: are the joints the same after each cycle of the tool?
 
-    Exits 0 when it comes home in all that the log tests, 1 when it does not, 2 when the log does not decide, and on
+    Exits 0 when they are in all that the log tests, 1 when they are not, 2 when the log does not decide, and on
     bad input.
     """
     from .auditing import audit_recording

@@ -80,8 +80,8 @@ class Verdict(Value):
         sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
         joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
         return (
-            f"{self.subject}, is NOT holonomic: a small loop of the tool in {self._plane}, of {sides}, leaves the "
-            f"joints about {0.01 * self.defect:.2g} {joint} away from their start, and each further round adds to it"
+            f"{self.subject}, is NOT holonomic: by its curvature at the witness, a small loop of the tool in "
+            f"{self._plane}, of {sides}, leaves the joints about {0.01 * self.defect:.2g} {joint} away from their start"
         )
 
     @property
