@@ -232,7 +232,7 @@ def test_what_a_log_does_not_test_is_said() -> None:
 
 
 def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else() -> None:
-    """Its cycles repeat once it has settled; the law's joints differ by way and by speed, which this log does not show."""
+    """Its cycles repeat once it has settled; by way and by speed the joints differ, which this log does not show."""
     law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START + 0.4 * np.eye(7)[2]), 1.0)
     run = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=7)
     q = run.q[run.marks[-5] :]

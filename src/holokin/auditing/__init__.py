@@ -8,8 +8,8 @@ from .log_findings import LogAudit
 __all__ = [
     "Audit",
     "Finding",
-    "Repeatability",
     "LogAudit",
+    "Repeatability",
     "audit",
     "audit_recording",
 ]

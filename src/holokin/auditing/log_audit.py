@@ -1,4 +1,4 @@
-"""Does a recorded robot repeat its joint motion? What its joints do at equal poses of the tool, over the cycles of a log."""
+"""Does a recorded robot repeat? What its joints do at equal poses of the tool, over the cycles of a log."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..auditing import Repeatability, LogAudit
+from ..auditing import LogAudit, Repeatability
 from ..errors import ArgumentError
 from ..files import replacing
 from .figures import margins
@@ -95,7 +95,7 @@ def joints_at_home(axes: Any, audit: LogAudit) -> Any:
 
 
 def tool_cycles(axes: Any, audit: LogAudit) -> Any:
-    """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some of the cycles."""
+    """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
