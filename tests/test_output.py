@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import holokin as hk
 from holokin.analysis import curvature
@@ -14,7 +15,7 @@ from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
 from holokin.job.strategies import MoorePenrose
 from holokin.output.animate import animate
-from holokin.output.figures import figures
+from holokin.output.figures import figures, robot_figure
 from holokin.output.plots import best_azimuth
 from holokin.output.report import write_report
 from holokin.output.result import JobResult
@@ -271,3 +272,23 @@ def test_the_report_explains_its_terms(ppr_cycle: JobResult, tmp_path: Path) -> 
         assert verdicts < page.index(term) < page.index("<h2>Figures</h2>")
     assert "x-y plane" in page
     assert "[joint]" not in page
+
+
+def test_no_label_of_a_picture_in_space_is_cut_off() -> None:
+    """A tall narrow arm: its axes' labels hang below and beside them, wherever they are seen from."""
+    name, job, file = open_job("orientation")
+    one = {"moore-penrose": job.strategies["moore-penrose"]}
+    short = {"samples": 20}
+    update = {"path": job.path.model_copy(update=short), "strategies": one, "expect": {}}
+    result = run_job(name, job.model_copy(update=update), file)
+    for several in (1, 2):
+        drawn = replace(result, strategies=tuple(replace(result.strategies[0], group=str(k)) for k in range(several)))
+        figure = robot_figure(drawn)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        whole = figure.bbox
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                box = axis.label.get_window_extent(canvas.get_renderer())
+                assert axis.label.get_text().endswith("[m]")
+                assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
