@@ -213,3 +213,24 @@ def test_a_singular_start_is_refused_with_its_kind(
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
     assert_refused(outcome, "job.toml: [strategies.", f"] {kind} singularity of", "at q = [")
     assert_untouched(out)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda _r, _t: hk.moore_penrose("panda"), "task is 'panda'; give a Task"),
+        (lambda r, _t: hk.pose(r, tip=["hand"]), r"tip is \['hand'\]; give text or None"),
+        (lambda _r, t: hk.constraints.stack(t, t), "give a Constraint"),
+        (lambda r, _t: hk.Task(r, "twist", ("x",), np.eye(3)), "rows of a task"),
+        (lambda r, _t: hk.Task(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
+        (lambda r, _t: hk.Task(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
+        (lambda r, _t: hk.Task(r, "rpy", (0, 1), np.eye(2)), "reference of a task"),
+        (lambda _r, _t: hk.Task("panda", None, (0, 1), np.eye(3)), "robot of a task is 'panda'; give a Robot"),
+        (lambda _r, _t: type("Mine", (hk.Task,), {}), "tasks are final"),
+    ],
+)
+def test_what_is_no_task_and_no_constraint_is_told_in_one_sentence(
+    panda: hk.Robot, call: Callable[[hk.Robot, hk.Task], object], words: str
+) -> None:
+    with pytest.raises(hk.HolokinError, match=words):
+        call(panda, hk.pose(panda))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -269,6 +272,24 @@ def test_some_angles_can_be_coupled_and_paired_at_will(irb140: hk.Robot) -> None
             hk.coupled(gain, rows=rows)
     with pytest.raises(ShapeError):
         hk.coupled(np.eye(3), rows=[0, 1])
+
+
+def test_centring_leaves_out_joints_without_limits_and_warns_of_nothing(panda: hk.Robot) -> None:
+    """A continuous joint has no middle: the cost does not depend on it, and the others' is as with limits."""
+    free = replace(panda.coordinates[2], lower=-np.inf, upper=np.inf)
+    other = replace(panda, coordinates=(*panda.coordinates[:2], free, *panda.coordinates[3:]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        G = hk.holonomic(hk.pose(other), hk.stationary(hk.constraints.centring_cost()))
+        G(PANDA_START)
+    cost = hk.constraints.centring_cost()
+    q = hk.symbolic.symbol("q", 7)
+    slope = hk.symbolic.jacobian(cost.expression(hk.pose(other), other.kinematics(q), q), q)
+    usual = hk.symbolic.jacobian(cost.expression(hk.pose(panda), panda.kinematics(q), q), q)
+    f, g = (hk.symbolic.Function("slope", {"q": q}, {"s": s}) for s in (slope, usual))
+    expected = np.array(g(PANDA_START)).ravel()
+    expected[2] = 0.0
+    assert np.array(f(PANDA_START)).ravel() == pytest.approx(expected, abs=1e-15)
 
 
 def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:

@@ -84,7 +84,7 @@ def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_
     assert abs(up - down) < 1e-3 * abs(elsewhere[0] - elsewhere[1])
     assert robot.pose(walk.q[0]) == pytest.approx(robot.pose(PANDA_START), abs=1e-9)
     assert result.strategies[0].figures["drift_total"] < 1e-9
-    assert "s begins on leaf 0, settled from the start posture, at q = [" in result.about
+    assert "s begins on leaf 0, settled from the start posture, at panda_joint1 0." in result.about
 
 
 def height_of_mass(robot: hk.Robot, q: np.ndarray) -> float:
@@ -133,6 +133,33 @@ def test_a_leaf_or_a_spring_that_does_not_fit_is_refused(
 ) -> None:
     assert_refused(holokin("run", write_job(tmp_path, strategies="[strategies.s]\n" + strategy), "--out", out), words)
     assert_untouched(out)
+
+
+BUMP = "exp(-((q1 - 1.03)**2 + (q2 + 0.41)**2 + (q3 - 0.65)**2) / 0.005**2)"
+
+
+def test_a_thorough_verdict_finds_a_place_that_a_few_postures_miss(tmp_path: Path) -> None:
+    """A lock of q3 that gives way in a ball of 5 mm: 64 postures pass it by, 65,536 do not."""
+    strategy = f'[strategies.s]\nkind = "pfaffian"\nA = [["{BUMP}", 0, 1]]\n'
+    found = {}
+    for thorough in ("false", "true"):
+        job = write_job(tmp_path, strategies=strategy, expect=f"[verdict]\nthorough = {thorough}\n")
+        found[thorough] = run_job(*open_job(str(job))).strategies[0].verdict
+    assert (found["false"].holonomic, found["true"].holonomic) == (True, False)
+    assert np.linalg.norm(found["true"].witness - [1.03, -0.41, 0.65]) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ("thorough = true\nsamples = 64\n", "[verdict] samples and thorough both say how many"),
+        ("thorough = 0\n", "[verdict.thorough] is 0; give true or false or at least 1"),
+    ],
+)
+def test_a_thorough_verdict_has_a_number_of_its_own(
+    holokin: Command, tmp_path: Path, out: Path, verdict: str, words: str
+) -> None:
+    assert_refused(holokin("run", write_job(tmp_path, expect="[verdict]\n" + verdict), "--out", out), words)
 
 
 # --- the reference of the job file ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -292,3 +293,26 @@ def test_no_label_of_a_picture_in_space_is_cut_off() -> None:
                 box = axis.label.get_window_extent(canvas.get_renderer())
                 assert axis.label.get_text().endswith("[m]")
                 assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
+
+
+def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None:
+    """Postures stand with the names of their joints; 2e-30 rad is 0, and a figure below round-off has no digits."""
+    name, job, file = open_job("panda-circle")
+    laws = {"moore-penrose": job.strategies["moore-penrose"]}
+    start = job.start.model_copy(update={"q": [2.2195e-30, *job.start.q[1:]]})
+    update = {"start": start, "path": job.path.model_copy(update={"samples": 20, "cycles": 1}), "strategies": laws}
+    result = run_job(name, job.model_copy(update=update | {"expect": {}}), file)
+    tiny = replace(result.strategies[0], figures=result.strategies[0].figures | {"spread": 2.2195e-30})
+    page = (write_report(replace(result, strategies=(tiny,)), tmp_path, "0") / "report.html").read_text("utf-8")
+    assert "e-30" not in re.sub(r"src='data[^']*'", "", page)
+    details = re.search(r"defect [^<]*", page).group()
+    for joint in result.robot.joint_names:
+        assert details.count(f"{joint} ") == 2  # at the witness, and in the middle of the region
+    assert "within panda_joint1 0, panda_joint2 -0.4, " in details
+    assert "below 1e-16" in page
+
+
+def test_the_end_of_a_leaf_is_told_with_the_joints_names(half_lost: JobResult) -> None:
+    trouble = half_lost.strategies[0].trouble
+    assert "the leaf of 'lock-3' ends at panda_joint1 " in trouble
+    assert ", panda_joint7 " in trouble

@@ -96,6 +96,8 @@ def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:
 def centring_cost() -> Cost:
     """U = 1/2 sum_i ((q_i - middle_i) / range_i)^2 over the joints with finite limits. [Lie77]
 
+    Joints without limits on both sides, continuous ones for instance, have no middle and are left out.
+
     Raises (when bound): ArgumentError when no joint has limits.
     """
 
@@ -104,7 +106,8 @@ def centring_cost() -> Cost:
         finite = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
         if not len(finite):
             raise ArgumentError("the joints with finite limits", 0, "give limits in the robot description")
-        middle, span = (lower + upper)[finite] / 2, (upper - lower)[finite]
+        lower, upper = lower[finite], upper[finite]
+        middle, span = (lower + upper) / 2, upper - lower
         return 0.5 * sumsqr((q[finite.tolist()] - SX(middle)) / SX(span))
 
     return Cost("joint centring", cost)

@@ -9,7 +9,16 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import MOST_JOINTS
-from ..errors import ArgumentError, BranchError, HolokinError, JobError, JointLimitError, PathError, SingularityError
+from ..errors import (
+    ArgumentError,
+    BranchError,
+    HolokinError,
+    JobError,
+    JointLimitError,
+    PathError,
+    SingularityError,
+    posture_text,
+)
 from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
@@ -134,5 +143,5 @@ def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tupl
         fact, _, cure = str(problem).rpartition("; ")
         fact = f"settling failed: from the start posture to leaf {leaf}, {fact}"
         raise BranchError(fact, f"{cure}, or another leaf") from problem
-    joints = ", ".join(f"{value:.6g}" for value in begin)
-    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."
+    at = posture_text(begin, strategy.task.robot.joint_names)
+    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at {at}."

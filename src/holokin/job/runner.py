@@ -137,7 +137,9 @@ def _run_strategy(
     job: Job, label: str, strategy: Strategy, path: Path, start: Vector, method: str | None,
     invariant: Function | None,
 ) -> StrategyResult:  # fmt: skip
-    verdict = involutivity(strategy, around(start, job.verdict.radius), samples=job.verdict.samples)
+    asked = job.verdict
+    region = around(start, asked.radius)
+    verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
     def run(part: Path, samples: int, cycles: int) -> Trajectory:

@@ -182,10 +182,17 @@ class ExpectTable(Table):
 
 
 class VerdictTable(Table):
-    """[verdict]: where involutivity is judged: a box around the start posture."""
+    """[verdict]: where involutivity is judged: a box around the start posture; `thorough` as of `involutivity`."""
 
     radius: Positive = 0.2
     samples: Annotated[int, Field(ge=1, le=MOST_POSTURES)] = 64
+    thorough: bool | Annotated[int, Field(ge=1, le=MOST_POSTURES)] = False
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> VerdictTable:
+        if self.thorough is not False and "samples" in self.model_fields_set:
+            raise ValueError("samples and thorough both say how many postures are looked at; leave out one")
+        return self
 
 
 class Job(Table):

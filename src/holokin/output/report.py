@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import posture_text
 from ..files import writing
 from .figures import figures
 from .folder import FACTS, renewed
@@ -100,14 +101,14 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
 
 def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:
     robot = result.robot
-    start = ", ".join(f"{name} {value:.6g}" for name, value in zip(robot.joint_names, result.start, strict=True))
-    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.details)) for s in result.strategies]
+    start = posture_text(result.start, robot.joint_names)
+    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
         f"<p>{escape(' '.join(result.about.split()))}</p>",
         f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
         f"task: {escape(result.task)}; path {result.path.length:.4g} m in {result.path.duration:.4g} s, "
-        f"{result.cycles} cycle(s); start: {escape(start)} [rad, m]. "
+        f"{result.cycles} cycle(s); start: {escape(start)} [{joint_unit(robot)}]. "
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
         _html_table(
@@ -145,9 +146,18 @@ def _all_figures(result: JobResult) -> str:
     for key, meaning in FIGURES.items():
         values = [s.figures.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            cells = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
+            cells = [_measured(value) for value in values]
             rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
     return _html_table(["", *(escape(s.name) for s in result.strategies)], rows)
+
+
+def _measured(value: float) -> str:
+    """Six digits; two of what is near round-off, and none of what is far below it."""
+    if not np.isfinite(value):
+        return ""
+    if 0 < abs(value) < 1e-16:
+        return "below 1e-16"
+    return f"{value:.6g}" if abs(value) >= 1e-9 or value == 0 else f"{value:.1e}"
 
 
 def _expectations(result: JobResult) -> str:
