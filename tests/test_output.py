@@ -296,7 +296,7 @@ def test_no_label_of_a_picture_in_space_is_cut_off() -> None:
 
 
 def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None:
-    """Postures stand with the names of their joints; 2e-30 rad is 0, and a figure below round-off has no digits."""
+    """Postures stand with the names of their joints; 2e-30 rad is 0, as a posture and as a figure."""
     name, job, file = open_job("panda-circle")
     laws = {"moore-penrose": job.strategies["moore-penrose"]}
     start = job.start.model_copy(update={"q": [2.2195e-30, *job.start.q[1:]]})
@@ -309,7 +309,6 @@ def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None
     for joint in result.robot.joint_names:
         assert details.count(f"{joint} ") == 2  # at the witness, and in the middle of the region
     assert "within panda_joint1 0, panda_joint2 -0.4, " in details
-    assert "below 1e-16" in page
 
 
 def test_the_end_of_a_leaf_is_told_with_the_joints_names(half_lost: JobResult) -> None:

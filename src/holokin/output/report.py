@@ -17,7 +17,7 @@ from ..files import writing
 from .figures import figures
 from .folder import FACTS, renewed
 from .result import FIGURES, JobResult
-from .table import columns, remarks, rows
+from .table import NOTHING, columns, remarks, rows
 from .words import joint_unit
 
 _PAGE = """<!doctype html>
@@ -152,12 +152,12 @@ def _all_figures(result: JobResult) -> str:
 
 
 def _measured(value: float) -> str:
-    """Six digits; two of what is near round-off, and none of what is far below it."""
+    """Six digits; two of what is near round-off, and 0 for what is below all of it."""
     if not np.isfinite(value):
         return ""
-    if 0 < abs(value) < 1e-16:
-        return "below 1e-16"
-    return f"{value:.6g}" if abs(value) >= 1e-9 or value == 0 else f"{value:.1e}"
+    if abs(value) < NOTHING:
+        return "0"
+    return f"{value:.6g}" if abs(value) >= 1e-9 else f"{value:.1e}"
 
 
 def _expectations(result: JobResult) -> str:

@@ -10,6 +10,9 @@ from ..errors import brief
 from .result import JobResult, StrategyResult
 from .words import joint_unit, speed_warning
 
+NOTHING = 1e-18
+"""Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
+
 Column = tuple[str, Literal["left", "right"]]
 
 
@@ -61,9 +64,11 @@ def remarks(result: JobResult) -> list[tuple[str, str]]:
 
 
 def number(value: float) -> str:
-    """Three digits; a dash where there is none."""
+    """Three digits; a dash where there is none, 0 for what is below all round-off."""
     if not np.isfinite(value):
         return "-"
+    if abs(value) < NOTHING:
+        value = 0.0
     return f"{value:.3f}" if 1e-2 <= abs(value) < 100 else f"{value:.1e}"
 
 
