@@ -231,27 +231,6 @@ def test_what_a_log_does_not_test_is_said() -> None:
     assert "not tested: all cycles run one way" in text
 
 
-def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else() -> None:
-    """Its cycles repeat once it has settled; by way and by speed the joints differ, which this log does not show."""
-    law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START + 0.4 * np.eye(7)[2]), 1.0)
-    run = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=7)
-    q = run.q[run.marks[-5] :]
-    found = hk.audit_recording(recorded([q]), PANDA)
-    assert (found.verdict, found.exit_code) == (Repeatability.REPEATS, 0)
-    claim, _, untested = found.sentence().partition(". Not tested: ")
-    assert "in all 4 cycles, in one direction and at one speed, within" in claim
-    for word in ("whatever", "any way", "any speed", "both ways", "all logged speeds"):
-        assert word not in claim
-    assert [part.partition(" (")[0] for part in untested.split("; ")] == [
-        "the way back", "other speeds", "other ways to a pose within a cycle", "other paths",
-    ]  # fmt: skip
-    loop = CIRCLE.starting_at(PANDA.pose(q[0])[:3, 3])
-    asked = hk.audit(law, PANDA, POSE, [loop], start=q[0], dt=0.02, cycles=3)
-    assert asked.verdict is Repeatability.CONVERGES
-    assert asked["ways"].figures["apart"] > 0.02
-    assert asked["speed"].figures["apart"] > 1e-3
-
-
 def test_turning_back_undoes_the_drift_of_the_pseudo_inverse_but_every_loop_has_it() -> None:
     for paths in ([CIRCLE] * 3 + [CIRCLE.reversed()] * 3, [CIRCLE, CIRCLE.reversed()] * 3):
         audit = hk.audit_recording(recorded(walk(DRIFTING, paths), ENCODER), PANDA)
