@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, Command, assert_refused, assert_untouched, urdf, write_job
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import JobError
-from holokin.job import KINDS, keys_of, open_job, run_job
+from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.job.read import _TABLES
 from holokin.job.schema import Job
 from holokin.output.result import FIGURES
@@ -133,6 +133,24 @@ def test_a_leaf_or_a_spring_that_does_not_fit_is_refused(
 ) -> None:
     assert_refused(holokin("run", write_job(tmp_path, strategies="[strategies.s]\n" + strategy), "--out", out), words)
     assert_untouched(out)
+
+
+def test_a_joint_that_weighs_more_moves_less_in_jobs_and_in_python(tmp_path: Path, ppr: hk.Robot) -> None:
+    """Of all rates that do the task, G dx has the least dq^T weight dq; a job's formulas mean what Python's do."""
+    laws = (
+        '[strategies.even]\nkind = "weighted"\nweight = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n'
+        '[strategies.heavy]\nkind = "weighted"\nweight = [[1, 0, 0], [0, 1, 0], [0, 0, "4 + 0 * q1"]]\n'
+        '[strategies.written]\nkind = "right-inverse"\nG = [[1, 0], [0, 1], [0, 0]]\n'
+    )
+    _, job, file = open_job(str(write_job(tmp_path, strategies=laws)))
+    even, heavy, written = (job_strategy(job, file, name)[1](PPR_START) for name in ("even", "heavy", "written"))
+    weight = np.diag([1.0, 1.0, 4.0])
+    for axis in (0, 1):
+        assert abs(heavy[2, axis]) < 0.5 * abs(even[2, axis])
+        for other in (even, written):
+            assert heavy[:, axis] @ weight @ heavy[:, axis] < other[:, axis] @ weight @ other[:, axis]
+    assert heavy == pytest.approx(hk.weighted(hk.position(ppr), weight)(PPR_START), abs=1e-14)
+    assert written.tolist() == [[1, 0], [0, 1], [0, 0]]
 
 
 BUMP = "exp(-((q1 - 1.03)**2 + (q2 + 0.41)**2 + (q3 - 0.65)**2) / 0.005**2)"
