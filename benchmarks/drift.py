@@ -63,7 +63,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
     twin = hk.radial(given, start).constraint
     turned = hk.pose(robot, "rpy")  # impedance needs coordinates
     bent = start + 0.3
-    weights = np.diag([1.0, 2.0, 1.0, 2.0, 1.0, 1.0, 0.5])
+    weights = np.diag([1.0, 0.5, 1.0, 0.5, 1.0, 1.0, 2.0])
     names = robot.joint_names
     apart, swivel = hk.linear([1, 0, -1, 0, 0, 0, 0]), hk.arm_angle(pole=(0, -1, 0))
     rest = hk.constraints.posture_cost(start)

@@ -1,4 +1,4 @@
-"""A Panda draws a circle: the pseudo-inverse drifts, a linear coupling of joints 1 and 3 comes home.
+"""A Panda draws a circle: the pseudo-inverse drifts, a linear coupling of panda_joint1 and panda_joint3 does not.
 
 With your own robot: robot = hk.from_urdf("my.urdf", tip="tool0").
 """

@@ -73,7 +73,7 @@ def test_curvature_from_hessians_is_that_of_automatic_differentiation(panda: hk.
     W = np.diag([1.0, 2.0, 0.5, 1.0, 3.0, 1.0, 0.2]) + 0.1
     cases = [
         (hk.moore_penrose(hk.pose(panda)), PANDA_START),
-        (hk.weighted(hk.pose(panda), W), PANDA_START),
+        (hk.weighted(hk.pose(panda), np.linalg.inv(W)), PANDA_START),
         (hk.moore_penrose(hk.position(panda)), PANDA_START),
         (hk.moore_penrose(hk.position(irb140, rows=[0, 2])), IRB_START),
     ]

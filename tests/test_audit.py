@@ -47,7 +47,7 @@ def sluggish(robot: hk.Robot):
 
 def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Robot) -> None:
     found = hk.audit(pseudo_inverse(panda), panda, **COARSE)
-    assert found.verdict is hk.auditing.Homecoming.DRIFTS
+    assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert found["cycles, loop 1"].figures["first"] == pytest.approx(0.1635, abs=2e-3)
     assert found["ways"].figures["apart"] > 0.1
@@ -63,7 +63,7 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
 
 def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk.Robot) -> None:
     found = hk.audit(posture_task(panda, PANDA_START + 0.1, 1.0), panda, **COARSE)
-    assert found.verdict is hk.auditing.Homecoming.CONVERGES
+    assert found.verdict is hk.auditing.Repeatability.CONVERGES
     assert "depends on speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
     assert "obey no area law" in found["small loops"].sentence
@@ -72,7 +72,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
 
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
     found = hk.audit(locked(panda, 2), panda, **COARSE)
-    assert found.verdict is hk.auditing.Homecoming.COMES_HOME
+    assert found.verdict is hk.auditing.Repeatability.REPEATS
     assert found.exit_code == 0
     assert "none drifts" in found["small loops"].sentence
     assert found["cycles, loop 1"].figures["tracking_m"] < 1e-3
@@ -81,16 +81,16 @@ def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
 def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
     found = hk.audit(sluggish(panda), panda, **COARSE)
     assert "remembers" in found["history"].sentence
-    assert found.verdict is not hk.auditing.Homecoming.COMES_HOME
+    assert found.verdict is not hk.auditing.Repeatability.REPEATS
 
 
 def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.Robot) -> None:
     law = hk.laws.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
     coarse = hk.audit(law, panda, **COARSE)
-    assert coarse.verdict is hk.auditing.Homecoming.BUT_FOR_THE_STEP
+    assert coarse.verdict is hk.auditing.Repeatability.BUT_FOR_THE_STEP
     assert coarse.exit_code == 1
     fine = hk.audit(law, panda, start=PANDA_START, dt=0.002, cycles=3)
-    assert fine.verdict is hk.auditing.Homecoming.COMES_HOME
+    assert fine.verdict is hk.auditing.Repeatability.REPEATS
 
 
 def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.Robot, panda: hk.Robot) -> None:
@@ -103,7 +103,7 @@ def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.R
         hk.laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), start=PANDA_START
     )
     assert "not asked" in free["start"].sentence
-    assert free.verdict is hk.auditing.Homecoming.DRIFTS
+    assert free.verdict is hk.auditing.Repeatability.DRIFTS
 
 
 @pytest.mark.parametrize("kind", ["throws", "nan", "shape", "blocks", "at once"])
@@ -123,7 +123,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
     began = time.monotonic()
     found = hk.audit(law, panda, start=PANDA_START, patience=0.3, cycles=3, dt=0.03)
     assert time.monotonic() - began < 60
-    assert found.verdict is hk.auditing.Homecoming.UNKNOWN
+    assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert found.exit_code == 2
     words = {"throws": "ZeroDivision", "nan": "NaN", "shape": "shape", "blocks": "did not return", "at once": "Zero"}
     said = words[kind]
@@ -142,7 +142,7 @@ def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
 
     found = hk.audit(locked(panda, 2), panda, start=PANDA_START, cycles=3, dt=0.04)
     told = json.loads(json.dumps(found.summary()))
-    assert told["verdict"] == "comes_home"
+    assert told["verdict"] == "repeats"
     assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
     with pytest.raises(ArgumentError, match="asked"):
         found["weather"]

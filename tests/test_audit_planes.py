@@ -37,7 +37,7 @@ def curved(robot: hk.Robot, i: int, j: int, kappa: float):
 def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     """A circle of 0.1 m there turns joint 3 by 1.5 times its area, 0.047 rad; no other plane turns it."""
     found = hk.audit(curved(panda, 1, 2, 1.5), panda, **QUICK)
-    assert found.verdict is hk.auditing.Homecoming.DRIFTS
+    assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert "in y-z" in found["planes"].sentence
     assert found["cycles in y-z"].figures["first"] > 0.015
@@ -63,7 +63,7 @@ def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, 
 
 def test_a_law_without_curvature_comes_home_and_the_planes_are_counted(panda: hk.Robot) -> None:
     found = hk.audit(locked(panda, 2), panda, **QUICK)
-    assert found.verdict is hk.auditing.Homecoming.COMES_HOME
+    assert found.verdict is hk.auditing.Repeatability.REPEATS
     assert found.untested == ()
     assert [p.name for p in found.planes] == [f"{a}-{b}" for a, b in combinations(ROWS, 2)]
     assert found["planes"].sentence.startswith("15 of 15 tested")
@@ -75,13 +75,13 @@ def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Rob
     point = panda.pose(PANDA_START)[:3, 3]
     law = curved(panda, 1, 2, 1.5)
     flat = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0])], **QUICK)
-    assert flat.verdict is hk.auditing.Homecoming.COMES_HOME
+    assert flat.verdict is hk.auditing.Repeatability.REPEATS
     assert len(flat.untested) == 14
     assert "y-z" in flat.sentence
     assert flat.summary()["untested"] == list(flat.untested)
     around = hk.circle(point, point - [0, 0.1, 0], normal=[1, 0, 0])
     both = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
-    assert both.verdict is hk.auditing.Homecoming.DRIFTS
+    assert both.verdict is hk.auditing.Repeatability.DRIFTS
     assert "y-z" not in both.untested and "x-z" in both.untested
     eight = hk.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
     nothing = hk.audit(law, panda, loops=[eight], **QUICK)
@@ -102,7 +102,7 @@ def test_a_plane_that_the_tool_does_not_follow_is_not_tested(panda: hk.Robot) ->
 
 def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> None:
     found = hk.audit(lambda q, pose, twist, dt: np.zeros(7), panda, **QUICK)
-    assert found.verdict is hk.auditing.Homecoming.UNKNOWN
+    assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert found.exit_code == 2
     assert "did not follow" in found["cycles, loop 1"].fault
 
@@ -137,10 +137,10 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:
-        assert found.verdict in (hk.auditing.Homecoming.COMES_HOME, hk.auditing.Homecoming.BUT_FOR_THE_STEP)
+        assert found.verdict in (hk.auditing.Repeatability.REPEATS, hk.auditing.Repeatability.BUT_FOR_THE_STEP)
         assert "has none" in found["planes"].sentence
     elif task.n > task.m:
-        assert found.verdict is hk.auditing.Homecoming.DRIFTS
+        assert found.verdict is hk.auditing.Repeatability.DRIFTS
         for p in found.planes:
             loop = plane_loop(task, tool[:3, 3], tool[:3, :3], *p.plane, p.size)
             followed = hk.drift(hk.moore_penrose(task), loop, start, limits=False).largest[0]
@@ -182,7 +182,7 @@ def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, 
     said = found["history"].sentence
     assert said.startswith("alternates") or (every == 400 and said.startswith("remembers"))
     assert found["history"].figures["otherwise"] > 0
-    assert found.verdict is not hk.auditing.Homecoming.COMES_HOME
+    assert found.verdict is not hk.auditing.Repeatability.REPEATS
 
 
 def test_a_law_tied_to_the_start_of_its_run_is_told_from_one_that_remembers(panda: hk.Robot) -> None:
@@ -199,7 +199,7 @@ def test_a_start_at_which_the_angles_are_singular_is_told(irb140: hk.Robot, give
     point = irb140.pose(q0)[:3, 3]
     loops = [hk.circle(point, point - [0.1, 0, 0])] if given else None
     found = hk.audit(hk.moore_penrose(task), irb140, task, loops, start=q0, cycles=3, dt=0.04)
-    assert found.verdict is hk.auditing.Homecoming.UNKNOWN
+    assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert "representation" in found["planes"].fault
     assert len(found.untested) == 15
 

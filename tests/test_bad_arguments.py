@@ -49,8 +49,8 @@ PLANAR = {
         ('kind = "linear"\nmatrix = [[1, 2, 3], [1, 2]]\n', ("[strategies.s.matrix]", "one length")),
         ('kind = "null-basis"\nN_G = [[1, 0], [0, 1]]\n', ("N_G of 's'", "(2, 2)", "(3, 2)")),
         ('kind = "null-basis"\nN_G = [[1, 0], [0], [0, 1]]\n', ("[strategies.s.N_G]", "one length")),
-        ('kind = "weighted"\nW = [[1, 0], [0, 1]]\n', ("W", "(3, 3)")),
-        ('kind = "weighted"\nW = []\n', ("[strategies.s.W]",)),
+        ('kind = "weighted"\nweight = [[1, 0], [0, 1]]\n', ("weight", "(3, 3)")),
+        ('kind = "weighted"\nweight = []\n', ("[strategies.s.weight]",)),
         ('kind = "pfaffian"\nA = [["q1", "q2"]]\n', ("'s'", "(1, 2)", "(1, 3)")),
         ('kind = "custom"\ng = ["q1 + q9"]\n', ("'q1 + q9'", "the name 'q9' is unknown")),
         ('kind = "custom"\ng = ["q1 +"]\n', ("'q1 +'", "invalid syntax")),
@@ -213,3 +213,24 @@ def test_a_singular_start_is_refused_with_its_kind(
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
     assert_refused(outcome, "job.toml: [strategies.", f"] {kind} singularity of", "at q = [")
     assert_untouched(out)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda _r, _t: hk.moore_penrose("panda"), "task is 'panda'; give a Task"),
+        (lambda r, _t: hk.pose(r, tip=["hand"]), r"tip is \['hand'\]; give text or None"),
+        (lambda _r, t: hk.constraints.stack(t, t), "give a Constraint"),
+        (lambda r, _t: hk.Task(r, "twist", ("x",), np.eye(3)), "rows of a task"),
+        (lambda r, _t: hk.Task(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
+        (lambda r, _t: hk.Task(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
+        (lambda r, _t: hk.Task(r, "rpy", (0, 1), np.eye(2)), "reference of a task"),
+        (lambda _r, _t: hk.Task("panda", None, (0, 1), np.eye(3)), "robot of a task is 'panda'; give a Robot"),
+        (lambda _r, _t: type("Mine", (hk.Task,), {}), "tasks are final"),
+    ],
+)
+def test_what_is_no_task_and_no_constraint_is_told_in_one_sentence(
+    panda: hk.Robot, call: Callable[[hk.Robot, hk.Task], object], words: str
+) -> None:
+    with pytest.raises(hk.HolokinError, match=words):
+        call(panda, hk.pose(panda))

@@ -59,7 +59,7 @@ def test_a_file_of_another_kind_is_no_job(holokin: Command, tmp_path: Path, out:
         ({"path": SOUND["path"] + "sample = 3\n"}, "[path.sample]"),
         ({"path": SOUND["path"] + "sample = nan\n"}, "[path.sample]"),
         ({"start": SOUND["start"] + "degree = true\n"}, "[start.degree]"),
-        ({"strategies": SOUND["strategies"] + "weight = 2\n"}, "[strategies.moore-penrose.weight]"),
+        ({"strategies": SOUND["strategies"] + "mass = 2\n"}, "[strategies.moore-penrose.mass]"),
         ({"expect": "[expect.moore-penrose]\ndrfit = { below = 1 }\n"}, "[expect.moore-penrose.drfit]"),
         ({"expect": '[strategy.lock]\nkind = "lock"\n'}, "[strategy]"),
     ],

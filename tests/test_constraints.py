@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -75,7 +78,7 @@ def test_the_stereographic_arm_angle_and_its_jacobian_are_elias_and_wens_T13(iiw
 @pytest.mark.parametrize("kind", ["stereographic", "conventional"])
 def test_turning_the_arm_about_its_line_turns_the_arm_angle_as_much(iiwa14: hk.Robot, kind: str) -> None:
     """Along the self-motion the elbow circles about the line shoulder-wrist: d psi = circle angle."""
-    constraint = hk.arm_angle(kind=kind)
+    constraint = hk.arm_angle(definition=kind)
     f = value_and_gradient(iiwa14, constraint)
     task = hk.pose(iiwa14)
     q = IIWA_START + 0.1
@@ -112,7 +115,7 @@ def test_the_arm_angles_singular_sets(iiwa14: hk.Robot) -> None:
     assert line[6][:2] == pytest.approx([0, 0], abs=1e-12)
     hk.holonomic(task, hk.arm_angle())(above)
     with pytest.raises(SingularityError) as caught:
-        hk.holonomic(task, hk.arm_angle(kind="conventional"))(above)
+        hk.holonomic(task, hk.arm_angle(definition="conventional"))(above)
     assert caught.value.kind is SingularityKind.REPRESENTATION
     behind = above + np.array([0, -np.pi / 2, 0, 0, 0, 0, 0])  # the wrist along -x, the pole
     (line,) = iiwa14.skeleton(behind)
@@ -121,7 +124,7 @@ def test_the_arm_angles_singular_sets(iiwa14: hk.Robot) -> None:
     with pytest.raises(SingularityError) as caught:
         hk.holonomic(task, hk.arm_angle())(behind)
     assert caught.value.kind is SingularityKind.REPRESENTATION
-    hk.holonomic(task, hk.arm_angle(kind="conventional"))(behind)
+    hk.holonomic(task, hk.arm_angle(definition="conventional"))(behind)
     ahead = above + np.array([0, np.pi / 2, 0, 0, 0, 0, 0])
     hk.holonomic(task, hk.arm_angle())(ahead)  # the other end of the pole is sound: a half line only
 
@@ -202,7 +205,7 @@ def test_changs_basis_serves_several_free_joints(irb140: hk.Robot) -> None:
 @pytest.mark.parametrize(
     ("constraint", "error"),
     [
-        (lambda: hk.arm_angle(kind="swivel"), UnknownNameError),
+        (lambda: hk.arm_angle(definition="swivel"), UnknownNameError),
         (lambda: hk.arm_angle(pole=[0, 0, 1]), ArgumentError),
         (lambda: hk.arm_angle(reference=[0, 0, 0]), ArgumentError),
         (lambda: hk.arm_angle(joints=("a", "b", "c")), UnknownNameError),
@@ -269,6 +272,24 @@ def test_some_angles_can_be_coupled_and_paired_at_will(irb140: hk.Robot) -> None
             hk.coupled(gain, rows=rows)
     with pytest.raises(ShapeError):
         hk.coupled(np.eye(3), rows=[0, 1])
+
+
+def test_centring_leaves_out_joints_without_limits_and_warns_of_nothing(panda: hk.Robot) -> None:
+    """A continuous joint has no middle: the cost does not depend on it, and the others' is as with limits."""
+    free = replace(panda.coordinates[2], lower=-np.inf, upper=np.inf)
+    other = replace(panda, coordinates=(*panda.coordinates[:2], free, *panda.coordinates[3:]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        G = hk.holonomic(hk.pose(other), hk.stationary(hk.constraints.centring_cost()))
+        G(PANDA_START)
+    cost = hk.constraints.centring_cost()
+    q = hk.symbolic.symbol("q", 7)
+    slope = hk.symbolic.jacobian(cost.expression(hk.pose(other), other.kinematics(q), q), q)
+    usual = hk.symbolic.jacobian(cost.expression(hk.pose(panda), panda.kinematics(q), q), q)
+    f, g = (hk.symbolic.Function("slope", {"q": q}, {"s": s}) for s in (slope, usual))
+    expected = np.array(g(PANDA_START)).ravel()
+    expected[2] = 0.0
+    assert np.array(f(PANDA_START)).ravel() == pytest.approx(expected, abs=1e-15)
 
 
 def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:

@@ -12,8 +12,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
 from holokin.job import open_job, read_job
-from holokin.job.build import build_invariant
-from holokin.job.schema import StrategyTable
+from holokin.job.strategies import MoorePenrose
 
 # --- in Python ------------------------------------------------------------------------------------------------
 
@@ -119,7 +118,7 @@ def test_a_lock_may_stand_at_a_limit() -> None:
 def test_a_formula_names_joints_by_number_only_where_no_joint_is_called_so() -> None:
     def value(formula: str, joints: str) -> float:
         robot = hk.from_dh([{"a": 1.0, "joint": joint} for joint in joints.split()])
-        function = build_invariant(StrategyTable(kind="moore-penrose", invariant=[formula]), robot)
+        function = MoorePenrose(kind="moore-penrose", invariant=[formula]).invariants(hk.position(robot))
         assert function is not None
         return float(function([10.0, 20.0, 30.0]))
 
@@ -238,7 +237,7 @@ MINE = "[strategies.mine]\n"
         ({"strategies": MINE + 'kind = "moore-penros"\n'}, "did you mean 'moore-penrose'? known: moore-penrose, weig"),
         ({"path": SOUND["path"] + "angle_deg = 90\n"}, "[path] a circle does not use angle_deg; leave it out\n"),
         ({"path": SOUND["path"] + "closed = true\n"}, "[path] a circle does not use closed; leave it out\n"),
-        ({"strategies": MINE + 'kind = "weighted"\nw = 3\n'}, "did you mean 'W'? known: kind, W, method, invariant;"),
+        ({"strategies": MINE + 'kind = "weighted"\nwieght = 3\n'}, "did you mean 'weight'? known: method, inv"),
         ({"strategies": MINE + 'kind = "coupled"\ngain = "x"\n'}, "is 'x'; give a number or a list, in [ ]\n"),
         ({"strategies": MINE + 'kind = "coupled"\ngain = [[1, "x"]]\n'}, "gain.0.1] is 'x'; give a number\n"),
         ({"strategies": MINE + 'kind = "custom"\ng = [true]\n'}, "g.0] is True; give a text in quotes or a number"),

@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, Command, assert_refused, assert_untouched, urdf, write_job
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import JobError
-from holokin.job import open_job, run_job
+from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.job.read import _TABLES
-from holokin.job.schema import _USES, Job
+from holokin.job.schema import Job
 from holokin.output.result import FIGURES
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "jobs.md").read_text("utf-8")
@@ -84,7 +84,7 @@ def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_
     assert abs(up - down) < 1e-3 * abs(elsewhere[0] - elsewhere[1])
     assert robot.pose(walk.q[0]) == pytest.approx(robot.pose(PANDA_START), abs=1e-9)
     assert result.strategies[0].figures["drift_total"] < 1e-9
-    assert "s begins on leaf 0, settled from the start posture, at q = [" in result.about
+    assert "s begins on leaf 0, settled from the start posture, at panda_joint1 0." in result.about
 
 
 def height_of_mass(robot: hk.Robot, q: np.ndarray) -> float:
@@ -135,6 +135,51 @@ def test_a_leaf_or_a_spring_that_does_not_fit_is_refused(
     assert_untouched(out)
 
 
+def test_a_joint_that_weighs_more_moves_less_in_jobs_and_in_python(tmp_path: Path, ppr: hk.Robot) -> None:
+    """Of all rates that do the task, G dx has the least dq^T weight dq; a job's formulas mean what Python's do."""
+    laws = (
+        '[strategies.even]\nkind = "weighted"\nweight = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n'
+        '[strategies.heavy]\nkind = "weighted"\nweight = [[1, 0, 0], [0, 1, 0], [0, 0, "4 + 0 * q1"]]\n'
+        '[strategies.written]\nkind = "right-inverse"\nG = [[1, 0], [0, 1], [0, 0]]\n'
+    )
+    _, job, file = open_job(str(write_job(tmp_path, strategies=laws)))
+    even, heavy, written = (job_strategy(job, file, name)[1](PPR_START) for name in ("even", "heavy", "written"))
+    weight = np.diag([1.0, 1.0, 4.0])
+    for axis in (0, 1):
+        assert abs(heavy[2, axis]) < 0.5 * abs(even[2, axis])
+        for other in (even, written):
+            assert heavy[:, axis] @ weight @ heavy[:, axis] < other[:, axis] @ weight @ other[:, axis]
+    assert heavy == pytest.approx(hk.weighted(hk.position(ppr), weight)(PPR_START), abs=1e-14)
+    assert written.tolist() == [[1, 0], [0, 1], [0, 0]]
+
+
+BUMP = "exp(-((q1 - 1.03)**2 + (q2 + 0.41)**2 + (q3 - 0.65)**2) / 0.005**2)"
+
+
+def test_a_thorough_verdict_finds_a_place_that_a_few_postures_miss(tmp_path: Path) -> None:
+    """A lock of q3 that gives way in a ball of 5 mm: 64 postures pass it by, 65,536 do not."""
+    strategy = f'[strategies.s]\nkind = "pfaffian"\nA = [["{BUMP}", 0, 1]]\n'
+    found = {}
+    for thorough in ("false", "true"):
+        job = write_job(tmp_path, strategies=strategy, expect=f"[verdict]\nthorough = {thorough}\n")
+        found[thorough] = run_job(*open_job(str(job))).strategies[0].verdict
+    assert (found["false"].holonomic, found["true"].holonomic) == (True, False)
+    assert np.linalg.norm(found["true"].witness - [1.03, -0.41, 0.65]) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ("thorough = true\nsamples = 64\n", "[verdict] samples and thorough both say how many"),
+        ("thorough = 0\n", "[verdict.thorough] is 0; give true or false or at least 1"),
+    ],
+)
+def test_a_thorough_verdict_has_a_number_of_its_own(
+    holokin: Command, tmp_path: Path, out: Path, verdict: str, words: str
+) -> None:
+    assert_refused(holokin("run", write_job(tmp_path, expect="[verdict]\n" + verdict), "--out", out), words)
+
+
 # --- the reference of the job file ----------------------------------------------------------------------------
 
 
@@ -159,20 +204,24 @@ def section(heading: str) -> dict[str, list[str]]:
 @pytest.mark.parametrize("name", ["robot", "task", "start", "path", "strategies", "expect", "verdict"])
 def test_the_reference_has_every_key_and_no_other(name: str) -> None:
     heading = f"`[{name}.NAME]`" if name in ("strategies", "expect") else f"`[{name}]`"
-    extra = {"kind"} if name == "strategies" else set()
-    assert set(section(heading)) | extra == set(_TABLES[name].model_fields) | (set(_USES) if extra else set())
+    if name == "strategies":
+        keys = {key for model in KINDS.values() for key in model.model_fields}
+        assert set(section(heading)) == (keys - {"kind"}) | set(KINDS)
+    else:
+        assert set(section(heading)) == set(_TABLES[name].model_fields)
 
 
 def test_the_reference_has_every_table_and_says_what_each_kind_and_figure_is() -> None:
     assert set(section("Top level")) == set(Job.model_fields)
     kinds, figures = section("`[strategies.NAME]`"), section("`[expect.NAME]`")
-    for kind, (needed, optional) in _USES.items():
+    for kind, model in KINDS.items():
+        needed, optional = keys_of(model)
         needs, may, about = kinds[kind]
         assert tuple(re.findall(r"`(\w+)`", needs)) == needed, kind
         assert tuple(re.findall(r"`(\w+)`", may)) == optional, kind
         assert len(about) > 10
     assert {key for key in figures if key not in ("holonomic", "completes")} == set(FIGURES)
-    for table in _TABLES.values():
+    for table in (*_TABLES.values(), *KINDS.values()):
         for field, info in table.model_fields.items():
             words = " ".join(re.findall(r"Literal\[(.*?)\]", str(info.annotation)))
             for word in re.findall(r"'([a-z-]+)'", words):

@@ -38,7 +38,7 @@ def _weight(q: ca.SX) -> ca.SX:
     """A symmetric positive definite weight that varies with the posture."""
     n = q.shape[0]
     v = ca.vertcat(*(0.5 * ca.sin(q[i] + i) for i in range(n)))
-    return ca.SX.eye(n) + v @ v.T
+    return ca.SX.eye(n) - v @ v.T / (1 + ca.sumsqr(v))
 
 
 ROBOTS = {name: hk.load(name) for name in ("ppr", "planar-3r", "irb140", "panda", "iiwa14")}
@@ -55,7 +55,7 @@ def _curved() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
     """Strategies without leaves: pseudo-inverses, weighted or not, and the coupling with the geometric Jacobian."""
     return {
         "ppr moore-penrose": (PPR_START, hk.moore_penrose(PPR)),
-        "ppr weighted": (PPR_START, hk.weighted(PPR, np.diag([1.0, 2.0, 0.5]))),
+        "ppr weighted": (PPR_START, hk.weighted(PPR, np.diag([1.0, 0.5, 2.0]))),
         "3r moore-penrose": (R3_START, hk.moore_penrose(R3)),
         "3r weighted q": (R3_START, hk.weighted(R3, _weight)),
         "irb140 moore-penrose": (IRB_START, hk.moore_penrose(IRB)),
@@ -100,7 +100,7 @@ def _more() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
     postures = PANDA_START + np.random.default_rng(0).uniform(-0.4, 0.4, (300, 7))
     constraints = {
         "arm angle": hk.arm_angle(),
-        "conventional arm angle": hk.arm_angle(kind="conventional"),
+        "conventional arm angle": hk.arm_angle(definition="conventional"),
         "stationary posture": hk.stationary(hk.constraints.posture_cost(PANDA_START - 0.2)),
         "stationary centring free": hk.stationary(hk.constraints.centring_cost(), free=("panda_joint5",)),
         "tilted": tilt,
@@ -278,10 +278,10 @@ def test_locking_a_joint_is_the_inverse_of_the_arm_without_it(panda: hk.Robot) -
 def test_the_pseudo_inverse_is_numpys_and_the_weighted_one_is_least_in_its_norm(panda: hk.Robot) -> None:
     task = hk.pose(panda)
     assert np.abs(hk.moore_penrose(task)(PANDA_START) - np.linalg.pinv(task.jacobian(PANDA_START))).max() < 1e-13
-    W = np.diag([1, 2, 3, 4, 5, 6, 7.0])
-    G = hk.weighted(task, W)(PANDA_START)
+    weight = np.diag([1, 2, 3, 4, 5, 6, 7.0])
+    G = hk.weighted(task, weight)(PANDA_START)
     N = task.null_space(PANDA_START)
-    assert np.abs(N.T @ np.linalg.inv(W) @ G).max() < 1e-12  # optimality: W^-1 G dx is normal to self-motions
+    assert np.abs(N.T @ weight @ G).max() < 1e-12  # optimality: weight G dx is normal to self-motions
 
 
 def test_rows_of_a_task_are_a_task(panda: hk.Robot) -> None:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import holokin as hk
 from holokin.analysis import curvature
 from holokin.job import open_job, run_job
-from holokin.job.schema import ExpectTable, Job, StrategyTable
+from holokin.job.schema import ExpectTable, Job
+from holokin.job.strategies import MoorePenrose
 from holokin.output.animate import animate
-from holokin.output.figures import figures
+from holokin.output.figures import figures, robot_figure
 from holokin.output.plots import best_azimuth
 from holokin.output.report import write_report
 from holokin.output.result import JobResult
@@ -54,7 +57,7 @@ def half_lost() -> JobResult:
 
 def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> None:
     names = ["my strat", "my-strat", "My_Strat", "!!!", "a", "a counter", "ü/ß"]
-    table = StrategyTable(kind="moore-penrose")
+    table = MoorePenrose(kind="moore-penrose")
     result = shortened(strategies=dict.fromkeys(names, table), cycles=1, samples=8)
     stems = result.stems
     assert stems["my strat"] == "my-strat"
@@ -171,7 +174,7 @@ def test_neither_end_of_the_ways_hides_the_other(ppr_cycle: JobResult) -> None:
 
 def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
     """The arm is a planimeter: q3 creeps by 2 pi (1 - sqrt(1 - k^2)) a cycle in the long run, k = r/2 (theory 4)."""
-    result = shortened(cycles=49, samples=40, strategies={"mp": StrategyTable(kind="moore-penrose")})
+    result = shortened(cycles=49, samples=40, strategies={"mp": MoorePenrose(kind="moore-penrose")})
     f = result.strategies[0].figures
     each = np.abs(result.strategies[0].cycles.drift()).max(axis=1)
     assert each.std() > 1e-3
@@ -183,7 +186,7 @@ def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
 
 def test_the_mean_drift_is_not_the_total_over_the_cycles() -> None:
     """After eleven circles of a Panda another joint drifts most, and the total is of no single joint."""
-    long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": StrategyTable(kind="moore-penrose")})
+    long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": MoorePenrose(kind="moore-penrose")})
     f, each = long.strategies[0].figures, np.abs(long.strategies[0].cycles.drift())
     assert len(set(each.argmax(axis=1))) == 2
     assert f["drift_mean"] == pytest.approx(each.max(axis=1).mean(), rel=1e-12)
@@ -200,7 +203,7 @@ def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
     assert remarks(slow) == []
     factor = 1.5 / shares.max()
     fast = shortened(
-        "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": StrategyTable(kind="moore-penrose")}
+        "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": MoorePenrose(kind="moore-penrose")}
     )
     assert fast.strategies[0].figures["peak_speed"] == pytest.approx(1.5)
     said = speed_warning(fast, fast.strategies[0])
@@ -270,3 +273,45 @@ def test_the_report_explains_its_terms(ppr_cycle: JobResult, tmp_path: Path) -> 
         assert verdicts < page.index(term) < page.index("<h2>Figures</h2>")
     assert "x-y plane" in page
     assert "[joint]" not in page
+
+
+def test_no_label_of_a_picture_in_space_is_cut_off() -> None:
+    """A tall narrow arm: its axes' labels hang below and beside them, wherever they are seen from."""
+    name, job, file = open_job("orientation")
+    one = {"moore-penrose": job.strategies["moore-penrose"]}
+    short = {"samples": 20}
+    update = {"path": job.path.model_copy(update=short), "strategies": one, "expect": {}}
+    result = run_job(name, job.model_copy(update=update), file)
+    for several in (1, 2):
+        drawn = replace(result, strategies=tuple(replace(result.strategies[0], group=str(k)) for k in range(several)))
+        figure = robot_figure(drawn)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        whole = figure.bbox
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                box = axis.label.get_window_extent(canvas.get_renderer())
+                assert axis.label.get_text().endswith("[m]")
+                assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
+
+
+def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None:
+    """Postures stand with the names of their joints; 2e-30 rad is 0, as a posture and as a figure."""
+    name, job, file = open_job("panda-circle")
+    laws = {"moore-penrose": job.strategies["moore-penrose"]}
+    start = job.start.model_copy(update={"q": [2.2195e-30, *job.start.q[1:]]})
+    update = {"start": start, "path": job.path.model_copy(update={"samples": 20, "cycles": 1}), "strategies": laws}
+    result = run_job(name, job.model_copy(update=update | {"expect": {}}), file)
+    tiny = replace(result.strategies[0], figures=result.strategies[0].figures | {"spread": 2.2195e-30})
+    page = (write_report(replace(result, strategies=(tiny,)), tmp_path, "0") / "report.html").read_text("utf-8")
+    assert "e-30" not in re.sub(r"src='data[^']*'", "", page)
+    details = re.search(r"defect [^<]*", page).group()
+    for joint in result.robot.joint_names:
+        assert details.count(f"{joint} ") == 2  # at the witness, and in the middle of the region
+    assert "within panda_joint1 0, panda_joint2 -0.4, " in details
+
+
+def test_the_end_of_a_leaf_is_told_with_the_joints_names(half_lost: JobResult) -> None:
+    trouble = half_lost.strategies[0].trouble
+    assert "the leaf of 'lock-3' ends at panda_joint1 " in trouble
+    assert ", panda_joint7 " in trouble

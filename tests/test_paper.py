@@ -215,7 +215,7 @@ def test_units_mix_in_the_pseudo_inverse_of_ppr_E7(w3: float, link: float) -> No
     base = np.array([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
     task = hk.position(hk.from_dh(rows, base=base))
     assert task.m == 2
-    strategy = hk.weighted(task, np.diag([1, 1, 1 / w3]))
+    strategy = hk.weighted(task, np.diag([1, 1, w3]))
     drift_per_area = hk.curvature(strategy, [0.1, 0.2, 0.7])[2, 0, 1]
     assert drift_per_area == pytest.approx(1 / (link + w3 / link) ** 2, rel=1e-12)
 

@@ -118,7 +118,7 @@ def test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is(ppr: hk.Robot) -
         return H @ H.T
 
     for weight, expected in ((lambda q: ca.SX.eye(3), False), (involutive_weight, True)):
-        strategy = hk.weighted(task, weight)
+        strategy = hk.weighted(task, lambda q, W=weight: ca.inv(W(q)))
         assert hk.involutivity(strategy, region).holonomic is expected
         assert hk.analysis.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic is expected
 

@@ -79,7 +79,8 @@ def calls() -> dict[str, Call]:
         "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
         "pose": (hk.pose, (robot,), {"orientation": "twist", "reference": one, "tip": None, "rows": [0, 1]}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
-            "kind": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1], "pole": [1, 0, 0]}),
+            "definition": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1],
+            "pole": [1, 0, 0]}),
         "height": (lambda joint: hk.holonomic(task, constraints.height(joint)), (robot.joint_names[1],), {}),
         "lock": (lambda *j, **n: hk.holonomic(task, hk.lock(*j, **n)), (0,), {"name": "lock"}),
         "linear": (lambda *a, **n: hk.holonomic(task, hk.linear(*a, **n)), ([1.0, 0.0, -1.0],), {"name": "linear"}),

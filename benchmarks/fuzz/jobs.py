@@ -15,8 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from holokin.job import Job, open_job, packaged_jobs, run_job
-from holokin.job.runner import packaged_text
+from holokin.job import Job, open_job, packaged_jobs, packaged_text, run_job
 from holokin.output.folder import check_folder
 from holokin.output.table import print_result
 
@@ -32,7 +31,7 @@ holonomic = false
 drift = { above = 0.001, below = 3 }
 """, """[strategies.w]
 kind = "weighted"
-W = [[1, 0, 0], [0, 2, 0], [0, 0, "1 + 0.1*cos(q2)"]]
+weight = [[1, 0, 0], [0, 2, 0], [0, 0, "1 + 0.1*cos(q2)"]]
 invariant = ["q1 + q2"]
 """, """[strategies.g]
 kind = "custom"

@@ -83,9 +83,9 @@ def run(
 ) -> None:
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
 
-    Exits 0 when every expectation of every job holds, 1 when one fails, 2 on bad input: of the command or of a job
-    file before anything runs, else of the jobs that cannot be done or written, after the others have been; 3 where
-    holokin itself failed at one.
+    Exits 0 when every expectation of every job holds, 1 when one fails, 2 when a strategy cannot be run, after the
+    others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
+    cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -116,7 +116,7 @@ def run(
                 folder = write_report(result, out, __version__, extra)
                 show_rich(lambda console, result=result: print_result(result, console))
                 show(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n")
-                code = max(code, 0 if result.passed else 1)
+                code = max(code, result.exit_code)
             except Exception as problem:  # noqa: BLE001  whatever happens to one job, the others are done
                 _ending.check()
                 code = max(code, _ending.tell(problem, name if len(opened) > 1 else ""))
@@ -143,10 +143,11 @@ def jobs(
     ] = False,
 ) -> None:
     """List the packaged jobs, or what a job file may hold."""
-    from .job import PAPER, kinds_of_strategy, open_job, packaged_jobs
+    from .job import KINDS, PAPER, keys_of, open_job, packaged_jobs
 
     if kinds:
-        for kind, (needed, optional) in kinds_of_strategy().items():
+        for kind, model in KINDS.items():
+            needed, optional = keys_of(model)
             more = f"   may have {', '.join(optional)}" if optional else ""
             show(f"{kind:16} {'needs ' + ', '.join(needed) if needed else ''}{more}".rstrip())
         return
@@ -158,12 +159,25 @@ def jobs(
 @app.command()
 def new(
     file: Annotated[Path, typer.Argument(help="The job file to write, ending in .toml.")],
-    template: Annotated[str, typer.Option("--from", help="The packaged job to copy.")] = "panda-circle",
+    template: Annotated[
+        str | None, typer.Option("--from", help="The packaged job to copy; by default panda-circle.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Write a job for this robot instead: a catalogue name, .urdf or .toml file.")
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a URDF that is the tool.")] = None,
 ) -> None:
-    """Write a job file of your own, a copy of a packaged one."""
-    from .job import new_job
+    """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
+    from .job import new_job, new_job_for
 
-    new_job(file, template)
+    if robot is not None and template is not None:
+        raise ArgumentError("--robot beside --from", template, "give one of them")
+    if robot is None and tip is not None:
+        raise ArgumentError("--tip without --robot", tip, "give the robot, too")
+    if robot is not None:
+        new_job_for(file, robot, tip)
+    else:
+        new_job(file, template or "panda-circle")
     show(f"wrote {file}; edit it, then: holokin run {file}")
 
 
@@ -198,9 +212,9 @@ def audit(
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Judge a log of joint motion: does the arm come home after each cycle of its tool?
+    """Judge a log of joint motion: are the joints the same after each cycle of the tool?
 
-    Exits 0 when it comes home in all that the log tests, 1 when it does not, 2 when the log does not decide, and on
+    Exits 0 when they are in all that the log tests, 1 when they are not, 2 when the log does not decide, and on
     bad input.
     """
     from .auditing import audit_recording

@@ -42,8 +42,12 @@ def _written(value: object, write: Callable[[Any], str]) -> str:
         return f"a value of type {type(value).__name__} that is too long to show"
 
 
-def _posture(q: Iterable[float]) -> str:
-    return brief("[" + ", ".join(f"{float(value):.6g}" for value in q) + "]", 2 * LONGEST_PART)
+def posture_text(q: Iterable[float], names: Sequence[str] = ()) -> str:
+    """A posture as [0.1, -2], or with its joints' names, elbow 0.1, wrist -2; round-off below 1e-12 is 0."""
+    values = [f"{0.0 if abs(float(v)) < 1e-12 else float(v):.6g}" for v in q]
+    if names:
+        return brief(", ".join(f"{n} {v}" for n, v in zip(names, values, strict=True)), 4 * LONGEST_PART)
+    return brief(f"[{', '.join(values)}]", 2 * LONGEST_PART)
 
 
 def _near(word: str, known: Sequence[str]) -> list[str]:
@@ -143,6 +147,18 @@ class ArgumentError(HolokinError):
         super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
 
 
+class NoArmError(HolokinError):
+    """A chain of joints on which no shoulder, elbow and wrist are found."""
+
+    def __init__(self, robot: str, chain: Sequence[str]) -> None:
+        self.chain = tuple(chain)
+        super().__init__(
+            "no shoulder (three consecutive hinges that meet), elbow (the next hinge) and wrist (two or three that "
+            f"meet) were found on {robot!r}; name joints=(shoulder, elbow, wrist), three of "
+            f"{brief(', '.join(self.chain))}"
+        )
+
+
 class TaskTooLargeError(HolokinError):
     """A task with more rows than the robot has joints: m > n."""
 
@@ -198,7 +214,7 @@ class SingularityError(HolokinError):
     def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, figure: float) -> None:
         self.kind, self.q, self.figure = kind, tuple(float(v) for v in q), float(figure)
         super().__init__(
-            f"{kind.name.lower()} singularity of {what} at q = {_posture(self.q)} (figure {figure:.2e}): "
+            f"{kind.name.lower()} singularity of {what} at q = {posture_text(self.q)} (figure {figure:.2e}): "
             f"{kind.value}; {self._cure[kind]}"
         )
 
@@ -210,8 +226,8 @@ class StartError(HolokinError):
         self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
-            f"tool {_posture(self.tool)}, path {_posture(self.path)}; move the path with path.starting_at(point), "
-            "or choose a start posture on it"
+            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}; move the path with "
+            "path.starting_at(point), or choose a start posture on it"
         )
 
 
@@ -279,7 +295,7 @@ class NotHolonomicError(HolokinError):
         self, name: str, witness: Iterable[float], gap: float | None = None, *, curvature: float | None = None
     ) -> None:
         self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
-        at = _posture(self.witness)
+        at = posture_text(self.witness)
         fact = f"at q = {at} its planes turn out of themselves by {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
             fact = f"from q = {at} two ways of the tool to one pose end {gap:.3g} (joint units) apart"
@@ -292,7 +308,7 @@ class RoundOffError(HolokinError):
     def __init__(self, name: str, q: Iterable[float], noise: float) -> None:
         self.q, self.noise = tuple(float(v) for v in q), noise
         super().__init__(
-            f"{name!r} cannot be judged at q = {_posture(self.q)}: round-off makes {noise:.1e} of a bracket "
+            f"{name!r} cannot be judged at q = {posture_text(self.q)}: round-off makes {noise:.1e} of a bracket "
             "there, and a real one could hide in it; choose a posture farther from singularities"
         )
 
@@ -303,7 +319,7 @@ class InfeasibleError(HolokinError):
     def __init__(self, name: str, q: Iterable[float]) -> None:
         self.q = tuple(float(v) for v in q)
         super().__init__(
-            f"{name}: at q = {_posture(self.q)} no joint rates within the limits follow the path; "
+            f"{name}: at q = {posture_text(self.q)} no joint rates within the limits follow the path; "
             "go slower, or choose another start or path"
         )
 

@@ -68,7 +68,19 @@ class Task(Value):
     reference: Matrix
     tip: str | None = None
 
+    def __init_subclass__(cls) -> None:
+        cure = "tasks are final: use hk.position or hk.pose, rows= of them, and a constraint for a quantity of your own"
+        raise ArgumentError("a subclass of Task", cls.__name__, cure)
+
     def __post_init__(self) -> None:
+        kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "tip": str | None}
+        for what, kind in kinds.items():
+            check(f"the {what} of a task", kind, getattr(self, what))
+        if self.orientation not in (None, *ORIENTATIONS):
+            raise UnknownNameError("orientation", shown(self.orientation), ORIENTATIONS)
+        if not self.rows or not set(self.rows) <= set(range(6)) or len(set(self.rows)) < len(self.rows):
+            raise ArgumentError("the rows of a task", self.rows, "name each of 0 to 5 at most once, and at least one")
+        finite("the reference of a task", self.reference, (3, 3))
         super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)

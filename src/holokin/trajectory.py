@@ -33,7 +33,7 @@ class Status(Enum):
     OUT_OF_REACH = "stopped: the path leaves the workspace; move or shrink it"
     SINGULAR = "stopped at a singularity of the strategy; choose another constraint, leaf or path"
     BRANCH = "stopped where the leaf folds back; choose another constraint or leaf"
-    FAULT = "stopped: the controller threw, blocked or returned no finite rates; mend it"
+    FAULT = "stopped: the controller threw, blocked or returned no finite rates; correct the controller"
     LOST = "stopped: integration lost the path; use more samples"
 
     @property

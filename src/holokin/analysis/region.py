@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError, ShapeError, posture_text
 from ..types import ArrayLike, Matrix, Value, Vector, finite, whole
 
 
@@ -29,10 +30,14 @@ class Region(Value):
         return (self.lower + self.upper) / 2
 
     def __str__(self) -> str:
+        return self.told()
+
+    def told(self, names: Sequence[str] = ()) -> str:
+        """The middle +- half the sides; with the joints' names, if they are given."""
         half = (self.upper - self.lower) / 2
         sides = [f"{v:.4g}" for v in half]
-        about = ", ".join(f"{v:.4g}" for v in self.center)
-        return f"[{about}] +- {sides[0] if len(set(sides)) == 1 else '[' + ', '.join(sides) + ']'}"
+        about = posture_text(self.center, names)
+        return f"{about} +- {sides[0] if len(set(sides)) == 1 else '[' + ', '.join(sides) + ']'}"
 
     @typed
     def sample(self, count: int, seed: int = 0) -> Matrix:

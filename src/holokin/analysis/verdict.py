@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
+from ..errors import posture_text
 from ..types import Value, Vector
 from .region import Region
 
@@ -80,8 +82,8 @@ class Verdict(Value):
         sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
         joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
         return (
-            f"{self.subject}, is NOT holonomic: a small loop of the tool in {self._plane}, of {sides}, leaves the "
-            f"joints about {0.01 * self.defect:.2g} {joint} away from their start, and each further round adds to it"
+            f"{self.subject}, is NOT holonomic: by its curvature at the witness, a small loop of the tool in "
+            f"{self._plane}, of {sides}, leaves the joints about {0.01 * self.defect:.2g} {joint} away from their start"
         )
 
     @property
@@ -96,14 +98,18 @@ class Verdict(Value):
     @property
     def details(self) -> str:
         """The figures behind the sentence, and how far it reaches."""
-        at = ", ".join(f"{value:.4g}" for value in self.witness)
+        return self.told()
+
+    def told(self, names: Sequence[str] = ()) -> str:
+        """`details`, with the joints' names (n,) where postures stand, if they are given."""
+        at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
         left = [f"{self.singular} singular ones"] if self.singular else []
         left += [f"{self.blurred} whose curvature round-off hides"] if self.blurred else []
         skipped = f", {' and '.join(left)} left out" if left else ""
         return (
-            f"defect {self.defect:.3g} {self.unit} in {self._plane} at q = [{at}]; {self.relative:.2g} per rad "
+            f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "
             f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged"
-            f"{skipped}, within {self.region}; {self.reach}"
+            f"{skipped}, within {self.region.told(names)}; {self.reach}"
         )
 
     @property

@@ -21,7 +21,7 @@ from ..robot import Robot
 from ..task import Task, pose
 from ..types import ArrayLike
 from .history import ask_history
-from .judge import Homecoming
+from .judge import Repeatability
 from .planes import looked_at, plane_name
 from .questions import (
     Answer,
@@ -61,15 +61,15 @@ class Audit:
     """What `audit` found: the verdict, each question apart from the others, and the planes of the task."""
 
     law: str
-    verdict: Homecoming
+    verdict: Repeatability
     findings: tuple[Finding, ...]
     tolerance: float
     planes: tuple[PlaneDrift, ...]
 
     @property
     def exit_code(self) -> int:
-        """0: comes home; 1: it does not; 2: it could not be judged."""
-        return {Homecoming.COMES_HOME: 0, Homecoming.UNKNOWN: 2}.get(self.verdict, 1)
+        """0: repeats in all that was tested; 1: it does not; 2: it could not be judged."""
+        return {Repeatability.REPEATS: 0, Repeatability.UNKNOWN: 2}.get(self.verdict, 1)
 
     @property
     def untested(self) -> tuple[str, ...]:
@@ -80,10 +80,10 @@ class Audit:
     def sentence(self) -> str:
         """The verdict, with what it does not cover."""
         said = f"{self.law}: {self.verdict.value}"
-        if self.untested and self.verdict is not Homecoming.UNKNOWN:
+        if self.untested and self.verdict is not Repeatability.UNKNOWN:
             said += f"; NOT tested: loops in {', '.join(self.untested)}"
         small = self["small loops"].figures
-        if self.verdict is Homecoming.DRIFTS and small.get("drift") == 0.0:
+        if self.verdict is Repeatability.DRIFTS and small.get("drift") == 0.0:
             said += (
                 "; small loops at the start do not drift: the loops wind round a place where the law is not defined, "
             )
@@ -224,7 +224,7 @@ def _of_planes(bench: Bench, first: Path, planes: list[PlaneDrift], before: list
     fault = "; ".join(by_reason([p for p in planes if p.failed]))
     found = [Finding("planes", sentence, figures, fault)]
     worst = worst_plane(planes)
-    known = Homecoming.DRIFTS in _seen(before, bench)
+    known = Repeatability.DRIFTS in _seen(before, bench)
     if worst is None or known or worst.as_run <= bench.tolerance or _by_step(bench, worst):
         return found
     loop = bench.loop(worst.plane, worst.size)
@@ -238,24 +238,24 @@ def _by_step(bench: Bench, plane: PlaneDrift) -> bool:
     return plane.as_run > bench.tolerance and step_alone(plane.as_run, plane.drift, bench.tolerance)
 
 
-def _seen(findings: list[Finding], bench: Bench) -> set[Homecoming]:
+def _seen(findings: list[Finding], bench: Bench) -> set[Repeatability]:
     """What the cycles of each loop say."""
     loops = [f.figures for f in findings if f.question.startswith("cycles") and f.figures]
     return {of_cycles(figures, bench.tolerance, bench.cycles) for figures in loops}
 
 
-def _verdict(bench: Bench, findings: list[Finding], planes: list[PlaneDrift]) -> Homecoming:
+def _verdict(bench: Bench, findings: list[Finding], planes: list[PlaneDrift]) -> Repeatability:
     seen = _seen(findings, bench)
-    if not seen or (Homecoming.DRIFTS not in seen and any(f.fault for f in findings)):
-        return Homecoming.UNKNOWN
+    if not seen or (Repeatability.DRIFTS not in seen and any(f.fault for f in findings)):
+        return Repeatability.UNKNOWN
     strayed = [p for p in planes if p.tested and p.as_run > bench.tolerance]
     if any(_by_step(bench, p) for p in strayed):
-        seen.add(Homecoming.BUT_FOR_THE_STEP)
-    if not all(_by_step(bench, p) for p in strayed) and Homecoming.DRIFTS not in seen:
-        seen.add(Homecoming.CONVERGES)  # whatever the slower cycles in the worst plane say
+        seen.add(Repeatability.BUT_FOR_THE_STEP)
+    if not all(_by_step(bench, p) for p in strayed) and Repeatability.DRIFTS not in seen:
+        seen.add(Repeatability.CONVERGES)  # whatever the slower cycles in the worst plane say
     others = [f.figures for f in findings if f.question in ("ways", "speed", "history")]
     sound = all(f and f["apart"] <= bench.tolerance + f.get("of_the_step", 0.0) for f in others)
-    if seen <= {Homecoming.COMES_HOME, Homecoming.BUT_FOR_THE_STEP} and not sound:
-        return Homecoming.CONVERGES
-    order = (Homecoming.DRIFTS, Homecoming.CONVERGES, Homecoming.BUT_FOR_THE_STEP, Homecoming.COMES_HOME)
+    if seen <= {Repeatability.REPEATS, Repeatability.BUT_FOR_THE_STEP} and not sound:
+        return Repeatability.CONVERGES
+    order = (Repeatability.DRIFTS, Repeatability.CONVERGES, Repeatability.BUT_FOR_THE_STEP, Repeatability.REPEATS)
     return next(word for word in order if word in seen)

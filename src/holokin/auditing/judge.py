@@ -10,11 +10,11 @@ from ..task import Task
 from ..types import Array, Matrix, Vector
 
 
-class Homecoming(Enum):
+class Repeatability(Enum):
     """What an audit found; the text says what it means."""
 
-    COMES_HOME = "comes home: the joints are the same at equal tool poses, in all that was tested"
-    BUT_FOR_THE_STEP = "comes home but for the step of the loop: feedback to the leaf, or a shorter step, mends it"
+    REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
+    BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
     CONVERGES = "settles: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
     ALTERNATES = "alternates: the joints at a tool pose come back every second cycle only"
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"

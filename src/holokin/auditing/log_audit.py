@@ -1,4 +1,4 @@
-"""Does a recorded robot come home? What its joints do at equal poses of the tool, over the cycles of a log."""
+"""Does a recorded robot repeat? What its joints do at equal poses of the tool, over the cycles of a log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..types import Indices, Matrix, Vector
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import Homecoming, spread, to_pose
+from .judge import Repeatability, spread, to_pose
 from .log_findings import Distance, LogAudit
 from .trend import CONFIDENCE, FEWEST, DriftTrend, Trend, judge, quantile
 from .visits import Visits, encoder_noise, spare_axes
@@ -39,7 +39,7 @@ def audit_recording(
 ) -> LogAudit:
     """Judge the joints of a recording at equal poses of the tool.
 
-    A verdict is given only where the log decides it at `trend.CONFIDENCE`, and is `Homecoming.UNDECIDED` elsewhere.
+    A verdict is given only where the log decides it at `trend.CONFIDENCE`, and is `Repeatability.UNDECIDED` elsewhere.
 
     Args:
         orientation: whether the tool's orientation belongs to its task; by default where the robot has joints to
@@ -127,15 +127,15 @@ def audit_recording(
     kinds = {closing, *(trend.trend for trend in trends.values())}
     scatters = between.beyond and kinds == {Trend.ZERO}
     if Trend.CONSTANT in kinds:
-        verdict = Homecoming.DRIFTS
+        verdict = Repeatability.DRIFTS
     elif Trend.UNDECIDED in kinds or scatters:
-        verdict = Homecoming.UNDECIDED
+        verdict = Repeatability.UNDECIDED
     elif Trend.ALTERNATES in kinds:
-        verdict = Homecoming.ALTERNATES
+        verdict = Repeatability.ALTERNATES
     elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in (by_way, by_speed, at_crossings)):
-        verdict = Homecoming.CONVERGES
+        verdict = Repeatability.CONVERGES
     else:
-        verdict = Homecoming.COMES_HOME
+        verdict = Repeatability.REPEATS
     return LogAudit(
         robot,
         recording,

@@ -13,7 +13,7 @@ from ..robot import Robot
 from ..task import Task
 from ..types import Array, Matrix, Value, Vector
 from .cycles import Cycles
-from .judge import Homecoming, first_limit
+from .judge import Repeatability, first_limit
 from .trend import CONFIDENCE, DriftTrend, Trend
 
 _SURE = f"{100 * CONFIDENCE:.0f} %"
@@ -58,12 +58,12 @@ class LogAudit(Value):
     by_way: Distance | None
     by_speed: Distance | None
     at_crossings: Distance | None
-    verdict: Homecoming
+    verdict: Repeatability
 
     @property
     def exit_code(self) -> int:
-        """0: comes home in all that the log tests; 1: it does not; 2: the log does not decide."""
-        return {Homecoming.COMES_HOME: 0, Homecoming.UNDECIDED: 2}.get(self.verdict, 1)
+        """0: repeats in all that the log tests; 1: it does not; 2: the log does not decide."""
+        return {Repeatability.REPEATS: 0, Repeatability.UNDECIDED: 2}.get(self.verdict, 1)
 
     @property
     def noise_floor(self) -> float:
@@ -212,23 +212,25 @@ def not_tested(audit: LogAudit) -> list[str]:
 def audit_sentence(audit: LogAudit) -> str:
     """The verdict, what it rests on, and what was not tested."""
     said = {
-        Homecoming.COMES_HOME: _same,
-        Homecoming.DRIFTS: _drifts,
-        Homecoming.ALTERNATES: _alternates,
-        Homecoming.CONVERGES: _settles,
-        Homecoming.UNDECIDED: _undecided,
+        Repeatability.REPEATS: _same,
+        Repeatability.DRIFTS: _drifts,
+        Repeatability.ALTERNATES: _alternates,
+        Repeatability.CONVERGES: _settles,
+        Repeatability.UNDECIDED: _undecided,
     }[audit.verdict](audit)
     return f"{said}. Not tested: {'; '.join(not_tested(audit))}"
 
 
 def _same(audit: LogAudit) -> str:
+    """The claim holds for the cycles of the log: what these do not vary, it does not cover, and says so."""
     values = [d.value for d in (audit.between, audit.by_way, audit.by_speed, audit.at_crossings) if d is not None]
     count = len(audit.cycles)
     tested = [word for word, d in (("both ways", audit.by_way), ("at all logged speeds", audit.by_speed)) if d]
     tested += ["where the path crosses itself"] if audit.at_crossings is not None else []
-    among = f", {' and '.join(tested)}" if tested else ""
+    alike = [word for word, d in (("in one direction", audit.by_way), ("at one speed", audit.by_speed)) if d is None]
+    among = "".join(f", {' and '.join(words)}" for words in (tested, alike) if words)
     return (
-        f"comes home: the joints are the same at equal tool poses in all {count} cycles{among}, within "
+        f"repeats: the joints are the same at equal tool poses in all {count} cycles{among}, within "
         f"{max(values):.2g} rad or m; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
     )
 

@@ -19,7 +19,7 @@ from ..path import Path
 from ..task import Task
 from ..trajectory import Trajectory, whole_turns
 from ..types import Matrix, Vector
-from .judge import Homecoming
+from .judge import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, sides
 
 Answer = tuple[str, dict[str, float]]
@@ -114,10 +114,10 @@ def ask_cycles(bench: Bench, path: Path) -> Answer:
     if walk.tracking_error("rad") > 0:
         track += f", {figures['tracking_rad']:.2g} rad"
     sentences = {
-        Homecoming.COMES_HOME: f"home to {max(float(each.max()), total):.1e} after {bench.cycles} cycles",
-        Homecoming.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {bench.dt:g} s alone",
-        Homecoming.CONVERGES: f"strays {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: settles",
-        Homecoming.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {bench.cycles}, "
+        Repeatability.REPEATS: f"back within {max(float(each.max()), total):.1e} after {bench.cycles} cycles",
+        Repeatability.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {bench.dt:g} s alone",
+        Repeatability.CONVERGES: f"strays {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: settles",
+        Repeatability.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {bench.cycles}, "
         f"{total:.3g} in all",
     }
     wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, bench.tolerance)
@@ -127,16 +127,16 @@ def ask_cycles(bench: Bench, path: Path) -> Answer:
     return f"{sentences[of_cycles(figures, bench.tolerance, bench.cycles)]}; {track}", figures
 
 
-def of_cycles(figures: dict[str, float], tolerance: float, cycles: int) -> Homecoming:
+def of_cycles(figures: dict[str, float], tolerance: float, cycles: int) -> Repeatability:
     """What the cycles of one loop say."""
     first, last = figures["first"], figures["last"]
     if max(first, figures["after_all"]) <= tolerance:
-        return Homecoming.COMES_HOME
+        return Repeatability.REPEATS
     if step_alone(first, figures["first_without_step"], tolerance) and figures["after_all"] <= 1.5 * cycles * first:
-        return Homecoming.BUT_FOR_THE_STEP
+        return Repeatability.BUT_FOR_THE_STEP
     if last <= 0.5 * first or (last <= tolerance < first):
-        return Homecoming.CONVERGES
-    return Homecoming.DRIFTS
+        return Repeatability.CONVERGES
+    return Repeatability.DRIFTS
 
 
 def step_alone(drift: float, without_step: float, tolerance: float) -> bool:

@@ -7,17 +7,18 @@ import numpy as np
 from ..arguments import made
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Kinematics
-from ..symbolic import SX, atan2, cross, dot, fmin, norm_2
+from ..symbolic import SX, atan2, cross, dot, fmin, norm_2, vertcat
 from ..task import Task
 from ..types import ArrayLike, Vector, numbers
+from .arm_geometry import shoulder_elbow_wrist
 from .base import Constraint
 
 
 @made
 def arm_angle(
     *,
-    kind: str = "stereographic",
-    joints: tuple[str, str, str] | None = None,
+    definition: str = "stereographic",
+    joints: tuple[str | int, str | int, str | int] | None = None,
     reference: ArrayLike = (0.0, 0.0, 1.0),
     pole: ArrayLike | None = None,
 ) -> Constraint:
@@ -28,8 +29,10 @@ def arm_angle(
     n_ref = w x V ("conventional") or (w - R) x V ("stereographic"), V = `reference`, R = `pole`.
 
     Args:
-        kind: "stereographic" or "conventional".
-        joints: names of the joints whose origins are shoulder, elbow, wrist; by default the 2nd, 4th and 6th.
+        definition: "stereographic" or "conventional".
+        joints: the joints whose origins are shoulder, elbow, wrist, by name or by index in q, counted from 0. By
+            default they are found by geometry: shoulder, where three consecutive hinges meet; elbow, the next hinge;
+            wrist, where the two or three hinges after it meet. On a Panda and an iiwa these are joints 1, 3 and 5.
         reference: the direction V (3,), the base's z axis by default.
         pole: the direction R (3,) of the stereographic kind, perpendicular to V; by default a horizontal one, -x.
 
@@ -38,58 +41,67 @@ def arm_angle(
     sphere). Rows: 1.
 
     Raises:
-        UnknownNameError: an unknown kind; when bound, an unknown joint. ArgumentError: R not perpendicular to V.
+        UnknownNameError: an unknown definition; when bound, an unknown joint. NoArmError (when bound): no such
+            joints are on the chain to the tip; it lists those there are. ArgumentError: R not perpendicular to V.
     """
-    if kind not in ("stereographic", "conventional"):
-        raise UnknownNameError("kind of arm angle", kind, ("stereographic", "conventional"))
+    if definition not in ("stereographic", "conventional"):
+        raise UnknownNameError("definition of an arm angle", definition, ("stereographic", "conventional"))
     V = _direction("reference", reference)
     R = _pole(V) if pole is None else _direction("pole", pole)
-    if kind == "stereographic" and abs(float(R @ V)) > 1e-9:
+    if definition == "stereographic" and abs(float(R @ V)) > 1e-9:
         raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
 
-    def vectors(task: Task, k: Kinematics) -> tuple[SX, SX, SX, SX]:
-        S, elbow, wrist = (_origin(k, name) for name in _three(task, joints))
+    def vectors(task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX, SX]:
+        S, elbow, wrist = _points(task, k, q, joints)
         E, W = elbow - S, wrist - S
         w = W / norm_2(W)
-        return E, W, w, cross(w if kind == "conventional" else w - SX(R), SX(V))
+        return E, W, w, cross(w if definition == "conventional" else w - SX(R), SX(V))
 
-    def expression(task: Task, k: Kinematics, _q: SX) -> SX:
-        E, W, w, n_ref = vectors(task, k)
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        E, W, w, n_ref = vectors(task, k, q)
         n_sew = cross(W, E)
         return atan2(dot(n_sew, cross(w, n_ref)), dot(n_sew, n_ref))
 
-    def margin(task: Task, k: Kinematics, _q: SX) -> SX:
-        E, W, _, n_ref = vectors(task, k)
+    def margin(task: Task, k: Kinematics, q: SX) -> SX:
+        E, W, _, n_ref = vectors(task, k, q)
         return fmin(norm_2(cross(W, E)) / (norm_2(W) * norm_2(E)), norm_2(n_ref))
 
-    return Constraint(f"arm angle ({kind})", 1, expression, (True,), margin)
+    return Constraint(f"arm angle ({definition})", 1, expression, (True,), margin)
 
 
 @made
-def height(joint: str) -> Constraint:
-    """g(q) = z of the origin of a joint's frame in the base frame [m]: an elbow that stays level. Rows: 1.
+def height(*joints: str | int) -> Constraint:
+    """g(q) = z of the origins of joints' frames in the base frame [m]: an elbow that stays level. Rows: one a joint.
 
     Singular (ALGORITHMIC) where the self-motion does not raise the joint: at the top and bottom of its circle.
+
+    Args:
+        joints: by name, or by index in q, counted from 0.
 
     Raises:
         UnknownNameError (when bound): the robot has no such joint.
     """
-    return Constraint(f"height of {joint}", 1, lambda _task, k, _q: _origin(k, joint)[2], (False,))
+    if not joints:
+        raise ArgumentError("the joints to keep level", joints, "name at least one")
+
+    def expression(task: Task, k: Kinematics, _q: SX) -> SX:
+        return vertcat(*(_origin(task, k, joint)[2] for joint in joints))
+
+    name = f"height of {', '.join(j if isinstance(j, str) else f'q[{j}]' for j in joints)}"
+    return Constraint(name, len(joints), expression, (False,) * len(joints))
 
 
-def _origin(k: Kinematics, name: str) -> SX:
-    if name not in k.origins:
-        raise UnknownNameError("joint", name, tuple(k.origins))
-    return k.origins[name]
+def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
+    """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
+    name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
+    return k.origins[str(name)]
 
 
-def _three(task: Task, joints: tuple[str, str, str] | None) -> tuple[str, ...]:
+def _points(task: Task, k: Kinematics, q: SX, joints: tuple[str | int, ...] | None) -> list[SX]:
+    """Shoulder, elbow and wrist (3,) each."""
     if joints is not None:
-        return tuple(joints)
-    names = tuple(joint.name for joint in task.robot.joints)
-    if len(names) < 6:
-        raise ArgumentError("the number of joints for an arm angle", len(names), "name joints=(shoulder, elbow, wrist)")
-    return names[1], names[3], names[5]
+        return [_origin(task, k, joint) for joint in joints]
+    return [point.expression(task, k, q) for point in shoulder_elbow_wrist(task)]
 
 
 def _direction(what: str, value: ArrayLike) -> Vector:

@@ -97,7 +97,10 @@ def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
 
 @made
 def lock(*joints: str | int, name: str = "lock") -> Constraint:
-    """g(q) = (q_j, ...): holds joints, named or by index, where they stand at the start. Singular where N_j = 0.
+    """g(q) = (q_j, ...): holds joints where they stand at the start posture. Singular where N_j = 0.
+
+    Args:
+        joints: by name, or by index in q, counted from 0 (-1 is the last).
 
     Raises:
         UnknownNameError (when bound): the robot has no such joint.
@@ -106,9 +109,7 @@ def lock(*joints: str | int, name: str = "lock") -> Constraint:
         raise ArgumentError("the joints to lock", joints, "name at least one")
 
     def expression(task: Task, _k: Kinematics, q: SX) -> SX:
-        names = task.robot.joint_names
-        labels = [j if isinstance(j, str) else names[j] if -task.n <= j < task.n else str(j) for j in joints]
-        return vertcat(*(q[task.robot.joint_index(label)] for label in labels))
+        return vertcat(*(q[task.robot.joint_index(joint)] for joint in joints))
 
     return Constraint(name, len(joints), expression, (False,) * len(joints))
 

@@ -28,7 +28,7 @@ class Cost(Made, Value):
 
 @made
 def stationary(
-    cost: Cost | Callable[[SX], Any], *, free: tuple[str, ...] | None = None, name: str | None = None
+    cost: Cost | Callable[[SX], Any], *, free: tuple[str | int, ...] | None = None, name: str | None = None
 ) -> Constraint:
     """g(q) = N^T grad U: zero where the cost U is stationary under self-motions, the tool held.
 
@@ -39,7 +39,7 @@ def stationary(
 
     Args:
         cost: `posture_cost`, `centring_cost`, `manipulability_cost`, `gravity_cost`, or q -> CasADi expression.
-        free: names of r joints for Chang's basis; needed when r > 1.
+        free: r joints for Chang's basis, by name or by index from 0; needed when r > 1.
 
     Raises (when bound):
         ConstraintRowsError: r > 1 without `free`, or `free` has not r joints. ShapeError: the cost is not a scalar.
@@ -91,6 +91,8 @@ def posture_cost(preferred: ArrayLike, stiffness: ArrayLike = 1.0) -> Cost:
 def centring_cost() -> Cost:
     """U = 1/2 sum_i ((q_i - middle_i) / range_i)^2 over the joints with finite limits. [Lie77]
 
+    Joints without limits on both sides, continuous ones for instance, have no middle and are left out.
+
     Raises (when bound): ArgumentError when no joint has limits.
     """
 
@@ -99,7 +101,8 @@ def centring_cost() -> Cost:
         finite = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
         if not len(finite):
             raise ArgumentError("the joints with finite limits", 0, "give limits in the robot description")
-        middle, span = (lower + upper)[finite] / 2, (upper - lower)[finite]
+        lower, upper = lower[finite], upper[finite]
+        middle, span = (lower + upper) / 2, upper - lower
         return 0.5 * sumsqr((q[finite.tolist()] - SX(middle)) / SX(span))
 
     return Cost("joint centring", cost)

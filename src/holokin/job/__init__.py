@@ -2,19 +2,24 @@
 
 from .export import export_job, job_strategy
 from .read import read_job
-from .runner import PAPER, expand, new_job, open_job, packaged_jobs, run_job
-from .schema import Job, kinds_of_strategy
+from .runner import PAPER, expand, open_job, packaged_jobs, run_job
+from .schema import Job
+from .strategies import KINDS, keys_of
+from .template import new_job, new_job_for, packaged_text
 
 __all__ = [
+    "KINDS",
     "PAPER",
     "Job",
     "expand",
     "export_job",
     "job_strategy",
-    "kinds_of_strategy",
+    "keys_of",
     "new_job",
+    "new_job_for",
     "open_job",
     "packaged_jobs",
+    "packaged_text",
     "read_job",
     "run_job",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import cast
@@ -10,44 +10,26 @@ from typing import cast
 import numpy as np
 
 from ..analysis import MOST_JOINTS
-from ..constraints import (
-    Cost,
-    arm_angle,
-    centring_cost,
-    coupled,
-    custom,
-    gravity_cost,
-    height,
-    linear,
-    lock,
-    manipulability_cost,
-    posture_cost,
-    stack,
-    stationary,
+from ..errors import (
+    ArgumentError,
+    BranchError,
+    HolokinError,
+    JobError,
+    JointLimitError,
+    PathError,
+    SingularityError,
+    posture_text,
 )
-from ..errors import ArgumentError, HolokinError, JobError, JointLimitError, PathError
 from ..motion import settle
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
-from ..strategies import (
-    HolonomicStrategy,
-    Strategy,
-    coupled_twist,
-    holonomic,
-    impedance,
-    inertia_weighted,
-    moore_penrose,
-    null_basis,
-    pfaffian,
-    radial,
-    weighted,
-)
-from ..symbolic import SX, Function, horzcat, parse, symbol, vertcat
+from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task, pose, position
 from ..tolerances import TOLERANCES
 from ..types import Vector
 from .read import dotted
-from .schema import Formula, Job, StrategyTable
+from .schema import Job
+from .strategies import ConstraintTable, StrategyTable
 
 
 def build_robot(job: Job, file: FilePath) -> Robot:
@@ -148,104 +130,19 @@ def _typed(point: Vector) -> str:
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
-def build_strategy(name: str, table: StrategyTable, task: Task, start: Vector) -> Strategy:
-    """A strategy of a job for one task; `start` is the centre of a radial twin."""
-    names = task.robot.joint_names
-    match table.kind:
-        case "moore-penrose":
-            return moore_penrose(task, name=name)
-        case "weighted":
-            return weighted(task, _matrix(table.W or [], names), name=name)
-        case "null-basis":
-            return null_basis(task, _matrix(table.N_G or [], names), name=name)
-        case "pfaffian":
-            return pfaffian(task, _matrix(table.A or [], names), name=name)
-        case "coupled-twist":
-            return coupled_twist(task, _gain(table), name=name)
-        case "custom":
-            rows = table.g or []
-            constraint = custom(_column(rows, names), len(rows))
-        case "linear":
-            constraint = linear(table.matrix or [])
-        case "lock":
-            constraint = lock(*(table.joints or []))
-        case "coupled":
-            constraint = coupled(_gain(table), table.orientation or "zyz")
-        case "arm-angle":
-            constraint = arm_angle(kind=table.arm or "stereographic", joints=_three(table.joints))
-        case "height":
-            constraint = stack(*(height(joint) for joint in table.joints or []))
-        case "stationary":
-            constraint = stationary(_cost(table), free=tuple(table.free) if table.free else None)
-        case "inertia-weighted":
-            return inertia_weighted(task, name=name)
-        case "impedance":
-            return impedance(task, _springs(table), force=table.force or "pseudo-inverse", name=name)
-        case "radial":
-            given = moore_penrose(task) if table.W is None else weighted(task, _matrix(table.W, names))
-            return radial(given, start, steps=table.steps or 4, name=name)
-    return holonomic(task, constraint, name=name)
-
-
-def build_invariant(table: StrategyTable, robot: Robot) -> Function | None:
-    """q -> the invariants (k,) that a strategy's paths must keep, if the job names any."""
-    if not table.invariant:
-        return None
-    q = symbol("q", robot.n)
-    return Function("invariant", {"q": q}, {"value": _column(table.invariant, robot.joint_names)(q)})
-
-
 def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
     """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one settled from it.
 
-    Raises: as `settle`.
+    Raises: BranchError where settling fails; else as `settle`.
     """
-    if table.leaf is None:
+    if not isinstance(table, ConstraintTable) or table.leaf is None:
         return start, ""
-    begin = settle(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
     leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
-    joints = ", ".join(f"{value:.6g}" for value in begin)
-    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at q = [{joints}]."
-
-
-def _three(joints: list[str] | None) -> tuple[str, str, str] | None:
-    if joints is None:
-        return None
-    if len(joints) != 3:
-        raise ArgumentError("the joints of an arm angle", joints, "name three: shoulder, elbow, wrist")
-    return joints[0], joints[1], joints[2]
-
-
-def _cost(table: StrategyTable) -> Cost:
-    match table.cost:
-        case "centring":
-            return centring_cost()
-        case "manipulability":
-            return manipulability_cost()
-        case "gravity":
-            return gravity_cost()
-        case _:
-            return _springs(table)
-
-
-def _springs(table: StrategyTable) -> Cost:
-    return posture_cost(table.preferred or [], 1.0 if table.stiffness is None else table.stiffness)
-
-
-def _gain(table: StrategyTable) -> float | list[list[float]]:
-    return 1.0 if table.gain is None else table.gain
-
-
-def _names(q: SX, joints: tuple[str, ...]) -> dict[str, SX]:
-    """The joints by name; and by number, q1 to qn, unless a joint of its own is called like one of these."""
-    numbered = [f"q{i + 1}" for i in range(len(joints))]
-    free = {} if set(numbered) & set(joints) else {name: q[i] for i, name in enumerate(numbered)}
-    return free | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
-
-
-def _column(rows: list[Formula], joints: tuple[str, ...]) -> Callable[[SX], SX]:
-    return lambda q: vertcat(*(parse(row, _names(q, joints)) for row in rows))
-
-
-def _matrix(rows: list[list[Formula]], joints: tuple[str, ...]) -> Callable[[SX], SX]:
-    return lambda q: vertcat(*(horzcat(*(parse(x, _names(q, joints)) for x in row)) for row in rows))
+    try:
+        begin = settle(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
+    except (SingularityError, PathError) as problem:
+        fact, _, cure = str(problem).rpartition("; ")
+        fact = f"settling failed: from the start posture to leaf {leaf}, {fact}"
+        raise BranchError(fact, f"{cure}, or another leaf") from problem
+    at = posture_text(begin, strategy.task.robot.joint_names)
+    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at {at}."

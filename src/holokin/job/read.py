@@ -12,25 +12,15 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
-from .schema import (
-    Bound,
-    ExpectTable,
-    Job,
-    PathTable,
-    RobotTable,
-    StartTable,
-    StrategyTable,
-    TaskTable,
-    VerdictTable,
-    kinds_of_strategy,
-)
+from .schema import Bound, ExpectTable, Job, PathTable, RobotTable, StartTable, TaskTable, VerdictTable
+from .strategies import KINDS, StrategyTable
 
 Key = tuple[str, ...]
 """The way to a value: the names and numbers of the tables and lists around it, and its own."""
 
 _TABLES: dict[str, type[BaseModel]] = {
-    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "strategies": StrategyTable,
-    "expect": ExpectTable, "verdict": VerdictTable, "bound": Bound,
+    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
+    "verdict": VerdictTable, "bound": Bound,
 }  # fmt: skip
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
@@ -74,14 +64,19 @@ def dotted(key: Key) -> str:
 
 def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
     """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
-    faults = [(_key(fault["loc"], table), fault) for fault in problem.errors()]
+    faults = [_located(fault, table) for fault in problem.errors()]
+    faults.sort(key=lambda found: found[1]["type"] == "missing")  # a misspelt key tells more than the one it leaves out
     first = faults[0][0]
     parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
-    key = dotted(parts)
+    key, kind = dotted(parts), _kind_at(parts, table)
     if fault["type"] == "missing":
+        if kind:
+            return JobError(path, dotted(parts[:2]), f"kind = {kind!r} needs {parts[2]}", "add it")
         return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
     if fault["type"] == "extra_forbidden":
-        nearest = closest(parts[-1], _known_keys(parts, table))
+        if kind and any(parts[2] in model.model_fields for model in KINDS.values()):
+            return JobError(path, dotted(parts[:2]), f"kind = {kind!r} does not use {parts[2]}", "leave it out")
+        nearest = closest(parts[-1], _known_keys(parts, kind))
         cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
         return JobError(path, key, "is an unknown key", cure)
     value = fault.get("input", table)
@@ -113,17 +108,34 @@ def _context(fault: Mapping[str, Any], word: str) -> str:
     return str(fault.get("ctx", {}).get(word, ""))
 
 
-def _known_keys(key: Key, table: dict[str, Any]) -> list[str]:
+def _located(fault: Any, table: dict[str, Any]) -> tuple[Key, dict[str, Any]]:
+    """(key, fault) of what pydantic found: without the kinds that it puts into the keys of strategies."""
+    loc, fault = fault["loc"], dict(fault)
+    if loc[:1] == ("strategies",) and len(loc) > 2:
+        loc = loc[:2] + loc[3:]
+    if fault["type"].startswith("union_tag"):
+        loc = (*loc, "kind")
+        named = "kind" in fault["input"]
+        facts = {"expected": ", ".join(map(repr, KINDS))}
+        fault |= {"type": "literal_error", "ctx": facts} if named else {"type": "missing"}
+        fault["input"] = fault["input"].get("kind")
+    return _key(loc, table), fault
+
+
+def _kind_at(key: Key, table: dict[str, Any]) -> str:
+    """The kind of the strategy that a key is of; empty for other tables, and where it is the kind that is wrong."""
+    if len(key) < 3 or key[0] != "strategies" or key[2] == "kind":
+        return ""
+    return str(table["strategies"][key[1]]["kind"])
+
+
+def _known_keys(key: Key, kind: str) -> list[str]:
     """The keys that stand beside a key; of a strategy those of its kind."""
     top, *rest = key
     if not rest:
         return list(Job.model_fields)
     if top == "strategies":
-        kind, uses = table["strategies"][rest[0]].get("kind"), kinds_of_strategy()
-        if isinstance(kind, str) and kind in uses:
-            every = {word for pair in uses.values() for words in pair for word in words}
-            used = {word for words in uses[kind] for word in words}
-            return [word for word in StrategyTable.model_fields if word not in every - used]
+        return list((KINDS[kind] if kind else StrategyTable).model_fields)
     return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
 
 

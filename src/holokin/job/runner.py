@@ -12,10 +12,20 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import around, involutivity
-from ..errors import JobError, OutOfReachError, PathError, UnknownNameError
-from ..files import replacing
+from ..errors import (
+    EmptyRegionError,
+    HolokinError,
+    JobError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    PathError,
+    RoundOffError,
+    SingularityError,
+    UnknownNameError,
+)
 from ..motion import follow
-from ..output.result import Check, JobResult, StrategyResult
+from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path import Path
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
@@ -23,11 +33,9 @@ from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
     build_begin,
-    build_invariant,
     build_path,
     build_robot,
     build_start,
-    build_strategy,
     build_tasks,
     naming,
 )
@@ -37,23 +45,16 @@ from .schema import ExpectTable, Job
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
 
-_COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
-# (delete this part, run, read the table), then write here what must stay true.
-"""
-"""What a copied job says above its expectations."""
+_OF_ONE_STRATEGY = (
+    SingularityError, PathError, EmptyRegionError, JointLimitError, NotFiniteError, RoundOffError,
+)  # fmt: skip
+"""What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file."""
 
 
 def packaged_jobs() -> tuple[str, ...]:
     """Names of the jobs that come with the library."""
     names = (entry.name for entry in files("holokin.job").joinpath("packaged").iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
-
-
-def packaged_text(name: str) -> str:
-    """The TOML text of a packaged job. Raises: UnknownNameError."""
-    if name not in packaged_jobs():
-        raise UnknownNameError("job", name, packaged_jobs())
-    return files("holokin.job").joinpath("packaged", f"{name}.toml").read_text("utf-8")
 
 
 def expand(names: list[str]) -> list[str]:
@@ -80,9 +81,11 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
     """Do a job. `say` hears what is going on.
 
+    A strategy that stops at a limit or a singularity is a result; one that cannot be run at all (it cannot settle,
+    the path leaves its workspace, it is singular at the start posture) is in `not_run`, and the others are done.
+
     Raises:
-        HolokinError: bad input; a strategy that stops at a limit or a singularity is a result, not an error.
-        OutOfReachError: the path leaves the workspace.
+        HolokinError: bad input; or no strategy could be run, for the first one's reason.
     """
     began = time.perf_counter()
     robot = build_robot(job, file)
@@ -92,36 +95,51 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "path"):
         path = build_path(job, tasks[0], start, file)
     results: list[StrategyResult] = []
+    failed: list[NotRun] = []
+    first: HolokinError | None = None
     about = job.about
     for label, table in job.strategies.items():
         with naming(file, "strategies", label, "invariant"):
-            invariant = build_invariant(table, robot)
+            invariant = table.invariants(tasks[0])
         variants = []
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
             say(title)
-            with naming(file, "strategies", label):
-                strategy = build_strategy(title, table, task, start)
-                begin, note = build_begin(table, strategy, start)
-                about = f"{about} {note}"
-                variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+            try:
+                with naming(file, "strategies", label):
+                    strategy = table.build(task, start, title)
+                    begin, note = build_begin(table, strategy, start)
+                    variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+                    about = f"{about} {note}"
+            except HolokinError as problem:
+                if not isinstance(problem.__cause__ or problem, _OF_ONE_STRATEGY):
+                    raise
+                first = first or problem
+                failed.append(
+                    NotRun(title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))
+                )
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:
             figures = variant.figures | {"same_joints": apart}
             results.append(_checked(variant, figures, expect))
+    if first is not None and not results:
+        raise first
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
     seconds = time.perf_counter() - began
     return JobResult(
-        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds
-    )
+        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
+        tuple(failed),
+    )  # fmt: skip
 
 
 def _run_strategy(
     job: Job, label: str, strategy: Strategy, path: Path, start: Vector, method: str | None,
     invariant: Function | None,
 ) -> StrategyResult:  # fmt: skip
-    verdict = involutivity(strategy, around(start, job.verdict.radius), samples=job.verdict.samples)
+    asked = job.verdict
+    region = around(start, asked.radius)
+    verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
     def run(part: Path, samples: int, cycles: int) -> Trajectory:
@@ -212,18 +230,3 @@ def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTa
         if bound is not None:
             checks.append(Check(key, str(bound), f"{value:.6g}", bound.holds(value)))
     return replace(result, figures=figures, checks=tuple(checks))
-
-
-def new_job(path: FilePath, template: str) -> None:
-    """Write a copy of a packaged job to a new file.
-
-    Raises:
-        UnknownNameError: of the template. JobError: the file exists. WriteError: the system refuses it.
-    """
-    text = packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1)
-    if path.suffix.lower() != ".toml":
-        raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
-    if os.path.lexists(path):
-        raise JobError(path, "file", "exists already", "choose another name, or delete it first")
-    with replacing(path, new=True) as part:
-        part.write_text(text, "utf-8")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from ..analysis import MOST_JOINTS
 from ..errors import brief, closest
 from ..robot import FARTHEST
-
-LARGEST = 1e12
-"""Largest number of a job: products of a few such numbers and their squares stay far from overflow."""
+from .strategies import AnyStrategy
+from .table import Few, Length, Number, Positive, Table
 
 MOST_POINTS = 10_000
 """Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
@@ -32,9 +30,6 @@ MOST_POSTURES = 65_536
 MOST_STRATEGIES = 100
 """Strategies of a job: a table and figures of more are not read."""
 
-MOST_RADIAL_STEPS = 100
-"""Runge-Kutta steps of a radial twin: each lengthens the expressions; beyond these the error is round-off."""
-
 LONGEST_NAME = 100
 """Characters of a strategy's name, which heads columns, figures and files."""
 
@@ -44,40 +39,8 @@ LONGEST_TITLE = 200
 LONGEST_ABOUT = 10_000
 """Characters of the paragraph in a report."""
 
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
-Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
-Formula = str | Number
 Figure = Annotated[float, Field(allow_inf_nan=False)]
-Few = Field(max_length=MOST_JOINTS)
-"""A list of at most as many as a robot may have joints."""
-
-Formulas = Annotated[list[Formula], Few]
-Numbers = Annotated[list[Number], Few]
-Names = Annotated[list[str], Few]
-Kind = Literal[
-    "moore-penrose", "weighted", "null-basis", "pfaffian", "custom", "linear", "lock", "coupled", "coupled-twist",
-    "arm-angle", "height", "stationary", "radial", "inertia-weighted", "impedance",
-]  # fmt: skip
-_USES: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "moore-penrose": ((), ()),
-    "weighted": (("W",), ()),
-    "null-basis": (("N_G",), ()),
-    "pfaffian": (("A",), ()),
-    "custom": (("g",), ("leaf",)),
-    "linear": (("matrix",), ("leaf",)),
-    "lock": (("joints",), ("leaf",)),
-    "coupled": (("gain",), ("orientation", "leaf")),
-    "coupled-twist": (("gain",), ()),
-    "arm-angle": ((), ("arm", "joints", "leaf")),
-    "height": (("joints",), ("leaf",)),
-    "stationary": (("cost",), ("preferred", "stiffness", "free", "leaf")),
-    "radial": ((), ("W", "steps")),
-    "inertia-weighted": ((), ()),
-    "impedance": (("preferred",), ("stiffness", "force")),
-}
-"""For each kind of strategy the keys that it needs, and those that it may have."""
 
 _SHAPES = {
     "center": ("circle", "arc"), "normal": ("circle", "arc"), "clockwise": ("circle", "arc"), "angle_deg": ("arc",),
@@ -88,20 +51,16 @@ _SHAPES = {
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class RobotTable(_Table):
+class RobotTable(Table):
     """[robot]: a catalogue name, or a path (.urdf, .toml) relative to the job file."""
 
     name: str
     tip: str | None = None
     base: str | None = None
-    locked: dict[str, Number] = {}
+    locked: dict[str, Number] = Field(default={})
 
 
-class TaskTable(_Table):
+class TaskTable(Table):
     """[task]: position or pose; a list of orientations runs every strategy once for each."""
 
     kind: Literal["position", "pose"] = "position"
@@ -116,14 +75,14 @@ class TaskTable(_Table):
         return self
 
 
-class StartTable(_Table):
+class StartTable(Table):
     """[start]: the posture, in joint units (rad, m), or in degrees for revolute joints."""
 
     q: Annotated[list[Length], Few]
     degrees: bool = False
 
 
-class PathTable(_Table):
+class PathTable(Table):
     """[path]: a curve that begins at the tool's start point.
 
     `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
@@ -132,7 +91,7 @@ class PathTable(_Table):
 
     kind: Literal["circle", "arc", "polyline"]
     center: Point | None = None
-    normal: Annotated[list[Number], Field(min_length=3, max_length=3)] = [0.0, 0.0, 1.0]
+    normal: Annotated[list[Number], Field(min_length=3, max_length=3)] = Field(default=[0.0, 0.0, 1.0])
     angle_deg: Length | None = None
     points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
     turns_deg: (
@@ -163,54 +122,7 @@ class PathTable(_Table):
         return self
 
 
-class StrategyTable(_Table):
-    """[strategies.NAME]: a kind and what it needs. Formulas use q1, q2, ... or the joints' names."""
-
-    kind: Kind
-    W: Annotated[list[Formulas], Few] | None = None
-    N_G: Annotated[list[Formulas], Few] | None = None
-    g: Formulas | None = None
-    A: Annotated[list[Formulas], Few] | None = None
-    matrix: Annotated[list[Numbers], Few] | None = None
-    joints: Names | None = None
-    gain: Number | Annotated[list[Numbers], Few] | None = None
-    orientation: Literal["zyz", "rpy", "rotation-vector"] | None = None
-    arm: Literal["stereographic", "conventional"] | None = None
-    cost: Literal["posture", "centring", "manipulability", "gravity"] | None = None
-    preferred: Annotated[list[Length], Few] | None = None
-    stiffness: Positive | Annotated[list[Positive], Few] | None = None
-    force: Literal["pseudo-inverse", "stiffness"] | None = None
-    free: Names | None = None
-    steps: Annotated[int, Field(ge=1, le=MOST_RADIAL_STEPS)] | None = None
-    leaf: Number | Numbers | None = None
-    method: Literal["velocity", "leaf"] | None = None
-    invariant: Formulas = []
-
-    @field_validator("W", "N_G", "A", "matrix", "gain")
-    @classmethod
-    def _rectangular(cls, rows: Any) -> Any:
-        if isinstance(rows, list) and len({len(row) for row in rows}) != 1:
-            raise ValueError("a matrix needs rows, all of one length; give each row as many entries")
-        return rows
-
-    @model_validator(mode="after")
-    def _complete(self) -> StrategyTable:
-        needed, optional = _USES[self.kind]
-        for key in needed:
-            if getattr(self, key) is None:
-                raise ValueError(f"kind = {self.kind!r} needs {key}; add it")
-        every = {key for pair in _USES.values() for keys in pair for key in keys}
-        for key in sorted(every - {*needed, *optional}):
-            if getattr(self, key) is not None:
-                raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
-        if self.kind == "stationary" and (self.cost == "posture") != (self.preferred is not None):
-            raise ValueError("cost = 'posture' and preferred go together; add or leave out preferred")
-        if self.kind == "stationary" and self.stiffness is not None and self.cost != "posture":
-            raise ValueError(f"cost = {self.cost!r} has no stiffness; leave it out")
-        return self
-
-
-class Bound(_Table):
+class Bound(Table):
     """What a number must be: below, above, or a value within a tolerance."""
 
     below: Figure | None = None
@@ -248,7 +160,7 @@ class Bound(_Table):
         return " and ".join(parts)
 
 
-class ExpectTable(_Table):
+class ExpectTable(Table):
     """[expect.NAME]: what a strategy must show, or the job fails (exit code 1)."""
 
     holonomic: bool | None = None
@@ -269,14 +181,21 @@ class ExpectTable(_Table):
     same_joints: Bound | None = None
 
 
-class VerdictTable(_Table):
-    """[verdict]: where involutivity is judged: a box around the start posture."""
+class VerdictTable(Table):
+    """[verdict]: where involutivity is judged: a box around the start posture; `thorough` as of `involutivity`."""
 
     radius: Positive = 0.2
     samples: Annotated[int, Field(ge=1, le=MOST_POSTURES)] = 64
+    thorough: bool | Annotated[int, Field(ge=1, le=MOST_POSTURES)] = False
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> VerdictTable:
+        if self.thorough is not False and "samples" in self.model_fields_set:
+            raise ValueError("samples and thorough both say how many postures are looked at; leave out one")
+        return self
 
 
-class Job(_Table):
+class Job(Table):
     """A whole job file."""
 
     title: Annotated[str, Field(max_length=LONGEST_TITLE)]
@@ -285,8 +204,8 @@ class Job(_Table):
     task: TaskTable = TaskTable()
     start: StartTable
     path: PathTable
-    strategies: Annotated[dict[str, StrategyTable], Field(min_length=1, max_length=MOST_STRATEGIES)]
-    expect: dict[str, ExpectTable] = {}
+    strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
+    expect: dict[str, ExpectTable] = Field(default={})
     verdict: VerdictTable = VerdictTable()
 
     @model_validator(mode="after")
@@ -300,8 +219,3 @@ class Job(_Table):
                 fact = f"strategies.{brief(name, 60)}: is a name of {len(name)} characters"
                 raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}, none of them a control character")
         return self
-
-
-def kinds_of_strategy() -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-    """Kind of strategy -> (keys that it needs, keys that it may have besides method and invariant)."""
-    return {str(kind): keys for kind, keys in _USES.items()}

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import BranchError, NotFiniteError, ShapeError
+from ..errors import BranchError, NotFiniteError, ShapeError, posture_text
 from ..sampling import Plan
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, symbol
@@ -144,15 +144,15 @@ def leaf_walker(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> 
             if width < TOLERANCES.smallest_step:
                 break
         strategy(q)  # raises if it is singular already here
-        at, figure = np.array2string(q, precision=6), strategy.gain(q)[1]
+        at, figure = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
         if figure > REGULAR:
             raise BranchError(
-                f"no step along the leaf of {strategy.name!r} from q = {at} could be shown to keep to its branch, "
+                f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
                 f"though [J; J_g] is regular there (conditioning {figure:.1e})",
                 "write the constraint without kinks and jumps (fabs, fmin, if_else, floor), or take another start",
             )
         raise BranchError(
-            f"the leaf of {strategy.name!r} ends at q = {at}: there [J; J_g] turns singular and no nearby posture on "
+            f"the leaf of {strategy.name!r} ends at {at}: there [J; J_g] turns singular and no nearby posture on "
             "it follows the path",
             "choose another constraint, or another leaf (start posture)",
         )

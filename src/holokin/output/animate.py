@@ -56,7 +56,7 @@ def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> Non
 
 
 def cycles_gif(result: JobResult, strategies: list[StrategyResult], file: FilePath) -> None:
-    """One panel a strategy, the start posture in grey: who comes home?"""
+    """One panel a strategy, the start posture in grey."""
     colors = {True: CLOCKWISE["color"], False: COUNTER["color"]}
     panels = [(on_figure(s.name), s.cycles, colors[s.verdict.holonomic]) for s in strategies]
 

@@ -12,9 +12,11 @@ from .plots import (
     CLOCKWISE,
     COUNTER,
     GREY,
+    ZOOMS,
     best_azimuth,
     drift_per_cycle,
     frame_robot,
+    inside,
     joint_cycles,
     joint_ways,
     robot_stick,
@@ -155,8 +157,12 @@ def robot_figure(result: JobResult) -> Any:
     clouds = [points for axes, strategy in panels for points in draw_robot(axes, result, strategy)]
     ends = [(s.ways or (s.cycles,) * 2) for s in result.drawn]
     azimuth = best_azimuth([(np.vstack(robot.skeleton(a.q[-1])), np.vstack(robot.skeleton(b.q[-1]))) for a, b in ends])
-    for axes, strategy in panels:
-        frame_robot(axes, robot, clouds, f"{on_figure(strategy.name)}\n{_ending(strategy)}", azimuth=azimuth)
+    for zoom in ZOOMS:
+        for axes, strategy in panels:
+            title = f"{on_figure(strategy.name)}\n{_ending(strategy)}"
+            frame_robot(axes, robot, clouds, title, azimuth=azimuth, zoom=zoom)
+        if robot.planar or inside(figure):
+            break
     return figure
 
 

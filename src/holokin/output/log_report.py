@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..auditing import Homecoming, LogAudit
+from ..auditing import LogAudit, Repeatability
 from ..errors import ArgumentError
 from ..files import replacing
 from .figures import margins
@@ -30,7 +30,7 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = {Homecoming.COMES_HOME: "green", Homecoming.UNDECIDED: "yellow"}.get(audit.verdict, "red")
+    color = {Repeatability.REPEATS: "green", Repeatability.UNDECIDED: "yellow"}.get(audit.verdict, "red")
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
@@ -58,7 +58,7 @@ def plot_log_audit(audit: LogAudit, file: FilePath) -> None:
 
 
 def log_figure(audit: LogAudit) -> Any:
-    """Joints at the cycles' home pose against the cycle number, and the tool's path, cycles by colour."""
+    """Joints at the cycles' start pose against the cycle number, and the tool's path, cycles by colour."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.4, 4.6))
@@ -74,7 +74,7 @@ def log_figure(audit: LogAudit) -> Any:
 
 
 def joints_at_home(axes: Any, audit: LogAudit) -> Any:
-    """Joints at the home pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
+    """Joints at the start pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
     shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
     order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
     numbers = np.arange(len(shift))
@@ -88,14 +88,14 @@ def joints_at_home(axes: Any, audit: LogAudit) -> Any:
     axes.set_ylim(-1.15 * most, 1.15 * most)
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("cycles done")
-    axes.set_ylabel("joint at home, less its start [rad or m]")
-    axes.set_title("Joints at home", loc="left", color=INK, fontsize=10)
+    axes.set_ylabel("joint at the start pose, less its start value [rad or m]")
+    axes.set_title("Joints at the start pose", loc="left", color=INK, fontsize=10)
     axes.legend(fontsize=8, loc="best")
     return axes
 
 
 def tool_cycles(axes: Any, audit: LogAudit) -> Any:
-    """The tool's path, cycles by colour, the way in and out in grey, and the arm at home after some of the cycles."""
+    """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -121,7 +121,7 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
     for i in thin(count + 1, 6):
         robot_stick(axes, robot, home[i], color(int(i)), width=1.8)
         clouds += robot.skeleton(home[i])
-    frame_robot(axes, robot, clouds, "Path of the tool, and the arm at home")
+    frame_robot(axes, robot, clouds, "Path of the tool, and the arm at the start pose")
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
     axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.12, label="cycles done", ticks=[0, count])
     return axes

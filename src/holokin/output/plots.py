@@ -20,6 +20,8 @@ COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
 GREY = "#9aa1ac"
 ELEVATION = 20.0
 """Height of the eye over the floor in pictures in space [degrees]."""
+ZOOMS = (1.38, 1.3, 1.2, 1.1, 1.0, 0.9)
+"""How near pictures in space are looked at, the nearest first: labels hang out of their axes, see `inside`."""
 INK = "#22262e"
 PALETTE = ("#1f5fbf", "#d1352b", "#2e8b57", "#8a4fbf", "#c47f11", "#0f8b8d", "#6b7280", "#b03a7c")
 
@@ -122,7 +124,15 @@ def tool_path(axes: Any, robot: Robot, points: Matrix, **style: Any) -> list[Any
     return axes.plot(*shown, **style)
 
 
-def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = "", *, azimuth: float = -62.0) -> Any:
+def frame_robot(
+    axes: Any,
+    robot: Robot,
+    clouds: Sequence[Matrix],
+    title: str = "",
+    *,
+    azimuth: float = -62.0,
+    zoom: float = ZOOMS[0],
+) -> Any:
     """Equal scales, limits close round all points and the base, few ticks; seen from an azimuth [degrees]."""
     points = np.vstack([*clouds, np.zeros((1, 3))])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -142,7 +152,7 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
     axes.set_xlim(middle[0] - size[0] / 2, middle[0] + size[0] / 2)
     axes.set_ylim(middle[1] - size[1] / 2, middle[1] + size[1] / 2)
     axes.set_zlim(middle[2] - size[2] / 2, middle[2] + size[2] / 2)
-    axes.set_box_aspect(size / size.max(), zoom=1.38 * size.max() / float(np.linalg.norm(size)))
+    axes.set_box_aspect(size / size.max(), zoom=zoom * size.max() / float(np.linalg.norm(size)))
     axes.view_init(elev=ELEVATION, azim=azimuth)
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.pane.set_facecolor("#fafafa")
@@ -151,6 +161,16 @@ def frame_robot(axes: Any, robot: Robot, clouds: Sequence[Matrix], title: str = 
         axis.set_label_text(f"{name} [m]", fontsize=8)
         axis.labelpad = -6
     return axes
+
+
+def inside(figure: Any) -> bool:
+    """Whether all titles, ticks and labels of a figure lie in it: those of axes in space do not keep to margins."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()
+    box, whole = figure.get_tightbbox(renderer), figure.bbox_inches
+    return bool(box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1)
 
 
 def best_azimuth(pairs: Sequence[tuple[Matrix, Matrix]]) -> float:

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import posture_text
 from ..files import writing
 from .figures import figures
 from .folder import FACTS, renewed
 from .result import FIGURES, JobResult
-from .table import columns, remarks, row
+from .table import NOTHING, columns, remarks, rows
 from .words import joint_unit
 
 _PAGE = """<!doctype html>
@@ -91,6 +92,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         "joint_names": list(result.robot.joint_names), "path_length_m": result.path.length,
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
+        "not_run": [vars(one) for one in result.not_run],
         "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
     with writing(folder / FACTS):
@@ -99,18 +101,18 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
 
 def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:
     robot = result.robot
-    start = ", ".join(f"{name} {value:.6g}" for name, value in zip(robot.joint_names, result.start, strict=True))
-    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.details)) for s in result.strategies]
+    start = posture_text(result.start, robot.joint_names)
+    verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
         f"<p>{escape(' '.join(result.about.split()))}</p>",
         f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
         f"task: {escape(result.task)}; path {result.path.length:.4g} m in {result.path.duration:.4g} s, "
-        f"{result.cycles} cycle(s); start: {escape(start)} [rad, m]. "
+        f"{result.cycles} cycle(s); start: {escape(start)} [{joint_unit(robot)}]. "
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
         _html_table(
-            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in row(s)] for s in result.strategies]
+            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
         ),
         "<ul>",
         *(f"<li>{told}.<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
@@ -129,7 +131,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
 
 
 def _cell(text: str) -> str:
-    mark = {"holonomic": "yes", "ok": "yes", "NOT holonomic": "no", "FAILED": "no"}.get(text)
+    mark = {"holonomic": "yes", "ok": "yes", "NOT holonomic": "no", "NOT run": "no", "FAILED": "no"}.get(text)
     return f"<span class='{mark}'>{escape(text)}</span>" if mark else escape(text)
 
 
@@ -144,9 +146,18 @@ def _all_figures(result: JobResult) -> str:
     for key, meaning in FIGURES.items():
         values = [s.figures.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            cells = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
+            cells = [_measured(value) for value in values]
             rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
     return _html_table(["", *(escape(s.name) for s in result.strategies)], rows)
+
+
+def _measured(value: float) -> str:
+    """Six digits; two of what is near round-off, and 0 for what is below all of it."""
+    if not np.isfinite(value):
+        return ""
+    if abs(value) < NOTHING:
+        return "0"
+    return f"{value:.6g}" if abs(value) >= 1e-9 else f"{value:.1e}"
 
 
 def _expectations(result: JobResult) -> str:

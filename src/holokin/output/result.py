@@ -93,6 +93,14 @@ class StrategyResult:
         }
 
 
+@dataclass(frozen=True)
+class NotRun:
+    """A strategy that could not be run, and why."""
+
+    name: str
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class JobResult:
     """A whole job's findings."""
@@ -107,6 +115,7 @@ class JobResult:
     cycles: int
     strategies: tuple[StrategyResult, ...]
     seconds: float
+    not_run: tuple[NotRun, ...] = ()
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:
@@ -115,8 +124,13 @@ class JobResult:
 
     @property
     def passed(self) -> bool:
-        """True when every expectation of every strategy holds."""
-        return all(result.passed for result in self.strategies)
+        """True when every strategy could be run, and every expectation of each holds."""
+        return not self.not_run and all(result.passed for result in self.strategies)
+
+    @property
+    def exit_code(self) -> int:
+        """0: as expected; 1: an expectation fails; 2: a strategy could not be run, whatever the others do."""
+        return 2 if self.not_run else 0 if self.passed else 1
 
     @cached_property
     def stems(self) -> dict[str, str]:

@@ -10,6 +10,9 @@ from ..errors import brief
 from .result import JobResult, StrategyResult
 from .words import joint_unit, speed_warning
 
+NOTHING = 1e-18
+"""Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
+
 Column = tuple[str, Literal["left", "right"]]
 
 
@@ -46,16 +49,26 @@ def row(result: StrategyResult) -> list[str]:
     ]
 
 
+def rows(result: JobResult) -> list[list[str]]:
+    """The cells of every strategy: those that could not be run last."""
+    width = len(columns(result))
+    failed = [[one.name, "NOT run", *["-"] * (width - 3), "FAILED"] for one in result.not_run]
+    return [*map(row, result.strategies), *failed]
+
+
 def remarks(result: JobResult) -> list[tuple[str, str]]:
-    """(strategy, sentence) of all that the table does not tell: what stopped, and what would be too fast."""
-    found = [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
+    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
     return [(name, text) for name, text in found if text]
 
 
 def number(value: float) -> str:
-    """Three digits; a dash where there is none."""
+    """Three digits; a dash where there is none, 0 for what is below all round-off."""
     if not np.isfinite(value):
         return "-"
+    if abs(value) < NOTHING:
+        value = 0.0
     return f"{value:.3f}" if 1e-2 <= abs(value) < 100 else f"{value:.1e}"
 
 
@@ -67,9 +80,9 @@ def print_result(result: JobResult, console: Any) -> None:
     table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in columns(result):
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {"holonomic": "green", "NOT holonomic": "red", "FAILED": "bold red", "ok": "green"}
-    for strategy in result.strategies:
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in row(strategy)))
+    colors = {"holonomic": "green", "NOT holonomic": "red", "NOT run": "bold red", "FAILED": "bold red", "ok": "green"}
+    for cells in rows(result):
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style="yellow", markup=False, highlight=False)

@@ -10,7 +10,7 @@ from math import isfinite
 import numpy as np
 
 from ..arguments import check, typed
-from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameError
+from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameError, shown
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
@@ -173,11 +173,16 @@ class Robot(Value):
         return True
 
     @typed
-    def joint_index(self, name: str) -> int:
-        """Index in q of a joint. Raises: UnknownNameError."""
-        if name not in self.joint_names:
-            raise UnknownNameError("joint", name, self.joint_names)
-        return self.joint_names.index(name)
+    def joint_index(self, joint: str | int) -> int:
+        """Index in q, from 0, of a joint by its name, or by its index (-1 is the last). Raises: UnknownNameError."""
+        names = self.joint_names
+        if isinstance(joint, str):
+            if joint not in names:
+                raise UnknownNameError("joint", joint, names)
+            return names.index(joint)
+        if not -self.n <= joint < self.n:
+            raise UnknownNameError("index of a joint", shown(joint), [f"{i} ({name})" for i, name in enumerate(names)])
+        return int(joint) % self.n
 
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""

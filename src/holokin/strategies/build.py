@@ -10,8 +10,7 @@ import numpy as np
 from ..arguments import made
 from ..constraints import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
-from ..robot import Kinematics
-from ..symbolic import SX, Function, as_expression, symbol
+from ..symbolic import SX, Function, as_expression, solve, symbol
 from ..task import Task
 from ..types import ArrayLike, finite, frozen
 from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
@@ -25,32 +24,29 @@ def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> FrameStrategy:
 
 
 @made
-def weighted(task: Task, W: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> FrameStrategy:
-    """G = W J^T (J W J^T)^-1: least dq^T W^-1 dq. [ZR11, (6)]
+def weighted(task: Task, weight: ArrayLike | Callable[[SX], Any], *, name: str = "weighted") -> FrameStrategy:
+    """G = W J^T (J W J^T)^-1 with W = weight^-1: least dq^T weight dq. A joint that weighs more moves less.
 
     Args:
-        W: symmetric positive definite (n, n), constant, or a function q -> CasADi expression (n, n).
+        weight: symmetric positive definite (n, n), constant, or a function q -> CasADi expression (n, n). It is the
+            inverse of the W in [ZR11, (6)].
 
     Raises:
-        ArgumentError: W is not symmetric positive definite (a function: at one of eight postures within the limits).
+        ArgumentError: not symmetric positive definite (a function: at one of eight postures within the limits).
         ShapeError, NotFiniteError.
     """
-    constant = None
-    if callable(W):
-        field = W
-        _check_weight(task, W)
-    else:
-        constant = frozen(finite("the weight W", W, (task.n, task.n)))
-        _positive_definite("the weight W", constant)
-        field = lambda _q: SX(constant)  # noqa: E731
-
-    def frame(task: Task, k: Kinematics, q: SX) -> SX:
-        value = as_expression(field(q))
-        if value.shape != (task.n, task.n):
-            raise ShapeError("the weight W", (task.n, task.n), value.shape)
-        return value @ task.jacobian_expression(k, q).T  # (6): the frame of G_W
-
-    return FrameStrategy(name, task, frame, constant_weight=constant)
+    if callable(weight):
+        _check_weight(task, weight)
+        # (6): the frame of G_W
+        frame = lambda task, k, q: solve(as_expression(weight(q)), task.jacobian_expression(k, q).T)  # noqa: E731
+        return FrameStrategy(name, task, frame)
+    given = finite("the weight", weight, (task.n, task.n))
+    _positive_definite("the weight", given)
+    inverse = np.linalg.inv(given)
+    W = frozen((inverse + inverse.T) / 2)
+    # (6): the frame of G_W
+    frame = lambda task, k, q: SX(W) @ task.jacobian_expression(k, q).T  # noqa: E731
+    return FrameStrategy(name, task, frame, constant_weight=W)
 
 
 def _positive_definite(what: str, W: np.ndarray) -> None:
@@ -60,15 +56,15 @@ def _positive_definite(what: str, W: np.ndarray) -> None:
         raise ArgumentError(what, W.tolist(), "give a symmetric positive definite matrix")
 
 
-def _check_weight(task: Task, W: Callable[[SX], Any]) -> None:
+def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
     q = symbol("q", task.n)
-    value = as_expression(W(q))
+    value = as_expression(weight(q))
     if value.shape != (task.n, task.n):
-        raise ShapeError("the weight W", (task.n, task.n), value.shape)
-    weight = Function("weight", {"q": q}, {"W": value})
+        raise ShapeError("the weight", (task.n, task.n), value.shape)
+    function = Function("weight", {"q": q}, {"weight": value})
     for posture in _postures(task):
         at = np.array2string(posture, precision=3)
-        _positive_definite(f"the weight W at q = {at}", np.reshape(weight(posture), (task.n, task.n)))
+        _positive_definite(f"the weight at q = {at}", np.reshape(function(posture), (task.n, task.n)))
 
 
 def _postures(task: Task) -> np.ndarray:

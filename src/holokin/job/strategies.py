@@ -1,0 +1,298 @@
+"""[strategies.NAME]: one model a kind. Its fields are the keys of the job file, `build` makes the strategy.
+
+A new kind is one more class here: `kind` and its keys, each with a default unless it is needed, and `build`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args
+
+from pydantic import AfterValidator, Field, model_validator
+
+from .. import constraints, strategies
+from ..constraints import Constraint
+from ..strategies import Strategy
+from ..symbolic import Function, symbol
+from ..task import Task
+from ..types import Vector
+from .table import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
+
+MOST_RADIAL_STEPS = 100
+"""Runge-Kutta steps of a radial twin: each lengthens the expressions; beyond these the error is round-off."""
+
+
+def _rectangular(rows: Any) -> Any:
+    if isinstance(rows, list) and len({len(row) for row in rows}) != 1:
+        raise ValueError("a matrix needs rows, all of one length; give each row as many entries")
+    return rows
+
+
+FormulaRows = Annotated[list[Formulas], Few, AfterValidator(_rectangular)]
+NumberRows = Annotated[list[Numbers], Few, AfterValidator(_rectangular)]
+Gain = Annotated[Number | Annotated[list[Numbers], Few], AfterValidator(_rectangular)]
+Springs = Positive | Annotated[list[Positive], Few]
+Posture = Annotated[list[Length], Few]
+
+
+class StrategyTable(Table):
+    """What every strategy of a job may have. Formulas name joints by q1, q2, ..., or by the joints' names."""
+
+    method: Literal["velocity", "leaf"] | None = None
+    invariant: Formulas = Field(default=[])
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """The strategy of a task, called `name`; `start` (n,) is the start posture. Raises: HolokinError."""
+        raise NotImplementedError
+
+    def invariants(self, task: Task) -> Function | None:
+        """q -> the invariants (k,) that the strategy's joint paths must keep, if the job names any."""
+        if not self.invariant:
+            return None
+        q = symbol("q", task.n)
+        return Function("invariant", {"q": q}, {"value": column(self.invariant, task.robot)(q)})
+
+
+class ConstraintTable(StrategyTable):
+    """A strategy that keeps a constraint g(q)."""
+
+    leaf: Number | Numbers | None = None
+
+    def constraint(self, task: Task) -> Constraint:
+        """The constraint. Raises: HolokinError."""
+        raise NotImplementedError
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """The extended Jacobian of the constraint."""
+        return strategies.holonomic(task, self.constraint(task), name=name)
+
+
+class MoorePenrose(StrategyTable):
+    """The pseudo-inverse: least joint speed."""
+
+    kind: Literal["moore-penrose"]
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `moore_penrose`."""
+        return strategies.moore_penrose(task, name=name)
+
+
+class Weighted(StrategyTable):
+    """Least dq^T weight dq."""
+
+    kind: Literal["weighted"]
+    weight: FormulaRows
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `weighted`."""
+        return strategies.weighted(task, matrix(self.weight, task.robot), name=name)
+
+
+class InertiaWeighted(StrategyTable):
+    """Least kinetic energy."""
+
+    kind: Literal["inertia-weighted"]
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `inertia_weighted`."""
+        return strategies.inertia_weighted(task, name=name)
+
+
+class Impedance(StrategyTable):
+    """The arm on springs, pulled along at its tool."""
+
+    kind: Literal["impedance"]
+    preferred: Posture
+    stiffness: Springs = 1.0
+    force: Literal["pseudo-inverse", "stiffness"] = "pseudo-inverse"
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `impedance`, of the posture cost."""
+        springs = constraints.posture_cost(self.preferred, self.stiffness)
+        return strategies.impedance(task, springs, force=self.force, name=name)
+
+
+class NullBasis(StrategyTable):
+    """The paper's general form."""
+
+    kind: Literal["null-basis"]
+    N_G: FormulaRows
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `null_basis`."""
+        return strategies.null_basis(task, matrix(self.N_G, task.robot), name=name)
+
+
+class RightInverse(StrategyTable):
+    """Any right inverse of J, written down."""
+
+    kind: Literal["right-inverse"]
+    G: FormulaRows
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `right_inverse`."""
+        return strategies.right_inverse(task, matrix(self.G, task.robot), name=name)
+
+
+class Pfaffian(StrategyTable):
+    """Rows A(q) dq = 0 that need not be integrable."""
+
+    kind: Literal["pfaffian"]
+    A: FormulaRows
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `pfaffian`."""
+        return strategies.pfaffian(task, matrix(self.A, task.robot), name=name)
+
+
+class CoupledTwist(StrategyTable):
+    """Angular velocity against velocity."""
+
+    kind: Literal["coupled-twist"]
+    gain: Gain
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `coupled_twist`."""
+        return strategies.coupled_twist(task, self.gain, name=name)
+
+
+class Custom(ConstraintTable):
+    """A constraint of formulas."""
+
+    kind: Literal["custom"]
+    g: Formulas
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `custom`."""
+        return constraints.custom(column(self.g, task.robot), len(self.g))
+
+
+class Linear(ConstraintTable):
+    """matrix times q."""
+
+    kind: Literal["linear"]
+    matrix: NumberRows
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `linear`."""
+        return constraints.linear(self.matrix)
+
+
+class Lock(ConstraintTable):
+    """Joints that stay where they are."""
+
+    kind: Literal["lock"]
+    joints: Joints
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `lock`."""
+        return constraints.lock(*self.joints)
+
+
+class Coupled(ConstraintTable):
+    """Orientation angles that follow the position."""
+
+    kind: Literal["coupled"]
+    gain: Gain
+    orientation: Literal["zyz", "rpy", "rotation-vector"] = "zyz"
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `coupled`."""
+        return constraints.coupled(self.gain, self.orientation)
+
+
+class ArmAngle(ConstraintTable):
+    """The angle of the plane shoulder-elbow-wrist."""
+
+    kind: Literal["arm-angle"]
+    definition: Literal["stereographic", "conventional"] = "stereographic"
+    joints: Annotated[list[str | int], Field(min_length=3, max_length=3)] | None = None
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `arm_angle`."""
+        joints = None if self.joints is None else (self.joints[0], self.joints[1], self.joints[2])
+        return constraints.arm_angle(definition=self.definition, joints=joints)
+
+
+class Height(ConstraintTable):
+    """The height of joints."""
+
+    kind: Literal["height"]
+    joints: Joints
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `height`."""
+        return constraints.height(*self.joints)
+
+
+class Stationary(ConstraintTable):
+    """The self-motion's share of the gradient of a cost."""
+
+    kind: Literal["stationary"]
+    cost: Literal["posture", "centring", "manipulability", "gravity"]
+    preferred: Posture | None = None
+    stiffness: Springs = 1.0
+    free: Joints | None = None
+
+    @model_validator(mode="after")
+    def _springs_of_a_posture(self) -> Stationary:
+        if (self.cost == "posture") != (self.preferred is not None):
+            raise ValueError("cost = 'posture' and preferred go together; add or leave out preferred")
+        if "stiffness" in self.model_fields_set and self.cost != "posture":
+            raise ValueError(f"cost = {self.cost!r} has no stiffness; leave it out")
+        return self
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `stationary`."""
+        match self.cost:
+            case "centring":
+                cost = constraints.centring_cost()
+            case "manipulability":
+                cost = constraints.manipulability_cost()
+            case "gravity":
+                cost = constraints.gravity_cost()
+            case _:
+                cost = constraints.posture_cost(self.preferred or [], self.stiffness)
+        return constraints.stationary(cost, free=None if self.free is None else tuple(self.free))
+
+
+class Radial(StrategyTable):
+    """The holonomic twin of the pseudo-inverse, or of a weighted one, around the start posture."""
+
+    kind: Literal["radial"]
+    weight: FormulaRows | None = None
+    steps: Annotated[int, Field(ge=1, le=MOST_RADIAL_STEPS)] = 4
+
+    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+        """As `radial`."""
+        if self.weight is None:
+            given = strategies.moore_penrose(task)
+        else:
+            given = strategies.weighted(task, matrix(self.weight, task.robot))
+        return strategies.radial(given, start, steps=self.steps, name=name)
+
+
+def _kinds(parent: type[StrategyTable]) -> dict[str, type[StrategyTable]]:
+    """Kind -> model of every table below one, in the order of this file: constraints last."""
+    models = parent.__subclasses__()
+    named = [model for model in models if "kind" in model.model_fields]
+    found = {str(word): model for model in named for word in get_args(model.model_fields["kind"].annotation)}
+    for model in models:
+        found |= _kinds(model)
+    return found
+
+
+KINDS = _kinds(StrategyTable)
+"""Every kind of strategy that a job may hold, and its model."""
+
+if TYPE_CHECKING:
+    AnyStrategy = StrategyTable
+else:
+    AnyStrategy = Annotated[Union[tuple(KINDS.values())], Field(discriminator="kind")]  # noqa: UP007
+
+
+def keys_of(model: type[StrategyTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(keys that a kind needs, keys that it may have) besides `kind`, `method` and `invariant`."""
+    own = [key for key in model.model_fields if key not in ("kind", *StrategyTable.model_fields)]
+    own.sort(key=lambda key: key == "leaf")
+    needed = tuple(key for key in own if model.model_fields[key].is_required())
+    return needed, tuple(key for key in own if key not in needed)

@@ -1,0 +1,51 @@
+"""What the tables of a job share: numbers and lists of a bounded size, and formulas of the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..analysis import MOST_JOINTS
+from ..robot import FARTHEST, Robot
+from ..symbolic import SX, horzcat, parse, vertcat
+
+LARGEST = 1e12
+"""Largest number of a job: products of a few such numbers and their squares stay far from overflow."""
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+Formula = str | Number
+Few = Field(max_length=MOST_JOINTS)
+"""A list of at most as many as a robot may have joints."""
+
+Formulas = Annotated[list[Formula], Few]
+Numbers = Annotated[list[Number], Few]
+Joints = Annotated[list[str | int], Field(min_length=1, max_length=MOST_JOINTS)]
+"""Joints by name, or by index in q, counted from 0."""
+
+
+class Table(BaseModel):
+    """A table of a job file: no other keys, no conversions, and it never changes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:
+    """The joints by name; and as q1 to qn, unless a joint of its own is called like one of these."""
+    joints = robot.joint_names
+    numbered = [f"q{i + 1}" for i in range(len(joints))]
+    free = {} if set(numbered) & set(joints) else {name: q[i] for i, name in enumerate(numbered)}
+    return free | {name: q[i] for i, name in enumerate(joints) if name.isidentifier()}
+
+
+def column(rows: list[Formula], robot: Robot) -> Callable[[SX], SX]:
+    """q -> the values (k,) of formulas."""
+    return lambda q: vertcat(*(parse(row, joint_symbols(q, robot)) for row in rows))
+
+
+def matrix(rows: list[list[Formula]], robot: Robot) -> Callable[[SX], SX]:
+    """q -> the matrix of rows of formulas."""
+    return lambda q: vertcat(*(horzcat(*(parse(x, joint_symbols(q, robot)) for x in row)) for row in rows))
