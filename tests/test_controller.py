@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.auditing.judge import Homecoming
+from holokin.auditing.judge import Repeatability
 from holokin.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
 from holokin.motion.control_step import StepStatus
 
@@ -60,10 +60,10 @@ def test_a_controller_is_simulated_and_audited_as_it_is(planar: hk.Strategy, pla
     assert walk.tracking_error() < 5e-6
     assert np.abs(walk.drift()[1]).max() < 1e-9  # the first cycle begins without the loop's own error
     found = hk.audit(c, planar_3r, planar.task, [circle(planar_3r, START)], start=START, dt=0.01, cycles=3)
-    assert found.verdict is Homecoming.COMES_HOME
+    assert found.verdict is Repeatability.REPEATS
     free = hk.controller(hk.moore_penrose(planar.task), dt=DT)
     found = hk.audit(free, planar_3r, planar.task, [circle(planar_3r, START)], start=START, dt=0.01, cycles=3)
-    assert found.verdict is Homecoming.DRIFTS
+    assert found.verdict is Repeatability.DRIFTS
 
 
 def test_an_own_loop_of_steps_is_what_simulate_does(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
