@@ -162,7 +162,8 @@ def test_every_source_key_is_on_the_references_page() -> None:
 
 SAMPLES = {
     "str": "a word", "object": "a word", "int": 3, "float": 0.5, "float | None": 0.5, "Iterable[float]": [0.1, 0.2],
-    "Iterable[str]": ["one", "two"], "SingularityKind": errors.SingularityKind.ALGORITHMIC,
+    "Iterable[str]": ["one", "two"], "Sequence[str]": ["one", "two"],
+    "SingularityKind": errors.SingularityKind.ALGORITHMIC,
     "OSError": OSError(28, "full"), "Exception": ValueError("the cause; itself without a cure"), "Any": None,
 }  # fmt: skip
 """A value for each annotation of an error's facts."""

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, urdf
+from holokin.errors import BranchError
 from holokin.strategies import HolonomicStrategy
 from holokin.task import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
@@ -207,11 +208,15 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
         offsets[:, 2] = 0.0
     offsets[1:] += 0.03 * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0]])
     spin = 0.2 * np.array(c[9:12]) if task.m == 6 else np.zeros(3)
-    turns = [spin, spin / 2, -spin / 2, -spin]
-    path = hk.polyline(start + offsets, closed=True)
-    path = hk.polyline(start + offsets[[0, 1, 2, 3, 0]], turns=turns)
-    assert path.closed
-    walk = hk.follow(strategy, path, case.start, samples=120, limits=False)
+    turns = np.array([spin, spin / 2, -spin / 2, -spin])
+    for size in (1.0, 0.5, 0.25):
+        path = hk.polyline(start + size * offsets[[0, 1, 2, 3, 0]], turns=size * turns)
+        assert path.closed
+        try:
+            walk = hk.follow(strategy, path, case.start, samples=120, limits=False)
+            break
+        except BranchError as problem:  # an elbow's circle has a top: where the leaf ends, [J; J_g] is nearly singular
+            assert strategy.gain(problem.trajectory.q[-1])[1] < 0.1 * strategy.gain(case.start)[1]
     away = np.abs(walk.drift()).max()
     if case.holonomic:
         assert away < 1e-9

@@ -13,7 +13,7 @@ from scipy.linalg import subspace_angles
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
 from holokin.job import job_strategy, open_job
-from holokin.symbolic import lie_bracket, pairwise_brackets
+from holokin.symbolic import lie_bracket, pairwise_brackets, solve
 from papers_arm import C3, G22, G23, J18, N19, NG20, NG25, S3, Q, de_luca_frame, de_luca_g, paper_frame
 from sympy_bridge import to_sympy
 
@@ -132,7 +132,7 @@ def test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23(ppr: hk.Robot) -> 
 
         def weight(q: ca.SX, frame=frame) -> ca.SX:
             h = ca.horzcat(fields(frame(q)), ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]), 1))
-            return h @ h.T
+            return solve(h @ h.T, ca.SX.eye(3))  # W^-1
 
         seven_as_six, by_frame = hk.weighted(task, weight), hk.null_basis(task, frame)
         for q in np.random.default_rng(6).uniform(-1.2, 1.2, (5, 3)):
