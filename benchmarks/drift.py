@@ -1,4 +1,4 @@
-"""Which laws come home? The drift benchmark: writes docs/drift.md and docs/drift.png.
+"""Which laws repeat? The drift benchmark: writes docs/drift.md and docs/drift.png.
 
     python -m benchmarks.drift            # needs: pip install -e ".[rivals]"
     python -m benchmarks.drift --quick --out /somewhere
@@ -104,7 +104,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
             "no feedback",
             lambda: hk.laws.impedance_with_memory(turned, hk.constraints.posture_cost(bent)),
         ),
-        ("radial twin", "holonomic", held(twin)),
+        ("radial strategy", "holonomic", held(twin)),
         *with_masses(robot),
     ]
 
@@ -261,7 +261,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     speeds = ", ".join(map(str, SPEEDS))
     parts = [
         "# The drift benchmark\n",
-        "Written by `python -m benchmarks.drift`; do not edit. Which laws bring the joints home, and do the joints at",
+        "Written by `python -m benchmarks.drift`; do not edit. Which laws return the joints, and do the joints at",
         "a tool pose depend on the way or the speed?\n",
         f"Run with {versions()}.\n",
         f"Every law is called once a step of {DT} s, q <- q + dt dq, on the same kinematics, from the same start, at",
@@ -276,7 +276,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     ]
     for name, rows in found.items():
         parts += [f"## {name}\n", f"Start q = {np.array2string(STARTS[name], separator=', ')}.\n", table(rows)]
-    cheap = [rows["radial twin"].effort for rows in every.values() if "radial twin" in rows]
+    cheap = [rows["radial strategy"].effort for rows in every.values() if "radial strategy" in rows]
     bent = max((r.tracking for r in posture), default=np.nan)
     parts += [
         "## Reading it\n",
@@ -296,8 +296,8 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
         f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",
         "- Impedance has no constraint to feed back: it is holonomic, and drifts by the error of the step alone.",
-        f"- Coming home costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial twin of",
-        f"  the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
+        f"- Repeatability costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial strategy",
+        f"  of the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
     ]
     if missing:
         parts += ["\nNot installed, so left out: " + "; ".join(missing) + "."]
@@ -330,7 +330,7 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     left.set_yscale("log")
     left.set_xlabel("cycles of the circle")
     left.set_ylabel("largest joint's drift since the start [rad]")
-    left.set_title("Does it come home?", loc="left", fontweight="bold")
+    left.set_title("Does it repeat?", loc="left", fontweight="bold")
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
     for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):

@@ -137,7 +137,7 @@ def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
         loop = hk.polyline(corners, turns=turns if turning else None)
         assert loop.closed
         found = hk.drift(panda_given, loop, PANDA_START, samples=200).since_start[0]
-        told = hk.analysis.forecast(panda_given, loop, PANDA_START)
+        told = hk.analysis.predicted_drift(panda_given, loop, PANDA_START)
         errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
         assert told.largest == np.abs(told.drift).max()
     assert errors[1] < 0.1
@@ -148,15 +148,15 @@ def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
     given = hk.moore_penrose(hk.position(ppr))
     point = ppr.pose(PPR_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    told = hk.analysis.forecast(given, loop, PPR_START)
+    told = hk.analysis.predicted_drift(given, loop, PPR_START)
     assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
     assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
         np.pi * 0.01 / 4, rel=1e-6
     )  # theory 4: area / l^2
-    assert hk.analysis.forecast(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
-    assert hk.analysis.forecast(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
+    assert hk.analysis.predicted_drift(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
+    assert hk.analysis.predicted_drift(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
     with pytest.raises(OpenPathError):
-        hk.analysis.forecast(given, loop.part(0, 0.5), PPR_START)
+        hk.analysis.predicted_drift(given, loop.part(0, 0.5), PPR_START)
 
 
 def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.Strategy, planar_3r: hk.Robot) -> None:
@@ -198,17 +198,19 @@ def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
     ppr: hk.Robot, panda_given: hk.Strategy
 ) -> None:
     task = hk.position(ppr)
-    assert hk.analysis.filtration(hk.moore_penrose(task), PPR_START).holonomy is hk.analysis.Holonomy.COMPLETELY
+    assert (
+        hk.analysis.filtration(hk.moore_penrose(task), PPR_START).integrability is hk.analysis.Integrability.COMPLETELY
+    )
     assert hk.analysis.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
     assert hk.analysis.filtration(panda_given, PANDA_START).dimensions == (6, 7)
     locked = hk.holonomic(panda_given.task, hk.lock(2))
-    assert hk.analysis.filtration(locked, PANDA_START).holonomy is hk.analysis.Holonomy.HOLONOMIC
+    assert hk.analysis.filtration(locked, PANDA_START).integrability is hk.analysis.Integrability.HOLONOMIC
     four = hk.position(hk.from_dh([{"a": 1.0}] * 4))
     # joint 4 held, joints 1 to 3 by a form that is not integrable: loops move q inside q4 = const only
     partly = hk.strategies.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
     found = hk.analysis.filtration(partly, [0.3, 0.7, 0.5, 0.4])
     assert found.dimensions == (2, 3)
-    assert found.holonomy is hk.analysis.Holonomy.PARTLY
+    assert found.integrability is hk.analysis.Integrability.PARTLY
     assert "partly" in str(found)
 
 

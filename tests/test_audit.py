@@ -49,16 +49,16 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
     found = hk.audit(pseudo_inverse(panda), panda, **COARSE)
     assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
-    assert found["cycles, loop 1"].figures["first"] == pytest.approx(0.1635, abs=2e-3)
-    assert found["ways"].figures["apart"] > 0.1
+    assert found["cycles, loop 1"].metrics["first"] == pytest.approx(0.1635, abs=2e-3)
+    assert found["ways"].metrics["apart"] > 0.1
     assert "does not depend" in found["speed"].sentence
     assert "no memory" in found["history"].sentence
     assert "keeps" in found["start"].sentence
     assert "obey the area law" in found["small loops"].sentence
-    assert found["small loops"].figures["ratio"] == pytest.approx(4, abs=0.4)
+    assert found["small loops"].metrics["ratio"] == pytest.approx(4, abs=0.4)
     F = hk.curvature(hk.moore_penrose(hk.pose(panda)), PANDA_START)[:, 0, 1]
     assert "in x-y" in found["planes"].sentence
-    assert found["small loops"].figures["drift_per_area"] == pytest.approx(np.abs(F).max(), rel=0.15)
+    assert found["small loops"].metrics["drift_per_area"] == pytest.approx(np.abs(F).max(), rel=0.15)
 
 
 def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk.Robot) -> None:
@@ -67,7 +67,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
     assert "depends on speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
     assert "obey no area law" in found["small loops"].sentence
-    assert found["ways"].figures["apart"] > 1e-2
+    assert found["ways"].metrics["apart"] > 1e-2
 
 
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
@@ -75,7 +75,7 @@ def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
     assert found.verdict is hk.auditing.Repeatability.REPEATS
     assert found.exit_code == 0
     assert "none drifts" in found["small loops"].sentence
-    assert found["cycles, loop 1"].figures["tracking_m"] < 1e-3
+    assert found["cycles, loop 1"].metrics["tracking_m"] < 1e-3
 
 
 def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
@@ -98,7 +98,7 @@ def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.R
     point = planar_3r.pose(R3_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     found = hk.audit(hk.laws.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], start=R3_START)
-    assert found["cycles"].figures["first"] > 1e-4
+    assert found["cycles"].metrics["first"] > 1e-4
     free = hk.audit(
         hk.laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), start=PANDA_START
     )
@@ -133,7 +133,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
     assert said in found["cycles, loop 2"].fault
     assert found["cycles, loop 1"].fault == ""
     assert said in found["planes"].fault
-    assert found["planes"].figures["x-y"] < 1e-3
+    assert found["planes"].metrics["x-y"] < 1e-3
     assert said in str(found)
 
 

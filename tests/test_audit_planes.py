@@ -40,9 +40,9 @@ def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert "in y-z" in found["planes"].sentence
-    assert found["cycles in y-z"].figures["first"] > 0.015
-    assert found["cycles, loop 1"].figures["first"] < 1e-3
-    assert found["cycles, loop 2"].figures["first"] < 1e-3
+    assert found["cycles in y-z"].metrics["first"] > 0.015
+    assert found["cycles, loop 1"].metrics["first"] < 1e-3
+    assert found["cycles, loop 2"].metrics["first"] < 1e-3
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 2), (1, 2), (0, 5), (2, 3), (3, 4), (3, 5)])
@@ -181,14 +181,14 @@ def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, 
     found = hk.audit(make(panda, every), panda, **QUICK)
     said = found["history"].sentence
     assert said.startswith("alternates") or (every == 400 and said.startswith("remembers"))
-    assert found["history"].figures["otherwise"] > 0
+    assert found["history"].metrics["otherwise"] > 0
     assert found.verdict is not hk.auditing.Repeatability.REPEATS
 
 
 def test_a_law_tied_to_the_start_of_its_run_is_told_from_one_that_remembers(panda: hk.Robot) -> None:
     found = hk.audit(hk.laws.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
     assert found["history"].sentence.startswith("remembers where its run began")
-    assert found["history"].figures["apart"] == 0
+    assert found["history"].metrics["apart"] == 0
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -214,6 +214,6 @@ def test_no_memory_is_said_of_the_calls_that_were_asked(panda: hk.Robot) -> None
 
     point = panda.pose(PANDA_START)[:3, 3]
     found = hk.audit(law, panda, loops=[hk.circle(point, point - [0.05, 0, 0])], start=PANDA_START, dt=0.05, cycles=3)
-    asked = found["history"].figures["calls"]
+    asked = found["history"].metrics["calls"]
     assert found["history"].sentence.startswith(f"no memory seen in {asked:.0f} calls")
     assert 100 < asked < calls

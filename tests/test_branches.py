@@ -77,7 +77,7 @@ def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> No
     assert reached > 60
     with pytest.raises(BranchError):
         ik([-2.2058, -0.617])  # the line passes 0.873 m from the base, the hole's radius is 0.938 m
-    inside = hk.settle(strategy, R3_START, 0.9)
+    inside = hk.move_to_leaf(strategy, R3_START, 0.9)
     assert two_link_answer(inside, start[:2]) == pytest.approx(inside, abs=1e-12)
 
 
@@ -90,10 +90,10 @@ def test_moving_to_a_level_that_the_self_motion_does_not_reach_is_refused() -> N
         if abs(level - farthest) < 1e-6:
             continue
         if level < farthest:
-            assert hk.settle(strategy, R3_START, level)[1] == pytest.approx(level, abs=1e-12)
+            assert hk.move_to_leaf(strategy, R3_START, level)[1] == pytest.approx(level, abs=1e-12)
         else:
             with pytest.raises(HolokinError):
-                hk.settle(strategy, R3_START, level)
+                hk.move_to_leaf(strategy, R3_START, level)
 
 
 def ppr_leaf(h: Callable[[ca.SX], ca.SX]) -> Strategy:
@@ -207,7 +207,7 @@ def test_an_angle_is_settled_by_its_shorter_way() -> None:
     strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: 8 * q[2], angular=True))
     for level in (8.0, 5.0, -6.0, 13.0):
         away = (level - 1.6 + np.pi) % (2 * np.pi) - np.pi
-        assert hk.settle(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
+        assert hk.move_to_leaf(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
 
 
 def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
@@ -245,7 +245,7 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     assert scaled(PANDA_START) == pytest.approx(plain(PANDA_START), rel=1e-12)
     assert scaled.gain(PANDA_START)[1] == pytest.approx(plain.gain(PANDA_START)[1], rel=1e-9)
     assert hk.involutivity(scaled, hk.around(PANDA_START, 0.2)).holonomic
-    assert hk.analysis.filtration(scaled, PANDA_START).holonomy is hk.analysis.Holonomy.HOLONOMIC
+    assert hk.analysis.filtration(scaled, PANDA_START).integrability is hk.analysis.Integrability.HOLONOMIC
     point = panda.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
     ends = [hk.follow(s, loop, PANDA_START, samples=60).q for s in (plain, scaled)]

@@ -113,8 +113,8 @@ def test_a_million_postures_agree(written: Exported, tmp_path: Path, monkeypatch
     rng = np.random.default_rng(6)
     Q = rng.uniform(robot.lower, robot.upper, (count, 7)).astype(np.float32).astype(float)
     X = rng.uniform(-0.2, 0.2, (count, 6)).astype(np.float32).astype(float)
-    expected, conditioning, margin = strategy.rate.batch(Q, X)
-    sound = (conditioning > 1e-10) & (margin > 1e-6)
+    expected, rcond, margin = strategy.rate.batch(Q, X)
+    sound = (rcond > 1e-10) & (margin > 1e-6)
     size = np.maximum(1.0, np.abs(expected).max(axis=1))
     for flags, share, most in (((), 0.999, {0: 1e-12}), (("-DPANDA_SEW_FLOAT",), 0.68, {0: 1e-4, -1: 1e-2})):
         dq, status = rates(written, tmp_path, Q, X, *flags)

@@ -56,7 +56,7 @@ def both_ways(make: Callable[[], hk.Strategy], monkeypatch: Patch) -> list[hk.St
 def test_a_system_left_to_numbers_is_the_one_written_out(
     make: Callable[[], hk.Strategy], engine: str, monkeypatch: Patch
 ) -> None:
-    """G, its conditioning, the leaf's Newton step and the sign of det [J; J_g], on 600 postures."""
+    """G, its rcond, the leaf's Newton step and the sign of det [J; J_g], on 600 postures."""
     written, numbers = both_ways(make, monkeypatch)
     assert written.gain.program.after is None
     assert numbers.gain.program.after is not None

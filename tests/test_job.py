@@ -17,7 +17,7 @@ from holokin.job.schema import Bound, Job
 from holokin.output.animate import animate
 from holokin.output.figures import figures
 from holokin.output.report import write_report
-from holokin.output.result import FIGURES, JobResult
+from holokin.output.result import METRICS, JobResult
 from holokin.output.table import number, print_result
 
 
@@ -31,8 +31,8 @@ def test_every_packaged_job_shows_what_it_expects(result: JobResult) -> None:
     assert all(s.checks for s in result.strategies)
     assert {s.verdict.holonomic for s in result.strategies} == {True, False}
     for strategy in result.strategies:
-        assert set(strategy.figures) == set(FIGURES)
-        home = strategy.figures["drift_total"] < 1e-9
+        assert set(strategy.metrics) == set(METRICS)
+        home = strategy.metrics["drift_total"] < 1e-9
         assert home is strategy.verdict.holonomic
 
 
@@ -47,7 +47,7 @@ def test_an_expectation_that_is_wrong_fails(tmp_path: Path) -> None:
         "coupled": job.expect["coupled"].model_copy(update={"holonomic": False, "drift": Bound(above=1)})
     }
     result = run_job(name, job.model_copy(update={"expect": wrong}), file)
-    failed = [c.figure for s in result.strategies for c in s.checks if not c.passed]
+    failed = [c.metric for s in result.strategies for c in s.checks if not c.passed]
     assert failed == ["holonomic", "drift"]
     assert not result.passed
 
@@ -59,8 +59,8 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path) -> None:
     assert {"report.html", "result.json", "robot.png", "robot.svg", "ways-paper.png", "paper-clockwise.csv"} <= names
     facts = json.loads((folder / "result.json").read_text())
     assert facts["passed"] is True
-    assert facts["strategies"][0]["figures"]["spread"] == pytest.approx(0.1428034, abs=1e-6)
-    assert facts["strategies"][0]["figures"]["residual"] is None
+    assert facts["strategies"][0]["metrics"]["spread"] == pytest.approx(0.1428034, abs=1e-6)
+    assert facts["strategies"][0]["metrics"]["residual"] is None
     page = (folder / "report.html").read_text()
     assert not re.findall(r"(?:src|href)=['\"](?!data:)", page)  # self-contained
     assert page.count("<img") == len(list(folder.glob("*.png")))
@@ -120,7 +120,7 @@ def test_a_copied_job_pointed_at_a_urdf_gives_the_same_numbers(tmp_path: Path) -
     result = run_job(name, job, path)
     assert name == "my-job"
     assert result.passed
-    assert result.strategies[0].figures["drift"] == pytest.approx(0.16348, abs=1e-5)
+    assert result.strategies[0].metrics["drift"] == pytest.approx(0.16348, abs=1e-5)
 
 
 def test_a_robot_path_counts_from_the_job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,7 +152,7 @@ def test_an_open_path_has_no_ways_and_no_drift() -> None:
     table = job.model_dump(exclude_defaults=True) | {"path": arc, "expect": {}}
     result = run_job(name, Job.model_validate(table), file)
     assert result.strategies[0].ways is None
-    assert np.isnan(result.strategies[0].figures["spread"])
+    assert np.isnan(result.strategies[0].metrics["spread"])
     assert {stem for stem, _, _ in figures(result)} == {"robot"}
 
 

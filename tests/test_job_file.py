@@ -15,7 +15,7 @@ from holokin.errors import JobError
 from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.job.read import _TABLES
 from holokin.job.schema import Job
-from holokin.output.result import FIGURES
+from holokin.output.result import METRICS
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "jobs.md").read_text("utf-8")
 
@@ -47,8 +47,8 @@ def weighed() -> str:
 def test_least_kinetic_energy_does_not_come_home(tmp_path: Path) -> None:
     result = run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"', weighed())).strategies[0]
     assert not result.verdict.holonomic
-    assert result.figures["drift"] > 1e-2
-    assert result.figures["speed"] > 1
+    assert result.metrics["drift"] > 1e-2
+    assert result.metrics["speed"] > 1
     with pytest.raises(JobError):
         run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"'))
 
@@ -58,7 +58,7 @@ def test_an_arm_on_springs_with_one_redundant_joint_comes_home(tmp_path: Path, e
     springs = f'kind = "impedance"\npreferred = {[0.0, *PANDA_START[1:].tolist()]}\n{extra}'
     result = run_job(*panda_job(tmp_path, springs)).strategies[0]
     assert result.verdict.holonomic
-    assert result.figures["drift_total"] < 1e-7
+    assert result.metrics["drift_total"] < 1e-7
 
 
 def test_springs_of_one_strength_pull_alike_whatever_it_is(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_
     elsewhere = [height_of_mass(robot, PANDA_START + step) for step in (h, -h)]
     assert abs(up - down) < 1e-3 * abs(elsewhere[0] - elsewhere[1])
     assert robot.pose(walk.q[0]) == pytest.approx(robot.pose(PANDA_START), abs=1e-9)
-    assert result.strategies[0].figures["drift_total"] < 1e-9
+    assert result.strategies[0].metrics["drift_total"] < 1e-9
     assert "s begins on leaf 0, settled from the start posture, at panda_joint1 0." in result.about
 
 
@@ -189,7 +189,7 @@ def test_the_references_example_runs_and_shows_what_it_says(tmp_path: Path) -> N
     result = run_job(*open_job(str(tmp_path / "example.toml")))
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
     assert {s.name: s.verdict.holonomic for s in result.strategies} == {
-        "moore-penrose": False, "level-joint": True, "arm-angle": True, "near-home": True, "springs": True,
+        "moore-penrose": False, "level-joint": True, "arm-angle": True, "near-start": True, "springs": True,
     }  # fmt: skip
     assert set(Job.model_fields) <= set(re.findall(r"^\[?(\w+)", example, re.MULTILINE))
 
@@ -220,7 +220,7 @@ def test_the_reference_has_every_table_and_says_what_each_kind_and_figure_is() -
         assert tuple(re.findall(r"`(\w+)`", needs)) == needed, kind
         assert tuple(re.findall(r"`(\w+)`", may)) == optional, kind
         assert len(about) > 10
-    assert {key for key in figures if key not in ("holonomic", "completes")} == set(FIGURES)
+    assert {key for key in figures if key not in ("holonomic", "completes")} == set(METRICS)
     for table in (*_TABLES.values(), *KINDS.values()):
         for field, info in table.model_fields.items():
             words = " ".join(re.findall(r"Literal\[(.*?)\]", str(info.annotation)))

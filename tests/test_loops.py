@@ -23,7 +23,7 @@ from holokin.errors import (
 )
 from holokin.motion import following
 from holokin.motion.leaf import leaf_step
-from holokin.motion.native import NativeWalk
+from holokin.motion.native import NativeFollower
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch
@@ -43,13 +43,13 @@ def cache(tmp_path: Path, monkeypatch: Patch) -> None:
 def natively(monkeypatch: Patch) -> list[int]:
     """Steps that native code did, one entry a call of it."""
     did: list[int] = []
-    run = NativeWalk.run
+    run = NativeFollower.run
 
-    def counted(self: NativeWalk, *arguments) -> int:
+    def counted(self: NativeFollower, *arguments) -> int:
         did.append(run(self, *arguments))
         return did[-1]
 
-    monkeypatch.setattr(NativeWalk, "run", counted)
+    monkeypatch.setattr(NativeFollower, "run", counted)
     return did
 
 

@@ -29,11 +29,11 @@ def assert_fits(result: JobResult, robot: hk.Robot) -> None:
     }  # fmt: skip
     assert all(not s.checks for s in laws.values())  # nothing is expected that nobody measured
     assert all(s.status is hk.Status.COMPLETE for s in laws.values())
-    assert laws["lock"].figures["drift_total"] < 1e-9 < laws["moore-penrose"].figures["drift_total"]
+    assert laws["lock"].metrics["drift_total"] < 1e-9 < laws["moore-penrose"].metrics["drift_total"]
     walls = np.minimum(result.start - robot.lower, robot.upper - result.start)
     ranges = robot.upper - robot.lower
     assert (walls[np.isfinite(ranges)] > 0.2 * ranges[np.isfinite(ranges)]).all()
-    assert min(s.figures["sigma"] for s in laws.values()) > 0.05
+    assert min(s.metrics["sigma"] for s in laws.values()) > 0.05
 
 
 @pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140"])

@@ -175,7 +175,7 @@ def test_neither_end_of_the_ways_hides_the_other(ppr_cycle: JobResult) -> None:
 def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
     """The arm is a planimeter: q3 creeps by 2 pi (1 - sqrt(1 - k^2)) a cycle in the long run, k = r/2 (theory 4)."""
     result = shortened(cycles=49, samples=40, strategies={"mp": MoorePenrose(kind="moore-penrose")})
-    f = result.strategies[0].figures
+    f = result.strategies[0].metrics
     each = np.abs(result.strategies[0].cycles.drift()).max(axis=1)
     assert each.std() > 1e-3
     assert f["drift_mean"] == pytest.approx(np.mean(each), rel=1e-12)
@@ -187,7 +187,7 @@ def test_drift_a_cycle_is_the_mean_of_the_cycles_largest_drifts() -> None:
 def test_the_mean_drift_is_not_the_total_over_the_cycles() -> None:
     """After eleven circles of a Panda another joint drifts most, and the total is of no single joint."""
     long = shortened("panda-circle", cycles=14, samples=30, strategies={"mp": MoorePenrose(kind="moore-penrose")})
-    f, each = long.strategies[0].figures, np.abs(long.strategies[0].cycles.drift())
+    f, each = long.strategies[0].metrics, np.abs(long.strategies[0].cycles.drift())
     assert len(set(each.argmax(axis=1))) == 2
     assert f["drift_mean"] == pytest.approx(each.max(axis=1).mean(), rel=1e-12)
     assert f["drift_mean"] > 1.003 * f["drift_total"] / 14
@@ -199,13 +199,13 @@ def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
     strategy = slow.strategies[0]
     limits = slow.robot.max_velocity
     shares = np.max([np.abs(w.dq).max(axis=0) for w in strategy.trajectories().values()], axis=0) / limits
-    assert strategy.figures["peak_speed"] == pytest.approx(shares.max())
+    assert strategy.metrics["peak_speed"] == pytest.approx(shares.max())
     assert remarks(slow) == []
     factor = 1.5 / shares.max()
     fast = shortened(
         "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": MoorePenrose(kind="moore-penrose")}
     )
-    assert fast.strategies[0].figures["peak_speed"] == pytest.approx(1.5)
+    assert fast.strategies[0].metrics["peak_speed"] == pytest.approx(1.5)
     said = speed_warning(fast, fast.strategies[0])
     assert slow.robot.joint_names[int(np.argmax(shares))] in said
     assert "1.5 times its speed limit" in said
@@ -226,7 +226,7 @@ def test_a_robot_without_speed_limits_has_no_peak_speed(tmp_path: Path) -> None:
         }
     )
     result = run_job("job", job, tmp_path / "job.toml")
-    assert np.isnan(result.strategies[0].figures["peak_speed"])
+    assert np.isnan(result.strategies[0].metrics["peak_speed"])
     assert row(result.strategies[0])[-2:] == ["-", "-"]
     assert speed_warning(result, result.strategies[0]) == ""
 
@@ -302,7 +302,7 @@ def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None
     start = job.start.model_copy(update={"q": [2.2195e-30, *job.start.q[1:]]})
     update = {"start": start, "path": job.path.model_copy(update={"samples": 20, "cycles": 1}), "strategies": laws}
     result = run_job(name, job.model_copy(update=update | {"expect": {}}), file)
-    tiny = replace(result.strategies[0], figures=result.strategies[0].figures | {"spread": 2.2195e-30})
+    tiny = replace(result.strategies[0], metrics=result.strategies[0].metrics | {"spread": 2.2195e-30})
     page = (write_report(replace(result, strategies=(tiny,)), tmp_path, "0") / "report.html").read_text("utf-8")
     assert "e-30" not in re.sub(r"src='data[^']*'", "", page)
     details = re.search(r"defect [^<]*", page).group()

@@ -8,7 +8,7 @@ import pytest
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.analysis import Grounds
+from holokin.analysis import Evidence
 from holokin.analysis.brackets import curvature_function
 from holokin.analysis.roundoff import is_shown, measured, noise
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
@@ -84,9 +84,9 @@ def test_postures_where_round_off_hides_the_curvature_are_left_out_and_counted(i
     region = hk.analysis.box(stretched - 1e-9, stretched + [1e-9, 1e-9, 1e-9, 0.02, 1e-9, 1e-9, 1e-9])
     verdict = hk.involutivity(strategy, region, samples=256)
     assert verdict.holonomic
-    assert verdict.blurred > 0 and verdict.samples > 0
-    assert verdict.samples + verdict.singular + verdict.blurred == 256
-    assert f"{verdict.blurred} whose curvature round-off hides left out" in verdict.details
+    assert verdict.undecided > 0 and verdict.samples > 0
+    assert verdict.samples + verdict.singular + verdict.undecided == 256
+    assert f"{verdict.undecided} whose curvature round-off hides left out" in verdict.details
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1e5])
@@ -126,7 +126,7 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
                 strategy(q)
             except SingularityError:  # a radial twin ends where its transport does
                 continue
-            assert hk.analysis.filtration(strategy, q).holonomy is hk.analysis.Holonomy.HOLONOMIC
+            assert hk.analysis.filtration(strategy, q).integrability is hk.analysis.Integrability.HOLONOMIC
             looked += 1
         assert looked > count / 3
 
@@ -139,13 +139,13 @@ def test_filtration_never_calls_a_nonholonomic_law_holonomic(
     laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
     for strategy, count in laws:
         for q in anywhere(strategy.task.robot, count):
-            assert hk.analysis.filtration(strategy, q).holonomy is hk.analysis.Holonomy.COMPLETELY
+            assert hk.analysis.filtration(strategy, q).integrability is hk.analysis.Integrability.COMPLETELY
 
 
 def test_filtration_is_not_deceived_by_a_posture_where_small_loops_do_not_drift(planar_3r: hk.Robot) -> None:
     pseudo_inverse = hk.moore_penrose(hk.position(planar_3r))
     for free in hk.analysis.drift_free(pseudo_inverse, R3_START):
-        assert hk.analysis.filtration(pseudo_inverse, free.q).holonomy is hk.analysis.Holonomy.COMPLETELY
+        assert hk.analysis.filtration(pseudo_inverse, free.q).integrability is hk.analysis.Integrability.COMPLETELY
 
 
 def test_filtration_says_when_round_off_hides_the_answer(iiwa14: hk.Robot) -> None:
@@ -170,7 +170,7 @@ def test_a_narrow_bump_of_curvature_is_missed_by_64_postures_and_found_by_thorou
     region = hk.around(PANDA_START, 0.2)
     few = hk.involutivity(law, region)
     assert few.holonomic and few.samples == 64
-    assert few.grounds is Grounds.SAMPLED and few.others == ("exp",)
+    assert few.evidence is Evidence.SAMPLED and few.others == ("exp",)
     assert "nothing is known of the postures between" in few.details and "exp" in few.details
     found = hk.involutivity(law, region, thorough=True)
     assert not found.holonomic
@@ -196,9 +196,9 @@ def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.
     def judged(entry) -> hk.Verdict:
         return hk.involutivity(hk.strategies.pfaffian(task, lambda q: [[0, 0, entry(q[2])]]), region)
 
-    assert hk.involutivity(hk.holonomic(task, hk.lock(2)), region).grounds is Grounds.CONSTRAINT
+    assert hk.involutivity(hk.holonomic(task, hk.lock(2)), region).evidence is Evidence.CONSTRAINT
     for plain in (lambda z: 2 + ca.sin(z) ** 3, lambda z: (2 + ca.cos(z)) / (3 + ca.sin(z))):
-        assert judged(plain).grounds is Grounds.TRIGONOMETRIC
+        assert judged(plain).evidence is Evidence.TRIGONOMETRIC
     named = {
         "exp": ca.exp,
         "sqrt": lambda z: ca.sqrt(2 + ca.cos(z)),
@@ -211,7 +211,7 @@ def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.
     }
     for name, entry in named.items():
         verdict = judged(entry)
-        assert verdict.holonomic and verdict.grounds is Grounds.SAMPLED
+        assert verdict.holonomic and verdict.evidence is Evidence.SAMPLED
         assert verdict.others == (name,)
     bare = hk.analysis.involutivity_of(lambda q: [[1, 0], [0, ca.exp(q[1])], [0, 0]], 3)
     assert bare.others == ("exp",) and "exp" in bare.details

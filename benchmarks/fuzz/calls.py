@@ -25,7 +25,17 @@ from holokin import analysis, constraints, laws, motion, recording, strategies
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
-HEAVY = {"audit", "price", "winding", "fitted", "radial", "forecast", "filtration", "leaf_function", "general_form"}
+HEAVY = {
+    "audit",
+    "distance_to_repeatable",
+    "winding",
+    "fitted",
+    "radial",
+    "predicted_drift",
+    "filtration",
+    "leaf_function",
+    "general_form",
+}
 """Calls that take long where a bad argument is none: one in ten."""
 
 
@@ -125,7 +135,7 @@ def calls() -> dict[str, Call]:
         "path_spread": (hk.path_spread, (held, loop, loop, q), following),
         "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
-        "settle": (hk.settle, (held, q), {"leaf": [0.31]}),
+        "move_to_leaf": (hk.move_to_leaf, (held, q), {"leaf": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "start": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
         "closed_loop": (_begun(laws.closed_loop), (law, 10.0), {}),
@@ -151,10 +161,11 @@ def calls() -> dict[str, Call]:
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
         "filtration": (analysis.filtration, (held, q), {"most": 2}),
-        "forecast": (analysis.forecast, (law, loop, q), {}),
+        "predicted_drift": (analysis.predicted_drift, (law, loop, q), {}),
         "drift_free": (analysis.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
         "deviation": (analysis.deviation, (law, held, Q), {"columns": 2}),
-        "price": (analysis.price, (law, k["ball"]), {"ours": held, "samples": 2, "seed": 0}),
+        "distance_to_repeatable": (analysis.distance_to_repeatable, (law, k["ball"]), {
+            "ours": held, "samples": 2, "seed": 0}),
         "leaf_function": (analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
         "general_form": (analysis.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {

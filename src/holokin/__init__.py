@@ -15,7 +15,7 @@ from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .errors import HolokinError
 from .export import export_c
-from .motion import ControlLaw, controller, drift, follow, inverse, path_spread, settle, simulate
+from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
 from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording
 from .robot import Robot, catalogue, from_dh, from_urdf, load
@@ -66,6 +66,7 @@ __all__ = [
     "lock",
     "moore_penrose",
     "motion",
+    "move_to_leaf",
     "null_basis",
     "path_spread",
     "polyline",
@@ -75,7 +76,6 @@ __all__ = [
     "read_recording",
     "recording",
     "robot",
-    "settle",
     "simulate",
     "stationary",
     "strategies",

@@ -211,11 +211,17 @@ class SingularityError(HolokinError):
         "constraint; for a radial law a start nearer by, or more steps",
     }
 
-    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, figure: float) -> None:
-        self.kind, self.q, self.figure = kind, tuple(float(v) for v in q), float(figure)
+    _measure: ClassVar[dict[SingularityKind, str]] = {
+        SingularityKind.KINEMATIC: "smallest singular value",
+        SingularityKind.ALGORITHMIC: "rcond",
+        SingularityKind.REPRESENTATION: "distance from the singularity",
+    }
+
+    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, measure: float) -> None:
+        self.kind, self.q, self.measure = kind, tuple(float(v) for v in q), float(measure)
         super().__init__(
-            f"{kind.name.lower()} singularity of {what} at q = {posture_text(self.q)} (figure {figure:.2e}): "
-            f"{kind.value}; {self._cure[kind]}"
+            f"{kind.name.lower()} singularity of {what} at q = {posture_text(self.q)} "
+            f"({self._measure[kind]} {measure:.2e}): {kind.value}; {self._cure[kind]}"
         )
 
 
@@ -299,7 +305,9 @@ class NotHolonomicError(HolokinError):
         fact = f"at q = {at} its planes turn out of themselves by {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
             fact = f"from q = {at} two ways of the tool to one pose end {gap:.3g} (joint units) apart"
-        super().__init__(f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is its holonomic twin")
+        super().__init__(
+            f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is a holonomic strategy near it"
+        )
 
 
 class RoundOffError(HolokinError):

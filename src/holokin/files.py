@@ -91,28 +91,28 @@ def _appear(part: Path, target: Path) -> None:
 
 
 @contextmanager
-def aside(folder: Path, settle: Callable[[Path], None] | None = None) -> Iterator[Path]:
+def aside(folder: Path, repair: Callable[[Path], None] | None = None) -> Iterator[Path]:
     """A hidden folder in a folder, for what is not finished; removed at the end, or by the next call in that folder.
 
     Args:
-        settle: as in `clear`, of what is left over and, at the end, of this one.
+        repair: as in `clear`, of what is left over and, at the end, of this one.
     """
-    clear(folder, settle)
+    clear(folder, repair)
     place, lock = _made(folder)
     try:
         yield place
     finally:
         with uninterrupted():
-            _remove(place, settle)
+            _remove(place, repair)
             if lock is not None:
                 os.close(lock)
 
 
-def clear(folder: Path, settle: Callable[[Path], None] | None = None) -> None:
+def clear(folder: Path, repair: Callable[[Path], None] | None = None) -> None:
     """Remove the hidden folders that killed processes of this user have left in a folder.
 
     Args:
-        settle: gets the path of one that holds something moved out of the way (in `HELD`), to bring it back;
+        repair: gets the path of one that holds something moved out of the way (in `HELD`), to bring it back;
             without it, or where it leaves something, such a folder stays.
     """
     try:
@@ -126,17 +126,17 @@ def clear(folder: Path, settle: Callable[[Path], None] | None = None) -> None:
             continue
         try:
             if os.fstat(lock).st_uid == os.geteuid():
-                _remove(place, settle)
+                _remove(place, repair)
         finally:
             os.close(lock)
 
 
-def _remove(place: Path, settle: Callable[[Path], None] | None) -> None:
+def _remove(place: Path, repair: Callable[[Path], None] | None) -> None:
     held = place / HELD
     if held.is_dir() and any(held.iterdir()):
-        if settle is not None:
+        if repair is not None:
             with suppress(OSError):  # what cannot go back stays; the next call tries again
-                settle(place)
+                repair(place)
         if held.is_dir() and any(held.iterdir()):
             return
     shutil.rmtree(place, ignore_errors=True)

@@ -44,7 +44,7 @@ class Status(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """How the figures of a trajectory are found; each is asked for once, when somebody wants it."""
+    """How the metrics of a trajectory are found; each is asked for once, when somebody wants it."""
 
     dq: Callable[[], Matrix]
     x: Callable[[], Matrix]
@@ -75,7 +75,7 @@ class Trajectory(Value):
     measures: Measures
 
     def __getstate__(self) -> dict[str, Any]:
-        """All figures as plain data, measured now."""
+        """All metrics as plain data, measured now."""
         names = (field.name for field in fields(Measures))
         return super().__getstate__() | {"measures": Measures(**{n: partial(_known, getattr(self, n)) for n in names})}
 

@@ -1,29 +1,29 @@
 """Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law."""
 
 from .brackets import MOST_JOINTS, curvature
-from .drift_forecast import Forecast, forecast
 from .drift_free_sets import DriftFree, drift_free
+from .drift_prediction import DriftPrediction, predicted_drift
 from .frobenius import involutivity, involutivity_of
 from .leaf_functions import LeafFunction, leaf_function
-from .lie_filtration import Filtration, Holonomy, filtration
+from .lie_filtration import Filtration, Integrability, filtration
 from .paper_form import GeneralForm, general_form
 from .region import Ball, Region, around, ball, box
-from .repeatable_distance import Deviation, Price, ball_postures, deviation, price
-from .verdict import Grounds, Verdict
+from .repeatable_distance import Deviation, RepeatableDistance, ball_postures, deviation, distance_to_repeatable
+from .verdict import Evidence, Verdict
 
 __all__ = [
     "MOST_JOINTS",
     "Ball",
     "Deviation",
     "DriftFree",
+    "DriftPrediction",
+    "Evidence",
     "Filtration",
-    "Forecast",
     "GeneralForm",
-    "Grounds",
-    "Holonomy",
+    "Integrability",
     "LeafFunction",
-    "Price",
     "Region",
+    "RepeatableDistance",
     "Verdict",
     "around",
     "ball",
@@ -31,12 +31,12 @@ __all__ = [
     "box",
     "curvature",
     "deviation",
+    "distance_to_repeatable",
     "drift_free",
     "filtration",
-    "forecast",
     "general_form",
     "involutivity",
     "involutivity_of",
     "leaf_function",
-    "price",
+    "predicted_drift",
 ]

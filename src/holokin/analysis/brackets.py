@@ -41,13 +41,13 @@ def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> A
         SingularityError: the strategy is not defined at q. ArgumentError: no Hessian form of this strategy.
     """
     q = strategy.task.robot.checked(q)
-    packed, _, conditioning, margin = curvature_function(strategy, method)(q)
-    strategy.check(q, conditioning, margin)
+    packed, _, rcond, margin = curvature_function(strategy, method)(q)
+    strategy.check(q, rcond, margin)
     return _unpacked(np.reshape(packed, (strategy.task.n, -1)), strategy.task.m)
 
 
 def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
-    """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, conditioning, margin), built once a strategy and method."""
+    """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, rcond, margin), built once a strategy and method."""
     if method not in ("auto", "hessian", "ad"):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
     weight = _constant_weight(strategy)
@@ -82,7 +82,7 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
     # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
-    outputs = {"F": packed, "G": found.X, "conditioning": found.conditioning, "margin": strategy.margin_expression}
+    outputs = {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy.margin_expression}
     return Function("curvature", {"q": e.q}, outputs)
 
 

@@ -26,8 +26,8 @@ from ..tolerances import TOLERANCES
 from ..types import Array, Matrix, Vector, whole
 from .brackets import curvature_function, pairs
 from .region import Region
-from .search import Looked, climbed, examine, look, together
-from .verdict import Grounds, Verdict
+from .search import Scan, examine, maximised, merged, scan
+from .verdict import Evidence, Verdict
 
 THOROUGH = 65_536
 """Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
@@ -35,7 +35,7 @@ THOROUGH = 65_536
 
 @dataclass(frozen=True, eq=False)
 class _Subject:
-    """What is judged: `values`: Q (k, n) -> (F (k, n, p), its scale (k, p), conditioning (k,)), and words for it."""
+    """What is judged: `values`: Q (k, n) -> (F (k, n, p), its scale (k, p), rcond (k,)), and words for it."""
 
     name: str
     n: int
@@ -44,11 +44,11 @@ class _Subject:
     units: list[str]
     rows: list[tuple[str, str]]
     refusal: Callable[[Vector], Exception | None]
-    grounds: Grounds
+    evidence: Evidence
     others: tuple[str, ...]
 
     def relative(self, Q: Matrix) -> tuple[Array, Vector]:
-        """F over its scale, free of units, (k, n, p), and conditioning (k,)."""
+        """F over its scale, free of units, (k, n, p), and rcond (k,)."""
         F, scale, figure = self.values(Q)
         with np.errstate(all="ignore"):
             return F / scale[:, None, :], figure
@@ -86,7 +86,7 @@ def involutivity(
 def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
     """`involutivity` at given postures (k, n). Raises: EmptyRegionError."""
     subject = _subject(strategy)
-    return _verdict(subject, look(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
+    return _verdict(subject, scan(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
 
 
 @typed
@@ -125,13 +125,13 @@ def involutivity_of(
     brackets = pairwise_brackets(B, q)
     normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]  # (4)
     planes = list(brackets) or [(0, 0)]
-    function = Function("distribution", {"q": q}, {"F": horzcat(*normal), "B": B, "conditioning": frame.conditioning()})
+    function = Function("distribution", {"q": q}, {"F": horzcat(*normal), "B": B, "rcond": frame.rcond()})
 
     def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
-        F, fields, conditioning = function.batch(Q)
+        F, fields, rcond = function.batch(Q)
         with np.errstate(all="ignore"):
             F = F.reshape(len(Q), n, -1) / _scale(fields.reshape(len(Q), n, -1), planes)[:, None, :]
-        return F, np.ones((len(Q), len(planes))), conditioning
+        return F, np.ones((len(Q), len(planes))), rcond
 
     name = f"distribution of rank {B.shape[1]}"
     refusal = lambda _q: HolokinError("the distribution loses rank")  # noqa: E731
@@ -145,9 +145,9 @@ def _subject(strategy: Strategy) -> _Subject:
     planes = pairs(task.m) or [(0, 0)]
 
     def values(Q: Matrix) -> tuple[Array, Matrix, Vector]:
-        F, G, conditioning, margin = function.batch(Q)
+        F, G, rcond, margin = function.batch(Q)
         scale = _scale(G.reshape(len(Q), task.n, task.m), planes)
-        return F.reshape(len(Q), task.n, -1), scale, np.minimum(conditioning, margin)
+        return F.reshape(len(Q), task.n, -1), scale, np.minimum(rcond, margin)
 
     def refusal(q: Vector) -> Exception | None:
         try:
@@ -158,15 +158,15 @@ def _subject(strategy: Strategy) -> _Subject:
 
     e = strategy.expressions
     # Lemma III.1: range G is the null space of an exact J_g
-    grounds = (Grounds.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _grounds(e.planes, e.q)
+    evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _grounds(e.planes, e.q)
     units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
     name = f"{strategy.name}, {task.name}"
-    return _Subject(name, task.n, values, planes, units, rows, refusal, *grounds)
+    return _Subject(name, task.n, values, planes, units, rows, refusal, *evidence)
 
 
-def _grounds(planes: SX, q: SX) -> tuple[Grounds, tuple[str, ...]]:
+def _grounds(planes: SX, q: SX) -> tuple[Evidence, tuple[str, ...]]:
     others = other_operations(planes, q)
-    return (Grounds.SAMPLED if others else Grounds.TRIGONOMETRIC), others
+    return (Evidence.SAMPLED if others else Evidence.TRIGONOMETRIC), others
 
 
 def _scale(fields: Array, planes: list[tuple[int, int]]) -> Matrix:
@@ -182,17 +182,17 @@ def _judged(
         raise ShapeError("the region", (subject.n,), (region.n,))
     if thorough is not False:
         samples = max(samples, THOROUGH if thorough is True else whole("thorough", thorough))
-    seen = look(subject.relative, region.sample(samples, seed))
+    seen = scan(subject.relative, region.sample(samples, seed))
     if thorough is not False:
-        found = climbed(subject.relative, region, seen)
-        seen = together(seen, look(subject.relative, found)) if len(found) else seen
+        found = maximised(subject.relative, region, seen)
+        seen = merged(seen, scan(subject.relative, found)) if len(found) else seen
     return _verdict(subject, seen, region, tolerance)
 
 
-def _verdict(subject: _Subject, seen: Looked, region: Region, tolerance: float) -> Verdict:
+def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) -> Verdict:
     found = examine(subject.relative, seen, tolerance)
     if found is None:
-        best = f"conditioning at most {np.nanmax(seen.figure, initial=0.0):.1e}, and round-off hides the curvature"
+        best = f"rcond at most {np.nanmax(seen.figure, initial=0.0):.1e}, and round-off hides the curvature"
         raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
     witness, plane = seen.Q[found.row], subject.planes[found.plane]
     F, scale, _ = subject.values(witness[None])
@@ -205,11 +205,11 @@ def _verdict(subject: _Subject, seen: Looked, region: Region, tolerance: float) 
         witness=witness,
         plane=plane,
         direction=F[0, :, found.plane],
-        samples=int((seen.sound & ~found.blurred).sum()),
+        samples=int((seen.sound & ~found.undecided).sum()),
         singular=int((~seen.sound).sum()),
-        blurred=int(found.blurred.sum()),
+        undecided=int(found.undecided.sum()),
         region=region,
-        grounds=subject.grounds,
+        evidence=subject.evidence,
         others=subject.others,
         subject=subject.name,
         rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),

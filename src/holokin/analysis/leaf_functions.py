@@ -51,8 +51,8 @@ class LeafFunction(Value):
         V = np.reshape(task.error_and_slope(q, pose[:3, 3], pose[:3, :3])[1], (task.m, n))
 
         def slope(y: Matrix, v: Vector) -> Matrix:
-            dq, dD, conditioning, margin = self._flow(y[:, 0], v, y[:, 1:], V)
-            self.strategy.check(y[:, 0], conditioning, margin)
+            dq, dD, rcond, margin = self._flow(y[:, 0], v, y[:, 1:], V)
+            self.strategy.check(y[:, 0], rcond, margin)
             return np.column_stack([dq, np.reshape(dD, (n, n))])
 
         y = np.column_stack([q, np.eye(n)])
@@ -84,7 +84,7 @@ class LeafFunction(Value):
 
     @cached_property
     def _flow(self) -> Function:
-        """(q, v, D, V) -> (G v, (G v)' D + G V, conditioning, margin)."""
+        """(q, v, D, V) -> (G v, (G v)' D + G V, rcond, margin)."""
         e, task = self.strategy.expressions, self.strategy.task
         v, D, V = symbol("v", task.m), symbol("D", task.n, task.n), symbol("V", task.m, task.n)
         found = e.rate(v, written_out=True)
@@ -92,7 +92,7 @@ class LeafFunction(Value):
         outputs = {
             "dq": found.X,
             "dD": dD,
-            "conditioning": found.conditioning,
+            "rcond": found.rcond,
             "margin": self.strategy.margin_expression,
         }
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)

@@ -14,7 +14,7 @@ from ..strategies import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
 from ..types import Array, ArrayLike, Matrix, Vector, kept
 from .roundoff import COPIES, is_shown, noise, nudged, spread
-from .search import BLURRED
+from .search import HIDDEN
 
 BESIDE = 1e-3
 """Distance [joint units] of the postures beside q: far enough that a bracket that vanishes at q alone, as the
@@ -28,7 +28,7 @@ Word = Any
 """How a field is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
 
 
-class Holonomy(Enum):
+class Integrability(Enum):
     """What closed tool paths can do to the joints, near a posture."""
 
     HOLONOMIC = "small closed tool paths bring the joints back to their start"
@@ -53,14 +53,14 @@ class Filtration:
         return self.dimensions[-1]
 
     @property
-    def holonomy(self) -> Holonomy:
+    def integrability(self) -> Integrability:
         """m: holonomic; n: completely non-holonomic; between: partly."""
         if self.reached == self.m:
-            return Holonomy.HOLONOMIC
-        return Holonomy.COMPLETELY if self.reached == self.n else Holonomy.PARTLY
+            return Integrability.HOLONOMIC
+        return Integrability.COMPLETELY if self.reached == self.n else Integrability.PARTLY
 
     def __str__(self) -> str:
-        return f"{' -> '.join(map(str, self.dimensions))} of {self.n}: {self.holonomy.value}"
+        return f"{' -> '.join(map(str, self.dimensions))} of {self.n}: {self.integrability.value}"
 
 
 @typed
@@ -111,7 +111,7 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
     else:
         if dimensions[-1] < task.n:
             raise ArgumentError("most", most, f"the filtration still grows: {dimensions}; allow more")
-    if dimensions[-1] < task.n and growths[0].hidden > BLURRED:
+    if dimensions[-1] < task.n and growths[0].hidden > HIDDEN:
         raise RoundOffError(strategy.name, posture, growths[0].hidden)
     return Filtration(tuple(dimensions), task.m, task.n)
 

@@ -1,4 +1,4 @@
-"""The price of repeatability: how close can a holonomic law be to a given one? (theory 5.4)"""
+"""The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)"""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | 
 
 
 @dataclass(frozen=True)
-class Price(Value):
+class RepeatableDistance(Value):
     """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
 
     bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
         from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
         theorem (theory 5.4); its figure is the least of `points` samples of the circle.
-    first_order: rms deviation of the radial twin over the ball to first order in the radius, an estimate from the
+    first_order: rms deviation of the radial strategy over the ball to first order in the radius, an estimate from the
         curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
         may: a law with a cut has.
-    radial, ours: the radial twin and the law asked about. rms and extra_speed over `samples` postures of the ball,
+    radial, ours: the radial strategy and the law asked about. rms and extra_speed over `samples` postures of the ball,
         largest over these and the circle's: sampled, so the true largest may be greater.
     circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
         there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
@@ -83,20 +83,20 @@ class Price(Value):
         return (
             f"at some posture of the circle about the start every law g = const, g smooth, regular and of one value "
             f"there, is at least {self.bound:.2%} away (by a theorem; the least of {self.points} sampled points); the "
-            f"radial twin is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
+            f"radial strategy is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
             "most over these and the circle)"
         )
 
 
 @typed
-def price(
+def distance_to_repeatable(
     strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
-) -> Price:
-    """How close a repeatable law can come to a strategy with one redundant joint, how close the radial twin and ours.
+) -> RepeatableDistance:
+    """How close a repeatable law can come to a strategy with one redundant joint, and how close some do.
 
     Bound: on a closed curve in joint space g has a greatest value, and there the law moves the joints along the curve.
-    On a curve of the radial leaf that is the twin's own motion, so |G' - G| >= min |(G_rad - G) e|, e the direction
-    of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
+    On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
+    e the direction of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
 
     Args:
         region: a `ball` of tool positions, orientation kept. ours: another holonomic strategy of the same task.
@@ -114,7 +114,7 @@ def price(
             "the (redundant joints, position rows)", facts, "the bound is for one, and at least two rows"
         )
     Q = ball_postures(strategy, Ball(start, region.radius, region.along), samples, seed)
-    twin = radial(strategy, start)
+    near = radial(strategy, start)
     G = strategy.batch(Q)[:, :, :d]
     F = curvature_function(strategy).batch(Q)[0].reshape(len(Q), task.n, -1)
     inner = [k for k, (i, j) in enumerate(pairs(task.m)) if j < d]
@@ -127,10 +127,10 @@ def price(
         inside, edge = (deviation(strategy, law, postures, columns=d) for postures in (Q, rim))
         return replace(inside, largest=max(inside.largest, edge.largest))
 
-    return Price(
-        bound=max(_least_on_circle(strategy, twin, *one, d) for one in circles),
+    return RepeatableDistance(
+        bound=max(_least_on_circle(strategy, near, *one, d) for one in circles),
         first_order=float(strength * region.radius / 2 / np.sqrt(d + 2)),
-        radial=judged(twin),
+        radial=judged(near),
         ours=None if ours is None else judged(ours),
         samples=len(Q),
         points=POINTS,
@@ -180,10 +180,10 @@ def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[M
     return np.array([transport(strategy, start, radius * x, steps=8) for x in out]), along
 
 
-def _least_on_circle(strategy: Strategy, twin: Strategy, Q: Matrix, along: Matrix, d: int) -> float:
+def _least_on_circle(strategy: Strategy, near: Strategy, Q: Matrix, along: Matrix, d: int) -> float:
     """min over a closed curve of a leaf of |(G_rad - G) e| / |G|; 0 where it changes sign on the way."""
     G, N = strategy.batch(Q), null_space(strategy.task.jacobian_batch(Q)[0])[:, :, 0]
-    apart = np.einsum("kai,ki->ka", twin.batch(Q) - G, along) / np.linalg.norm(G[:, :, :d], axis=(1, 2))[:, None]
+    apart = np.einsum("kai,ki->ka", near.batch(Q) - G, along) / np.linalg.norm(G[:, :, :d], axis=(1, 2))[:, None]
     for k in range(1, len(N)):
         N[k] *= np.sign(N[k] @ N[k - 1])
     signed = np.sum(apart * N, axis=1)

@@ -3,7 +3,7 @@
 Near singularities, its own or those on the way of a transport, a computed curvature is noise of any size. Moving the
 posture by a hair changes every rounding on the way and the true value hardly: the mean over some such copies
 against their scatter tells the two apart. Over 30,000 curvatures of holonomic laws on five robots, down to a
-conditioning of 1e-10, the mean was at most 2.2 times the scatter; of laws that are not holonomic it was
+rcond of 1e-10, the mean was at most 2.2 times the scatter; of laws that are not holonomic it was
 at least 10,000 times down to 1e-4.
 """
 

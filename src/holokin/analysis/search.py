@@ -13,9 +13,9 @@ from .region import Region
 from .roundoff import is_shown, measured, noise
 
 JUDGED = 1e-7
-"""Conditioning below which curvature is not judged: a nudge of 1e-11 would be a step towards the singularity."""
+"""rcond below which curvature is not judged: a nudge of 1e-11 would be a step towards the singularity."""
 
-BLURRED = 1e-6
+HIDDEN = 1e-6
 """Relative round-off [1/rad] above which a posture tells nothing: the weakest defect that matters could hide in it."""
 
 PIECE = 65_536
@@ -29,7 +29,7 @@ FAINT = 3.0
 """Mean over scatter from which a climb is worth trying: round-off alone made 2.2 at most."""
 
 STARTS = 16
-"""Postures from which curvature is climbed."""
+"""Postures from which curvature is maximised."""
 
 ROUNDS = 60
 """Steps of a climb; from a tenth of the region they fall or grow, by 0.4 or 1.5, to where it ends."""
@@ -38,11 +38,11 @@ SIDE = 1 / 256
 """Share of the region over which differences of log |F| are taken; exact for a Gaussian of any width."""
 
 Field = Callable[[Matrix], tuple[Array, Vector]]
-"""Postures (k, n) -> relative curvature (k, n, p) in p planes, conditioning (k,)."""
+"""Postures (k, n) -> relative curvature (k, n, p) in p planes, rcond (k,)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Looked:
+class Scan:
     """Relative curvature (k, p), sizes only, at postures Q (k, n); `sound` (k,): regular enough to be judged."""
 
     Q: Matrix
@@ -52,10 +52,10 @@ class Looked:
 
 
 @dataclass(frozen=True, eq=False)
-class Standout:
+class Extreme:
     """What stands out most, of all postures judged: row of Q and plane, size, and the size that counts as zero there.
 
-    `blurred` (k,): postures whose curvature round-off hides; of those that were looked at twice, if any is shown.
+    `undecided` (k,): postures whose curvature round-off hides; of those that were looked at twice, if any is shown.
     """
 
     shown: bool
@@ -63,21 +63,21 @@ class Standout:
     plane: int
     size: float
     allowed: float
-    blurred: Flags
+    undecided: Flags
 
 
-def look(field: Field, Q: Matrix) -> Looked:
+def scan(field: Field, Q: Matrix) -> Scan:
     """The relative curvature at every posture."""
     parts = [field(Q[i : i + PIECE]) for i in range(0, len(Q), PIECE)]
     with np.errstate(all="ignore"):
         sizes = np.concatenate([np.linalg.norm(F, axis=1) for F, _ in parts])
     figure = np.concatenate([f for _, f in parts])
-    return Looked(Q, sizes, figure, (figure > JUDGED) & np.isfinite(sizes).all(axis=1))
+    return Scan(Q, sizes, figure, (figure > JUDGED) & np.isfinite(sizes).all(axis=1))
 
 
-def together(a: Looked, b: Looked) -> Looked:
+def merged(a: Scan, b: Scan) -> Scan:
     """Both, one after the other."""
-    return Looked(
+    return Scan(
         np.concatenate([a.Q, b.Q]),
         np.concatenate([a.sizes, b.sizes]),
         np.concatenate([a.figure, b.figure]),
@@ -85,13 +85,13 @@ def together(a: Looked, b: Looked) -> Looked:
     )
 
 
-def examine(field: Field, seen: Looked, tolerance: float) -> Standout | None:
+def examine(field: Field, seen: Scan, tolerance: float) -> Extreme | None:
     """The largest curvature above `tolerance` that is more than round-off, or else the one that comes nearest to it.
 
     Whatever passes the tolerance is looked at again, the largest first, until one stands out of its round-off.
     None: no posture can be judged.
     """
-    sizes, allowed, blurred = seen.sizes.copy(), np.full(seen.sizes.shape, tolerance), np.zeros(len(seen.Q), bool)
+    sizes, allowed, undecided = seen.sizes.copy(), np.full(seen.sizes.shape, tolerance), np.zeros(len(seen.Q), bool)
     highest = sizes.max(axis=1)
     doubtful = np.flatnonzero(seen.sound & (highest > tolerance))
     doubtful = doubtful[np.argsort(-highest[doubtful])]
@@ -101,27 +101,27 @@ def examine(field: Field, seen: Looked, tolerance: float) -> Standout | None:
             size = np.linalg.norm(mean, axis=1)
         clear = is_shown(size, scatter)
         standing = np.where(clear & (size > tolerance), seen.sizes[rows], 0.0)
-        blurred[rows] = (~clear & (noise(scatter) > BLURRED)).any(axis=1)
+        undecided[rows] = (~clear & (noise(scatter) > HIDDEN)).any(axis=1)
         if standing.any():
             k, p = np.unravel_index(int(np.argmax(standing)), standing.shape)
-            blurred[rows] &= ~standing.any(axis=1)
-            return Standout(True, int(rows[k]), int(p), float(standing[k, p]), tolerance, blurred)
+            undecided[rows] &= ~standing.any(axis=1)
+            return Extreme(True, int(rows[k]), int(p), float(standing[k, p]), tolerance, undecided)
         sizes[rows], allowed[rows] = size, np.maximum(tolerance, noise(scatter))
-    counted = np.flatnonzero(seen.sound & ~blurred)
+    counted = np.flatnonzero(seen.sound & ~undecided)
     if not len(counted):
         return None
     k, p = np.unravel_index(int(np.argmax(sizes[counted] / allowed[counted])), (len(counted), sizes.shape[1]))
     row = int(counted[k])
-    return Standout(False, row, int(p), float(sizes[row, p]), float(allowed[row, p]), blurred)
+    return Extreme(False, row, int(p), float(sizes[row, p]), float(allowed[row, p]), undecided)
 
 
-def climbed(field: Field, region: Region, seen: Looked) -> Matrix:
+def maximised(field: Field, region: Region, seen: Scan) -> Matrix:
     """Postures (j, n) of the region to which log |F| rises from those seen where it stands out of round-off most.
 
     A curvature far below any tolerance counts: its tail leads to where it is large.
     """
     order = np.flatnonzero(seen.sound)
-    quiet = seen.sizes[order].max(axis=1) * seen.figure[order] ** 2  # round-off grows as 1 / conditioning^2
+    quiet = seen.sizes[order].max(axis=1) * seen.figure[order] ** 2  # round-off grows as 1 / rcond^2
     rows = order[np.argsort(-quiet)][: -(-len(seen.Q) // AGAIN)]
     if not len(rows):
         return seen.Q[:0]
@@ -154,7 +154,7 @@ def _climb(field: Field, region: Region, Q: Matrix) -> Matrix:
 
 def _height(field: Field, Q: Matrix) -> Vector:
     """log of the largest relative curvature; -inf where it is zero or not judged."""
-    seen = look(field, Q)
+    seen = scan(field, Q)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(seen.sound, np.log(seen.sizes.max(axis=1)), -np.inf)
 

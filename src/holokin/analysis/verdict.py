@@ -11,7 +11,7 @@ from ..types import Value, Vector
 from .region import Region
 
 
-class Grounds(Enum):
+class Evidence(Enum):
     """What is known of the postures between those judged, when no curvature was found."""
 
     CONSTRAINT = (
@@ -39,8 +39,8 @@ class Verdict(Value):
     relative > `tolerance` and it stands out of its round-off, which is measured there (see `roundoff`). A holonomic
     verdict's `tolerance` is what counts as zero at its witness, that round-off included.
 
-    `samples` postures were judged; `singular` ones were left out, and `blurred` ones, at which round-off passes 1e-6.
-    A verdict of holonomic holds for the postures judged; `grounds` says what is known of those between. For
+    `samples` postures were judged; `singular` ones were left out, and `undecided` ones, at which round-off passes 1e-6.
+    A verdict of holonomic holds for the postures judged; `evidence` says what is known of those between. For
     operations `others` in the planes (exp, tanh, if_else, ...) that is nothing: an analytic bump narrower than the
     gaps between the samples is not seen.
 
@@ -59,9 +59,9 @@ class Verdict(Value):
     direction: Vector
     samples: int
     singular: int
-    blurred: int
+    undecided: int
     region: Region
-    grounds: Grounds
+    evidence: Evidence
     others: tuple[str, ...] = ()
     subject: str = field(default="strategy")
     rows: tuple[tuple[str, str], ...] = ()
@@ -91,7 +91,7 @@ class Verdict(Value):
         """What the verdict says of the postures between those judged, and of paths that cannot be shrunk to a point."""
         if not self.holonomic:
             return "one posture is enough to show it"
-        between = self.grounds.value.format(others=", ".join(self.others))
+        between = self.evidence.value.format(others=", ".join(self.others))
         winding = "; a path round a place where the law is not defined may end elsewhere" if self.rows else ""
         return between + winding
 
@@ -104,7 +104,7 @@ class Verdict(Value):
         """`details`, with the joints' names (n,) where postures stand, if they are given."""
         at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
         left = [f"{self.singular} singular ones"] if self.singular else []
-        left += [f"{self.blurred} whose curvature round-off hides"] if self.blurred else []
+        left += [f"{self.undecided} whose curvature round-off hides"] if self.undecided else []
         skipped = f", {' and '.join(left)} left out" if left else ""
         return (
             f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "

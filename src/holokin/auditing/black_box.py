@@ -25,7 +25,7 @@ from .judge import Repeatability
 from .planes import looked_at, plane_name
 from .questions import (
     Answer,
-    Bench,
+    AuditSetup,
     PlaneDrift,
     ask_cycles,
     ask_plane,
@@ -48,11 +48,11 @@ shows on a robot, 1 mm at the end of 1 m."""
 
 @dataclass(frozen=True)
 class Finding:
-    """One question's answer. `figures` by name [joint units unless the name says else]; `fault` if the law failed."""
+    """One question's answer. `metrics` by name [joint units unless the name says else]; `fault` if the law failed."""
 
     question: str
     sentence: str
-    figures: dict[str, float]
+    metrics: dict[str, float]
     fault: str = ""
 
 
@@ -82,7 +82,7 @@ class Audit:
         said = f"{self.law}: {self.verdict.value}"
         if self.untested and self.verdict is not Repeatability.UNKNOWN:
             said += f"; NOT tested: loops in {', '.join(self.untested)}"
-        small = self["small loops"].figures
+        small = self["small loops"].metrics
         if self.verdict is Repeatability.DRIFTS and small.get("drift") == 0.0:
             said += (
                 "; small loops at the start do not drift: the loops wind round a place where the law is not defined, "
@@ -105,7 +105,7 @@ class Audit:
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
         findings = [
-            {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.figures for f in self.findings
+            {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.metrics for f in self.findings
         ]
         verdict = self.verdict.name.lower()
         return {
@@ -152,8 +152,8 @@ def audit(
     q0 = robot.checked(start, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
         raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
-    bench = Bench(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)
-    paths = list(loops) if loops is not None else _default_loops(bench)
+    setup = AuditSetup(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)
+    paths = list(loops) if loops is not None else _default_loops(setup)
     if not paths:
         raise ArgumentError("the loops", loops, "give at least one, or None for the usual ones")
     for path in paths:
@@ -161,21 +161,21 @@ def audit(
             raise OpenPathError("an audit", path.gap)
     of = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
     findings = [
-        _asked(f"cycles{word}", lambda path=path: ask_cycles(bench, path)) for word, path in zip(of, paths, strict=True)
+        _asked(f"cycles{word}", lambda path=path: ask_cycles(setup, path)) for word, path in zip(of, paths, strict=True)
     ]
-    planes = _planes(bench, paths, given=loops is not None)
-    findings += _of_planes(bench, paths[0], planes, findings)
-    findings += [_asked("ways", lambda: ask_ways(bench, paths[0]))]
-    findings += [_asked("speed", lambda: ask_speed(bench, paths[0]))]
-    findings += [_asked("history", lambda: ask_history(bench, paths[0]))]
-    findings += [_asked("start", lambda: ask_start(bench, paths[0]))]
-    findings += [_asked("small loops", lambda: ask_small_loops(bench, widest(bench, planes)))]
-    return Audit(bench.law.name, _verdict(bench, findings, planes), tuple(findings), tolerance, tuple(planes))
+    planes = _planes(setup, paths, given=loops is not None)
+    findings += _of_planes(setup, paths[0], planes, findings)
+    findings += [_asked("ways", lambda: ask_ways(setup, paths[0]))]
+    findings += [_asked("speed", lambda: ask_speed(setup, paths[0]))]
+    findings += [_asked("history", lambda: ask_history(setup, paths[0]))]
+    findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
+    findings += [_asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
+    return Audit(setup.law.name, _verdict(setup, findings, planes), tuple(findings), tolerance, tuple(planes))
 
 
-def _default_loops(bench: Bench) -> list[Path]:
+def _default_loops(setup: AuditSetup) -> list[Path]:
     """A circle and a square of 0.1 m in planes that the task has; loops in other planes where it has no such ones."""
-    point, rows = bench.tool[:3, 3], bench.task.rows
+    point, rows = setup.tool[:3, 3], setup.task.rows
     inward = np.diag(np.where(point > 0, -0.1, 0.1))
     found: list[Path] = []
     if {0, 1} <= set(rows):
@@ -184,31 +184,31 @@ def _default_loops(bench: Bench) -> list[Path]:
     if upright is not None:
         a, b = (inward[k] for k in upright)
         found.append(polyline([point, point + a, point + a + b, point + b], closed=True))
-    planes = pairs(bench.task.m) or [(0, 0)]
-    return found or [bench.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
+    planes = pairs(setup.task.m) or [(0, 0)]
+    return found or [setup.loop(plane) for plane in dict.fromkeys((planes[0], planes[-1]))]
 
 
 def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
     """The answer, or why there is none: a law's fault ends its question, not the audit."""
     try:
-        sentence, figures = ask()
+        sentence, metrics = ask()
     except ControllerError as problem:
         return Finding(question, "", {}, problem.fact)
     except HolokinError as problem:
         if isinstance(problem, ArgumentError | OpenPathError | StartError):
             raise
         return Finding(question, "", {}, str(problem))
-    return Finding(question, sentence, figures)
+    return Finding(question, sentence, metrics)
 
 
-def _planes(bench: Bench, paths: list[Path], given: bool) -> list[PlaneDrift]:
+def _planes(setup: AuditSetup, paths: list[Path], given: bool) -> list[PlaneDrift]:
     """All planes of two task rows: the drift of a loop in each; of loops that are given, whether one encloses area."""
-    every = pairs(bench.task.m)
+    every = pairs(setup.task.m)
     if not given:
-        return [ask_plane(bench, plane) for plane in every]
-    names = {plane: plane_name(bench.task, *plane) for plane in every}
+        return [ask_plane(setup, plane) for plane in every]
+    names = {plane: plane_name(setup.task, *plane) for plane in every}
     try:
-        areas = looked_at(bench.task, paths, bench.tool[:3, :3]) if every else {}
+        areas = looked_at(setup.task, paths, setup.tool[:3, :3]) if every else {}
     except SingularityError as problem:
         return [PlaneDrift(plane, names[plane], untested=str(problem), failed=True) for plane in every]
     why = "no loop of yours encloses area there"
@@ -218,43 +218,43 @@ def _planes(bench: Bench, paths: list[Path], given: bool) -> list[PlaneDrift]:
     ]  # fmt: skip
 
 
-def _of_planes(bench: Bench, first: Path, planes: list[PlaneDrift], before: list[Finding]) -> list[Finding]:
+def _of_planes(setup: AuditSetup, first: Path, planes: list[PlaneDrift], before: list[Finding]) -> list[Finding]:
     """The finding on all planes; and on the worst of them for all cycles, unless the law is known to drift anyway."""
-    sentence, figures = tell_planes(bench, planes)
+    sentence, metrics = tell_planes(setup, planes)
     fault = "; ".join(by_reason([p for p in planes if p.failed]))
-    found = [Finding("planes", sentence, figures, fault)]
+    found = [Finding("planes", sentence, metrics, fault)]
     worst = worst_plane(planes)
-    known = Repeatability.DRIFTS in _seen(before, bench)
-    if worst is None or known or worst.as_run <= bench.tolerance or _by_step(bench, worst):
+    known = Repeatability.DRIFTS in _seen(before, setup)
+    if worst is None or known or worst.as_run <= setup.tolerance or _by_step(setup, worst):
         return found
-    loop = bench.loop(worst.plane, worst.size)
-    slower = min(1.0, loop.duration / first.duration)  # what settles needs time: as long a cycle as the others have
+    loop = setup.loop(worst.plane, worst.size)
+    slower = min(1.0, loop.duration / first.duration)  # what converges needs time: as long a cycle as the others have
     loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
-    return [*found, _asked(f"cycles in {worst.name}", lambda: ask_cycles(bench, loop))]
+    return [*found, _asked(f"cycles in {worst.name}", lambda: ask_cycles(setup, loop))]
 
 
-def _by_step(bench: Bench, plane: PlaneDrift) -> bool:
+def _by_step(setup: AuditSetup, plane: PlaneDrift) -> bool:
     """Whether a plane's loop drifts by the error of the step alone."""
-    return plane.as_run > bench.tolerance and step_alone(plane.as_run, plane.drift, bench.tolerance)
+    return plane.as_run > setup.tolerance and step_alone(plane.as_run, plane.drift, setup.tolerance)
 
 
-def _seen(findings: list[Finding], bench: Bench) -> set[Repeatability]:
+def _seen(findings: list[Finding], setup: AuditSetup) -> set[Repeatability]:
     """What the cycles of each loop say."""
-    loops = [f.figures for f in findings if f.question.startswith("cycles") and f.figures]
-    return {of_cycles(figures, bench.tolerance, bench.cycles) for figures in loops}
+    loops = [f.metrics for f in findings if f.question.startswith("cycles") and f.metrics]
+    return {of_cycles(metrics, setup.tolerance, setup.cycles) for metrics in loops}
 
 
-def _verdict(bench: Bench, findings: list[Finding], planes: list[PlaneDrift]) -> Repeatability:
-    seen = _seen(findings, bench)
+def _verdict(setup: AuditSetup, findings: list[Finding], planes: list[PlaneDrift]) -> Repeatability:
+    seen = _seen(findings, setup)
     if not seen or (Repeatability.DRIFTS not in seen and any(f.fault for f in findings)):
         return Repeatability.UNKNOWN
-    strayed = [p for p in planes if p.tested and p.as_run > bench.tolerance]
-    if any(_by_step(bench, p) for p in strayed):
+    strayed = [p for p in planes if p.tested and p.as_run > setup.tolerance]
+    if any(_by_step(setup, p) for p in strayed):
         seen.add(Repeatability.BUT_FOR_THE_STEP)
-    if not all(_by_step(bench, p) for p in strayed) and Repeatability.DRIFTS not in seen:
+    if not all(_by_step(setup, p) for p in strayed) and Repeatability.DRIFTS not in seen:
         seen.add(Repeatability.CONVERGES)  # whatever the slower cycles in the worst plane say
-    others = [f.figures for f in findings if f.question in ("ways", "speed", "history")]
-    sound = all(f and f["apart"] <= bench.tolerance + f.get("of_the_step", 0.0) for f in others)
+    others = [f.metrics for f in findings if f.question in ("ways", "speed", "history")]
+    sound = all(f and f["apart"] <= setup.tolerance + f.get("of_the_step", 0.0) for f in others)
     if seen <= {Repeatability.REPEATS, Repeatability.BUT_FOR_THE_STEP} and not sound:
         return Repeatability.CONVERGES
     order = (Repeatability.DRIFTS, Repeatability.CONVERGES, Repeatability.BUT_FOR_THE_STEP, Repeatability.REPEATS)

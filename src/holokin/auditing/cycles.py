@@ -100,17 +100,17 @@ def find_cycles(
         raise _no_cycles(recording, robot, tip, orientation, length_scale)
     points = int(np.clip(_FINE * period.length / extent, _TEMPLATE, _MOST_TEMPLATE))
     path = tool_path(motion, max(period.length / points, NOISE_STEPS * noise), noise)
-    home, length = _home(path, *_first_round(path, period), noise, 0.1 * extent)
-    template = path.point(home + length * np.arange(points) / points)
+    begin, length = _begin_of(path, *_first_round(path, period), noise, 0.1 * extent)
+    template = path.point(begin + length * np.arange(points) / points)
     mirror = _mirror(template)
     size = float(np.linalg.norm(template.max(axis=0) - template.min(axis=0)))
     if mirror is not None:
-        turn = home + mirror * length
+        turn = begin + mirror * length
         if np.linalg.norm(path.point(turn) - path.point(turn + length / 2)) < _STRAY * size:
-            home, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
-            template = path.point(home + length * np.arange(points) / points)
+            begin, length, mirror = turn, length / 2, None  # there and back round a closed loop: two cycles
+            template = path.point(begin + length * np.arange(points) / points)
     tracks = _tracks(path, template, length, max(_STRAY * size, 1.5 * path.step), mirror)
-    return _cut(recording, path, tracks, home, length, size, mirror, points)
+    return _cut(recording, path, tracks, begin, length, size, mirror, points)
 
 
 def _no_cycles(
@@ -140,7 +140,7 @@ def _first_round(path: ToolPath, period: Period) -> tuple[float, float]:
     return float(begin), length
 
 
-def _home(path: ToolPath, begin: float, length: float, noise: float, most: float) -> tuple[float, float]:
+def _begin_of(path: ToolPath, begin: float, length: float, noise: float, most: float) -> tuple[float, float]:
     """Arc length at which the repeating begins, to the last anchor, and the length of the round from there; points that
     correspond are looked for within `most` [m]."""
     from scipy.ndimage import binary_closing
@@ -205,7 +205,7 @@ def _mirror(template: Matrix) -> float | None:
 
 
 def _tracks(
-    path: ToolPath, template: Matrix, length: float, stray: float, mirror: float | None
+    path: ToolPath, template: Matrix, length: float, width: float, mirror: float | None
 ) -> list[_Track]:  # fmt: skip
     """Stretches of the log that run along the template, forward or backward, each as long as it goes."""
     from scipy.spatial import KDTree
@@ -222,8 +222,8 @@ def _tracks(
         moves = np.gradient(path.z[early:late], axis=0)[i - early : j - early]
         moves /= np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300)
         way[i:j] = np.einsum("ij,ij->i", moves, ahead[facing[i:j]])
-    seeds = (distance < stray) & (np.abs(way) > 0.8)
-    walk = _Walk(path, template, length, stray, distance <= stray, facing)
+    seeds = (distance < width) & (np.abs(way) > 0.8)
+    tracker = _Tracker(path, template, length, width, distance <= width, facing)
     out: list[_Track] = []
     j, done = 0, 0
     while j < len(path.z):
@@ -233,8 +233,8 @@ def _tracks(
         sign, at = (1 if way[j] > 0 else -1), int(facing[j])
         if mirror is not None and sign < 0:  # the way back is the second half of the path itself
             sign, at = 1, round(2 * mirror * count - at) % count
-        later = walk.run(j, at, sign, 1, len(path.z) - 1)
-        earlier = walk.run(j, at, sign, -1, done)
+        later = tracker.run(j, at, sign, 1, len(path.z) - 1)
+        earlier = tracker.run(j, at, sign, -1, done)
         phases = np.array([*earlier[:0:-1], *later]) * sign
         anchors = np.arange(j - len(earlier) + 1, j + len(later))
         low = int(np.flatnonzero(phases == phases.min())[-1])  # what stood before a turn belongs to no track
@@ -247,18 +247,18 @@ def _tracks(
     return out
 
 
-class _Walk:
+class _Tracker:
     """Follows the template from anchor to anchor."""
 
     def __init__(
-        self, path: ToolPath, template: Matrix, length: float, stray: float, near: Array, facing: Indices
+        self, path: ToolPath, template: Matrix, length: float, width: float, near: Array, facing: Indices
     ) -> None:
-        self.z, self.template, self.stray = path.z, template, stray
+        self.z, self.template, self.width = path.z, template, width
         self.windows = ((2.0 * np.diff(path.s) / length * len(template)).astype(int) + 3).tolist()
         self.near, self.facing = near.tolist(), facing.tolist()  # lists of small numbers: quick, and not large
 
     def run(self, j: int, at: int, sign: int, time: int, limit: int) -> list[int]:
-        """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool strays."""
+        """Template indices, unwrapped, of the anchors from j on (time = 1) or back (-1), until the tool leaves it."""
         count, way = len(self.template), sign * time
         found = [at]
         while j != limit:
@@ -272,7 +272,7 @@ class _Walk:
                 gap = self.template[indices % count] - self.z[j]
                 d = np.einsum("ij,ij->i", gap, gap)
                 ahead = int(np.argmin(d))
-                if d[ahead] > self.stray * self.stray:
+                if d[ahead] > self.width * self.width:
                     break
             at += way * ahead
             found.append(at)
@@ -280,12 +280,12 @@ class _Walk:
 
 
 def _cut(
-    recording: Recording, path: ToolPath, tracks: list[_Track], home: float, length: float, size: float,
+    recording: Recording, path: ToolPath, tracks: list[_Track], begin: float, length: float, size: float,
     mirror: float | None, points: int,
 ) -> Cycles:  # fmt: skip
     """Whole rounds of the tracks, at `PHASES` equal tool poses."""
     phase = np.arange(PHASES + 1) / PHASES
-    target = path.point(home + length * phase)
+    target = path.point(begin + length * phase)
     target[-1] = target[0]
     rounds, direction = [], []
     for track in tracks:

@@ -10,7 +10,7 @@ import numpy as np
 from ..motion import ControlLaw, Step
 from ..path import Path
 from ..types import Matrix, Vector
-from .questions import ALIKE, Answer, Bench, largest
+from .questions import ALIKE, Answer, AuditSetup, largest
 
 PLACES = 5
 """Places along the way at which calls are asked again, in every past."""
@@ -73,7 +73,7 @@ class _Tally:
             self.returned = True
 
 
-def ask_history(bench: Bench, path: Path) -> Answer:
+def ask_history(setup: AuditSetup, path: Path) -> Answer:
     """Old calls asked again: at once, in the middle of a run, in new runs, in runs begun there; and whole runs again.
 
     Raises: ControllerError.
@@ -81,18 +81,18 @@ def ask_history(bench: Bench, path: Path) -> Answer:
     half = path.part(0.0, 0.5)
     first: list[_Call] = []
     tally = _Tally()
-    ends = [bench.run_of(_recorded(bench.law, first), half).q[-1]]
+    ends = [setup.run_of(_recorded(setup.law, first), half).q[-1]]
     for _ in range(RUNS - 1):
-        ends.append(bench.run_of(_compared(bench.law, first, tally), half).q[-1])
-    bench.run_of(_questioned(bench.law, first, tally, bench.start), half)
+        ends.append(setup.run_of(_compared(setup.law, first, tally), half).q[-1])
+    setup.run_of(_questioned(setup.law, first, tally, setup.start), half)
     apart = max(largest(end - ends[0]) for end in ends)
     asked, other = sum(tally.asked.values()), sum(tally.other.values())
-    figures = {
+    metrics = {
         "calls": float(asked), "otherwise": float(other), "rates_apart": tally.rate, "share": tally.share,
         "apart": apart,
     }  # fmt: skip
     if not other:
-        return f"no memory seen in {asked} calls asked again: {', '.join(tally.asked)}", figures
+        return f"no memory seen in {asked} calls asked again: {', '.join(tally.asked)}", metrics
     where = ", ".join(f"{past} {count} of {tally.asked[past]}" for past, count in tally.other.items())
     size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
     what = "remembers its past, or is random"
@@ -100,7 +100,7 @@ def ask_history(bench: Bench, path: Path) -> Answer:
         what = "remembers where its run began"
     elif tally.returned:
         what = "alternates between answers"
-    return f"{what}: asked again it answers otherwise, {where}, {size}", figures
+    return f"{what}: asked again it answers otherwise, {where}, {size}", metrics
 
 
 def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:

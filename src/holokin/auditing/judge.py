@@ -15,7 +15,7 @@ class Repeatability(Enum):
 
     REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
     BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
-    CONVERGES = "settles: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
+    CONVERGES = "converges: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
     ALTERNATES = "alternates: the joints at a tool pose come back every second cycle only"
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"
     UNDECIDED = "cannot tell: the log does not decide whether the joints drift"

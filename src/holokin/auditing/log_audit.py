@@ -83,7 +83,7 @@ def audit_recording(
     def judged(members: Indices) -> DriftTrend:
         joints, at = visits[members, :-1], slice(0, -1)
         moves, when = joints - cycles.q[members, :-1], members
-        if len(members) < FEWEST and members[-1] - members[0] < len(members):  # at home there is one visit more
+        if len(members) < FEWEST and members[-1] - members[0] < len(members):  # at the start there is one visit more
             closed = np.vstack([np.zeros(n), np.cumsum(drift[members], axis=0)])
             joints, at = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
             moves, when = np.zeros_like(joints), np.arange(len(members) + 1)

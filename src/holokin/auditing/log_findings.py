@@ -1,4 +1,4 @@
-"""What the audit of a log found: figures, and words that say how sure they are and what the log does not test."""
+"""What the audit of a log found: metrics, and words that say how sure they are and what the log does not test."""
 
 from __future__ import annotations
 
@@ -284,7 +284,7 @@ def _settles(audit: LogAudit) -> str:
         text = "the first cycles drift, the last do not"
     else:
         text = "cycles of one kind repeat"
-    return f"settles: {text}{_differences(audit)}"
+    return f"converges: {text}{_differences(audit)}"
 
 
 def _undecided(audit: LogAudit) -> str:

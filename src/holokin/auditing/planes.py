@@ -50,7 +50,7 @@ def row_twists(task: Task, rotation: Matrix) -> Matrix:
 
 
 def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
-    """A loop of four sides from a tool pose: row i, row j, row i back, and the way home.
+    """A loop of four sides from a tool pose: row i, row j, row i back, and the way back.
 
     Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
     loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller

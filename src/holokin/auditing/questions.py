@@ -1,6 +1,6 @@
 """The questions that `audit` asks of a law. Each runs it, through `simulate`, and judges where the joints end.
 
-A question answers with a sentence and its figures, by name [joint units unless the name says else].
+A question answers with a sentence and its metrics, by name [joint units unless the name says else].
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ALIKE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class AuditSetup:
     """What every question needs."""
 
     law: ControlLaw
@@ -95,44 +95,44 @@ def largest(difference: Vector) -> float:
     return float(np.abs(difference).max())
 
 
-def ask_cycles(bench: Bench, path: Path) -> Answer:
+def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     """Drift per cycle and after all, how it goes on, and the worst tracking. Raises: ControllerError."""
-    walk = bench.run(path, cycles=bench.cycles)
-    unfollowed = bench.went_round(walk, path)
+    walk = setup.run(path, cycles=setup.cycles)
+    unfollowed = setup.went_round(walk, path)
     if unfollowed:
-        raise ControllerError(bench.law.name, unfollowed, walk)
-    fine = bench.run(path, dt=bench.dt / 2)
+        raise ControllerError(setup.law.name, unfollowed, walk)
+    fine = setup.run(path, dt=setup.dt / 2)
     each = np.abs(walk.drift()).max(axis=1)
     total = largest(walk.drift_since_start()[-1])
     finer = fine.drift()[0]
     law = largest(2 * finer - walk.drift()[0])  # the step's share falls with the step: this is what is left of it
-    figures = {
+    metrics = {
         "first": float(each[0]), "last": float(each[-1]), "after_all": total, "first_without_step": law,
         "tracking_m": walk.tracking_error(), "tracking_rad": walk.tracking_error("rad"),
     }  # fmt: skip
-    track = f"tracks to {1e3 * figures['tracking_m']:.3g} mm"
+    track = f"tracks to {1e3 * metrics['tracking_m']:.3g} mm"
     if walk.tracking_error("rad") > 0:
-        track += f", {figures['tracking_rad']:.2g} rad"
+        track += f", {metrics['tracking_rad']:.2g} rad"
     sentences = {
-        Repeatability.REPEATS: f"back within {max(float(each.max()), total):.1e} after {bench.cycles} cycles",
-        Repeatability.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {bench.dt:g} s alone",
-        Repeatability.CONVERGES: f"strays {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: settles",
-        Repeatability.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {bench.cycles}, "
+        Repeatability.REPEATS: f"back within {max(float(each.max()), total):.1e} after {setup.cycles} cycles",
+        Repeatability.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {setup.dt:g} s alone",
+        Repeatability.CONVERGES: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: converges",
+        Repeatability.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {setup.cycles}, "
         f"{total:.3g} in all",
     }
-    wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, bench.tolerance)
+    wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, setup.tolerance)
     turned = [f"{name} by {k:+d}" for name, k in zip(walk.joint_names, wound, strict=True) if k]
     if turned:
         track = f"whole turns in the first cycle: {', '.join(turned)}; {track}"
-    return f"{sentences[of_cycles(figures, bench.tolerance, bench.cycles)]}; {track}", figures
+    return f"{sentences[of_cycles(metrics, setup.tolerance, setup.cycles)]}; {track}", metrics
 
 
-def of_cycles(figures: dict[str, float], tolerance: float, cycles: int) -> Repeatability:
+def of_cycles(metrics: dict[str, float], tolerance: float, cycles: int) -> Repeatability:
     """What the cycles of one loop say."""
-    first, last = figures["first"], figures["last"]
-    if max(first, figures["after_all"]) <= tolerance:
+    first, last = metrics["first"], metrics["last"]
+    if max(first, metrics["after_all"]) <= tolerance:
         return Repeatability.REPEATS
-    if step_alone(first, figures["first_without_step"], tolerance) and figures["after_all"] <= 1.5 * cycles * first:
+    if step_alone(first, metrics["first_without_step"], tolerance) and metrics["after_all"] <= 1.5 * cycles * first:
         return Repeatability.BUT_FOR_THE_STEP
     if last <= 0.5 * first or (last <= tolerance < first):
         return Repeatability.CONVERGES
@@ -170,17 +170,17 @@ class PlaneDrift:
         return not self.untested
 
 
-def ask_plane(bench: Bench, plane: tuple[int, int]) -> PlaneDrift:
+def ask_plane(setup: AuditSetup, plane: tuple[int, int]) -> PlaneDrift:
     """The drift of one loop in a plane. A law's fault there is told in the answer."""
-    name, unfollowed = plane_name(bench.task, *plane), ""
+    name, unfollowed = plane_name(setup.task, *plane), ""
     try:
         for size in SIZES:
-            path = bench.loop(plane, size)
-            walk = bench.run(path)
-            why = bench.went_round(walk, path)
+            path = setup.loop(plane, size)
+            walk = setup.run(path)
+            why = setup.went_round(walk, path)
             unfollowed = unfollowed or why
             if not why:
-                return _plane_drift(bench, plane, name, path, walk, size)
+                return _plane_drift(setup, plane, name, path, walk, size)
     except ControllerError as problem:
         return PlaneDrift(plane, name, untested=problem.fact, failed=True)
     except ArgumentError:
@@ -191,15 +191,15 @@ def ask_plane(bench: Bench, plane: tuple[int, int]) -> PlaneDrift:
 
 
 def _plane_drift(
-    bench: Bench, plane: tuple[int, int], name: str, path: Path, walk: Trajectory, size: float
+    setup: AuditSetup, plane: tuple[int, int], name: str, path: Path, walk: Trajectory, size: float
 ) -> PlaneDrift:  # fmt: skip
     drift = walk.drift()[0]
     as_run = largest(drift)
     if as_run > NO_DRIFT:
-        drift = 2 * bench.run(path, dt=bench.dt / 2).drift()[0] - drift
-    a, b = sides(bench.task, *plane)
-    area = a * b * abs(float(enclosed(bench.task, path, bench.tool[:3, :3])[plane]))
-    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(bench.task, *plane)}"
+        drift = 2 * setup.run(path, dt=setup.dt / 2).drift()[0] - drift
+    a, b = sides(setup.task, *plane)
+    area = a * b * abs(float(enclosed(setup.task, path, setup.tool[:3, :3])[plane]))
+    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(setup.task, *plane)}"
     return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / area, unit, size)
 
 
@@ -209,27 +209,27 @@ def worst_plane(planes: Sequence[PlaneDrift]) -> PlaneDrift | None:
     return max(known, key=lambda p: p.drift, default=None)
 
 
-def tell_planes(bench: Bench, planes: Sequence[PlaneDrift]) -> Answer:
+def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
     """The planes in one sentence: the worst, and those that were not tested."""
     worst = worst_plane(planes)
-    figures = {p.name: p.drift for p in planes if p.tested and np.isfinite(p.drift)}
+    metrics = {p.name: p.drift for p in planes if p.tested and np.isfinite(p.drift)}
     said = []
     if worst is not None:
-        long = zip(sides(bench.task, *worst.plane, worst.size), worst.plane, strict=True)
-        a, b = (f"{side:g} {bench.task.units[k]}" for side, k in long)
-        figures["worst_per_area"] = worst.per_area
+        long = zip(sides(setup.task, *worst.plane, worst.size), worst.plane, strict=True)
+        a, b = (f"{side:g} {setup.task.units[k]}" for side, k in long)
+        metrics["worst_per_area"] = worst.per_area
         said.append(
-            f"{len(figures) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
+            f"{len(metrics) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
             f"{worst.name} round {a} by {b}, {worst.per_area:.3g} {worst.unit}"
         )
-        if step_alone(worst.as_run, worst.drift, bench.tolerance):
+        if step_alone(worst.as_run, worst.drift, setup.tolerance):
             said[-1] += f" ({worst.as_run:.2g} with the error of the step)"
     elif any(p.tested for p in planes):
         said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
     elif not planes:
         said.append("a task of one row has none: every closed way goes there and back")
     said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
-    return "; ".join(said), figures
+    return "; ".join(said), metrics
 
 
 def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
@@ -241,89 +241,89 @@ def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
     return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
 
 
-def ask_ways(bench: Bench, path: Path) -> Answer:
+def ask_ways(setup: AuditSetup, path: Path) -> Answer:
     """Two ways to one tool pose from the start. Raises: ControllerError."""
     a, b = path.ways()
-    fresh = largest(bench.run(a).q[-1] - bench.run(b).q[-1])
-    finer = largest(bench.run(a, dt=bench.dt / 2).q[-1] - bench.run(b, dt=bench.dt / 2).q[-1])
-    figures = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
-    same = fresh <= bench.tolerance + figures["of_the_step"]
-    return f"{'the same' if same else 'not the same'} joints by two ways to one pose: {fresh:.2g} apart", figures
+    fresh = largest(setup.run(a).q[-1] - setup.run(b).q[-1])
+    finer = largest(setup.run(a, dt=setup.dt / 2).q[-1] - setup.run(b, dt=setup.dt / 2).q[-1])
+    metrics = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
+    same = fresh <= setup.tolerance + metrics["of_the_step"]
+    return f"{'the same' if same else 'not the same'} joints by two ways to one pose: {fresh:.2g} apart", metrics
 
 
-def ask_speed(bench: Bench, path: Path) -> Answer:
+def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
 
     Raises: ControllerError.
     """
     half = path.part(0.0, 0.5)
-    ends = [bench.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
-    scaled = bench.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=bench.dt / 2).q[-1]
+    ends = [setup.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
+    scaled = setup.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=setup.dt / 2).q[-1]
     apart = max(largest(ends[0] - ends[1]), largest(ends[2] - ends[1]))
     step = 2 * largest(ends[2] - scaled)
-    same = apart <= bench.tolerance + step
-    figures = {"apart": apart, "of_the_step": step}
-    return f"{'does not depend' if same else 'depends'} on speed: {apart:.2g} between half and twice", figures
+    same = apart <= setup.tolerance + step
+    metrics = {"apart": apart, "of_the_step": step}
+    return f"{'does not depend' if same else 'depends'} on speed: {apart:.2g} between half and twice", metrics
 
 
-def ask_start(bench: Bench, path: Path) -> Answer:
+def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """From another posture with the same tool pose: does the difference stay, or does the law forget it?
 
     Raises: ControllerError.
     """
-    if bench.task.n - bench.task.m != 1:
+    if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
-    curve = self_motion(bench.task, bench.start, step=0.02, length=0.1)
+    curve = self_motion(setup.task, setup.start, step=0.02, length=0.1)
     other = curve.q[int(np.argmax(np.abs(curve.s)))]
-    before = largest(other - bench.start)
-    ends = [bench.run(path, q, cycles=bench.cycles).q[-1] for q in (bench.start, other)]
+    before = largest(other - setup.start)
+    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.start, other)]
     after = largest(ends[1] - ends[0])
-    figures = {"before": before, "after": after}
+    metrics = {"before": before, "after": after}
     said = "forgets" if after < 0.5 * before else "keeps"
-    return f"{said} its start: {before:.2g} apart at first, {after:.2g} after {bench.cycles} cycles", figures
+    return f"{said} its start: {before:.2g} apart at first, {after:.2g} after {setup.cycles} cycles", metrics
 
 
-def ask_small_loops(bench: Bench, plane: tuple[int, int] | None) -> Answer:
+def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     """A local strategy dq = G(q) x' drifts by area times curvature: as the size squared, and back if reversed.
 
     Raises: ControllerError, SingularityError.
     """
     if plane is None:
         return "not asked: a task of one row has no plane to loop in", {}
-    name = plane_name(bench.task, *plane)
+    name = plane_name(setup.task, *plane)
     drifts, shares = [], []
     for scale, backward, seconds in (
         (SMALL, False, 4.0), (SMALL / 2, False, 4.0), (SMALL / 2, True, 4.0), (SMALL / 2, False, 8.0),
     ):  # fmt: skip
-        loop = bench.loop(plane, scale)
+        loop = setup.loop(plane, scale)
         loop = loop.reversed() if backward else loop
         slower = loop.duration / seconds
         loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
-        d, finer = (bench.run(loop, dt=dt).drift()[0] for dt in (bench.dt, bench.dt / 2))
+        d, finer = (setup.run(loop, dt=dt).drift()[0] for dt in (setup.dt, setup.dt / 2))
         drifts.append(2 * finer - d)  # the step's share falls with the step
         shares.append(largest(finer - d))
     big, small, back, slow = drifts
     size = max(largest(small), 1e-15)
-    a, b = sides(bench.task, *plane, SMALL / 2)
-    figures = {
+    a, b = sides(setup.task, *plane, SMALL / 2)
+    metrics = {
         "ratio": largest(big) / size, "turned": largest(small + back) / size,
         "hurried": largest(small - slow) / size, "drift_per_area": size / (a * b),
     }  # fmt: skip
-    figures["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]) else largest(big)
-    if not figures["drift"]:
-        return f"none drifts in {name}: {largest(big):.1e} at the most", figures
+    metrics["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]) else largest(big)
+    if not metrics["drift"]:
+        return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
-        f"in {name}: ratio {figures['ratio']:.2f} for twice the size, changed by {figures['turned']:.0%} backwards and "
-        f"by {figures['hurried']:.0%} at half the speed"
+        f"in {name}: ratio {metrics['ratio']:.2f} for twice the size, changed by {metrics['turned']:.0%} backwards and "
+        f"by {metrics['hurried']:.0%} at half the speed"
     )
-    if 2.8 < figures["ratio"] < 5.6 and figures["turned"] < 0.5 and figures["hurried"] < 0.05:
-        per = f"{figures['drift_per_area']:.3g} per {area_unit(bench.task, *plane)}"
-        return f"obey the area law ({facts}): a local strategy, {per}", figures
-    return f"obey no area law ({facts}): not of the form dq = G(q) x'", figures
+    if 2.8 < metrics["ratio"] < 5.6 and metrics["turned"] < 0.5 and metrics["hurried"] < 0.05:
+        per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
+        return f"obey the area law ({facts}): a local strategy, {per}", metrics
+    return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
 
 
-def widest(bench: Bench, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:
+def widest(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:
     """The plane for small loops: that which drifts most, else that in which the loops enclose most area."""
     worst = worst_plane(planes) or max((p for p in planes if p.tested), key=lambda p: p.size, default=None)
-    every = pairs(bench.task.m)
+    every = pairs(setup.task.m)
     return worst.plane if worst is not None else every[0] if every else None

@@ -1,4 +1,4 @@
-"""How joints at equal tool poses go on over the cycles of a log: equal, drifting, settling, alternating, undecided."""
+"""Joints at equal tool poses over the cycles of a log: equal, drifting, converging, alternating, undecided."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Trend(Enum):
     """How the joints at equal tool poses go on over the cycles."""
 
     ZERO = "no change beyond tolerance and noise"
-    DECAYS = "the drift fades: the cycles settle"
+    DECAYS = "the drift fades: the cycles converge"
     CONSTANT = "the drift goes on"
     ALTERNATES = "the joints alternate from cycle to cycle"
     UNDECIDED = "the log does not decide"
@@ -107,7 +107,7 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
     r"""Judge how visits at equal tool poses go on over the cycles.
 
     They are fitted by $a + b (1 - r^c) / (1 - r)$ over the cycle number c, with a and b of each phase and one r, since
-    the map from one cycle to the next has the same factor at every phase: r = 1 is a steady drift, |r| < 1 settles,
+    the map from one cycle to the next has the same factor at every phase: r = 1 is a steady drift, |r| < 1 converges,
     r = -1 alternates. A change must exceed the noise at one phase, or in the average of all, with `CONFIDENCE`. Noise
     is the scatter about the best a + b c + e r^c, at least that of the encoders, and more where successive cycles
     scatter alike. The interval of r then tells the trend; where it holds several, the trend is undecided.
@@ -173,8 +173,8 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
         return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
     if high <= -fading:
         return found(Trend.ALTERNATES, ratio, (low, high))
-    settled = later is None or later.trend in (Trend.ZERO, Trend.DECAYS) or hidden <= tolerance
-    if -fading <= low and high <= fading and settled:
+    converged = later is None or later.trend in (Trend.ZERO, Trend.DECAYS) or hidden <= tolerance
+    if -fading <= low and high <= fading and converged:
         f = _shape(ratio, c)
         b = f @ visits.y[:, at] / (f @ f)
         left = visits.axes[at] @ b * ratio ** (k - 1) / (1 - ratio)

@@ -39,7 +39,7 @@ Convert = Callable[..., Sequence[Array]]
 """(arguments as they were given) -> arrays of the right shapes. Raises typed errors."""
 
 Doubt = Callable[..., Any]
-"""(arguments, then results, then figures) -> what the call gives, where something is not finite or not sound."""
+"""(arguments, then results, then measures) -> what the call gives, where something is not finite or not sound."""
 
 
 class Evaluator:
@@ -48,10 +48,10 @@ class Evaluator:
     Args:
         made, inputs, outputs: the program and its shapes.
         port: the memory on which the virtual machine runs.
-        results: the shapes in which the first outputs are given; those beyond are figures, single numbers.
-        bounds: above which a figure is sound.
+        results: the shapes in which the first outputs are given; those beyond are measures, single numbers.
+        bounds: above which a measure is sound.
         convert: makes arrays of arguments that are none of the right kind and shape.
-        doubt: what to do where something is not finite or a figure is not sound: it raises, or gives a result. Without
+        doubt: what to do where something is not finite or a measure is not sound: it raises, or gives a result. Without
             it everything is given as it is.
     """
 

@@ -95,8 +95,8 @@ class BatchKernel:
 class FollowKernel:
     """hk_follow: many steps along a path in one call.
 
-    "leaf": by a Newton step (q, p, R, c) -> (dq, conditioning, margin, sign of det).
-    "velocity": by Runge-Kutta steps of (q, p, R, v, w) -> (dq, conditioning, margin, largest task error).
+    "leaf": by a Newton step (q, p, R, c) -> (dq, rcond, margin, sign of det).
+    "velocity": by Runge-Kutta steps of (q, p, R, v, w) -> (dq, rcond, margin, largest task error).
     more: C that the drivers need besides, of which "leaf" takes the extended Jacobian and its change.
     build: False for one whose library is in the cache, or none.
     """
@@ -118,7 +118,7 @@ class FollowKernel:
         self._run.restype = ctypes.c_longlong
 
     def __call__(
-        self, segments: Array, counts: Indices, home: Array | None, x: Array, steps: tuple[int, int],
+        self, segments: Array, counts: Indices, closing: Array | None, x: Array, steps: tuple[int, int],
         limits: tuple[Array, Array], rules: ctypes.Structure, Q: Array,
     ) -> int:  # fmt: skip
         """Do the steps [first, last) of a cycle into the rows of Q; returns how many it did.
@@ -126,7 +126,7 @@ class FollowKernel:
         x begins with the posture to start from; for "leaf" it is (q, p, R, c, rate).
         """
         return self._run(
-            segments.ctypes.data, counts.ctypes.data, None if home is None else home.ctypes.data, x.ctypes.data,
+            segments.ctypes.data, counts.ctypes.data, None if closing is None else closing.ctypes.data, x.ctypes.data,
             *steps, limits[0].ctypes.data, limits[1].ctypes.data, ctypes.addressof(rules), Q.ctypes.data,
         )  # fmt: skip
 

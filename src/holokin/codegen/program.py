@@ -32,7 +32,7 @@ class System:
     B: ca.SX
     X: ca.SX
     figures: ca.SX
-    """(2,): conditioning, orientation."""
+    """(2,): rcond, orientation."""
 
 
 @dataclass(frozen=True)

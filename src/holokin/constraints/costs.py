@@ -67,7 +67,7 @@ def stationary(
 
     def margin(task: Task, k: Kinematics, q: SX) -> SX:
         a, _ = split(task)
-        return factorise(task.jacobian_expression(k, q)[:, a]).conditioning()
+        return factorise(task.jacobian_expression(k, q)[:, a]).rcond()
 
     return Constraint(label, rows, expression, (False,) * rows, margin if free is not None else None)
 

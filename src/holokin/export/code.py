@@ -32,7 +32,7 @@ PRECISE_FLOAT, CLEAR_FLOAT = 0.04, 0.03
 """The same where it still has four digits; in between the status says that it has not. Measured on random postures."""
 
 LEAST_FLOAT, BOTH_FLOAT = 5e-5, 0.01
-"""Products of the two figures with the same meanings: near both singularities at once errors multiply."""
+"""Products of rcond and margin with the same meanings: near both singularities at once errors multiply."""
 
 ALMOST_FLOAT, DONE_FLOAT = 1e-3, 1e-4
 """Corrections of which one more is the last, and after which none is needed, in single precision."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
-from ..motion.leaf import leaf_step, leaf_walker, straight_way
+from ..motion.leaf import leaf_follower, leaf_step, straight_way
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
@@ -106,16 +106,18 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         try:
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
-            home = leaf_walker(holonomic, q, PIECES // 2)(q, straight_way(s.task, q, position, pose[:3, :3], levels))
+            there_q = leaf_follower(holonomic, q, PIECES // 2)(
+                q, straight_way(s.task, q, position, pose[:3, :3], levels)
+            )
         except HolokinError:
             return None
         step = leaf_step(holonomic)(q, position, rotation, c)[0]
-        precise = precise and _is_precise(*s.gain(home)[1:])
+        precise = precise and _is_precise(*s.gain(there_q)[1:])
         values |= {
             "c": c,
             "g": np.atleast_1d(holonomic.constraint_value(q)),
             "leaf": np.atleast_1d(step),
-            "inverse": home,
+            "inverse": there_q,
         }
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))

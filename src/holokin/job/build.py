@@ -20,7 +20,7 @@ from ..errors import (
     SingularityError,
     posture_text,
 )
-from ..motion import settle
+from ..motion import move_to_leaf
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot, load
 from ..strategies import HolonomicStrategy, Strategy
@@ -131,18 +131,18 @@ def _typed(point: Vector) -> str:
 
 
 def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
-    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one settled from it.
+    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one moved to from it.
 
-    Raises: BranchError where settling fails; else as `settle`.
+    Raises: BranchError where moving to the leaf fails; else as `move_to_leaf`.
     """
     if not isinstance(table, ConstraintTable) or table.leaf is None:
         return start, ""
     leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
     try:
-        begin = settle(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
+        begin = move_to_leaf(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
-        fact = f"settling failed: from the start posture to leaf {leaf}, {fact}"
+        fact = f"moving to the leaf failed: from the start posture to level {leaf}, {fact}"
         raise BranchError(fact, f"{cure}, or another leaf") from problem
     at = posture_text(begin, strategy.task.robot.joint_names)
-    return begin, f"{strategy.name} begins on leaf {leaf}, settled from the start posture, at {at}."
+    return begin, f"{strategy.name} begins on the leaf of level {leaf}, moved to from the start posture, at {at}."

@@ -81,8 +81,8 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
     """Do a job. `say` hears what is going on.
 
-    A strategy that stops at a limit or a singularity is a result; one that cannot be run at all (it cannot settle,
-    the path leaves its workspace, it is singular at the start posture) is in `not_run`, and the others are done.
+    A strategy that stops at a limit or a singularity is a result; one that cannot be run at all (no posture of its leaf
+    is found, the path leaves its workspace, it is singular at the start posture) is in `not_run`; the others are done.
 
     Raises:
         HolokinError: bad input; or no strategy could be run, for the first one's reason.
@@ -121,8 +121,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         apart = _apart(variants)
         expect = job.expect.get(label)
         for variant in variants:
-            figures = variant.figures | {"same_joints": apart}
-            results.append(_checked(variant, figures, expect))
+            metrics = variant.metrics | {"same_joints": apart}
+            results.append(_checked(variant, metrics, expect))
     if first is not None and not results:
         raise first
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
@@ -161,26 +161,26 @@ def _run_strategy(
         ways = (run(a, half, 1), run(b, half, 1))
     walks = [cycles, *(ways or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
-    figures = _figures(strategy, verdict.defect, cycles, ways, invariant)
+    metrics = _metrics(strategy, verdict.defect, cycles, ways, invariant)
     trouble = troubles[0] if troubles else ""
-    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, figures)
+    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, metrics)
 
 
-def _figures(
+def _metrics(
     strategy: Strategy, defect: float, cycles: Trajectory, ways: tuple[Trajectory, Trajectory] | None,
     invariant: Function | None,
 ) -> dict[str, float]:  # fmt: skip
     walks = [cycles, *(ways or ())]
-    figures = dict.fromkeys(("drift", "drift_mean", "drift_total", "drift_least", "drift_most", "spread"), np.nan)
+    metrics = dict.fromkeys(("drift", "drift_mean", "drift_total", "drift_least", "drift_most", "spread"), np.nan)
     if ways is not None and cycles.cycles:
         each = np.abs(cycles.drift()).max(axis=1)
         total = float(np.abs(cycles.drift_since_start()[-1]).max())
-        figures |= {
+        metrics |= {
             "drift": float(each[0]), "drift_total": total, "drift_mean": float(each.mean()),
             "drift_least": float(each.min()), "drift_most": float(each.max()),
         }  # fmt: skip
     if ways is not None and all(w.status is Status.COMPLETE for w in ways):
-        figures["spread"] = float(np.abs(ways[0].q[-1] - ways[1].q[-1]).max())
+        metrics["spread"] = float(np.abs(ways[0].q[-1] - ways[1].q[-1]).max())
     J, _ = strategy.task.jacobian_batch(cycles.q)
     least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, cycles.dq)
     size = float(np.sqrt(np.sum(least**2)))
@@ -190,7 +190,7 @@ def _figures(
     if invariant is not None:
         values = [invariant.batch(w.q).reshape(len(w), -1) for w in walks]
         kept = max(float(np.abs(v - values[0][0]).max()) for v in values)
-    return figures | {
+    return metrics | {
         "defect": defect,
         "tracking": max(w.tracking_error(unit) for w in walks for unit in ("m", "rad")),
         "sigma": min(float(w.sigma.min()) for w in walks),
@@ -214,19 +214,19 @@ def _apart(variants: list[StrategyResult]) -> float:
     return worst
 
 
-def _checked(result: StrategyResult, figures: dict[str, float], expect: ExpectTable | None) -> StrategyResult:
+def _checked(result: StrategyResult, metrics: dict[str, float], expect: ExpectTable | None) -> StrategyResult:
     """With its checks; one of which nothing is expected must be followed to its end all the same."""
     complete = result.status is Status.COMPLETE
     if expect is None:
         if complete:
-            return replace(result, figures=figures)
+            return replace(result, metrics=metrics)
         expect = ExpectTable()
     checks = [Check("completes", str(expect.completes).lower(), result.status.value, complete == expect.completes)]
     if expect.holonomic is not None:
         found = result.verdict.holonomic
         checks.append(Check("holonomic", str(expect.holonomic).lower(), str(found).lower(), found == expect.holonomic))
-    for key, value in figures.items():
+    for key, value in metrics.items():
         bound = getattr(expect, key)
         if bound is not None:
             checks.append(Check(key, str(bound), f"{value:.6g}", bound.holds(value)))
-    return replace(result, figures=figures, checks=tuple(checks))
+    return replace(result, metrics=metrics, checks=tuple(checks))

@@ -18,7 +18,7 @@ from ..types import Vector
 from .table import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100
-"""Runge-Kutta steps of a radial twin: each lengthens the expressions; beyond these the error is round-off."""
+"""Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off."""
 
 
 def _rectangular(rows: Any) -> Any:
@@ -256,7 +256,7 @@ class Stationary(ConstraintTable):
 
 
 class Radial(StrategyTable):
-    """The holonomic twin of the pseudo-inverse, or of a weighted one, around the start posture."""
+    """The radial strategy of the pseudo-inverse, or of a weighted one, around the start posture."""
 
     kind: Literal["radial"]
     weight: FormulaRows | None = None

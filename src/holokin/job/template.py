@@ -174,8 +174,8 @@ def _regular(task: Task, q: Vector) -> float:
     """How far [J; rows of the locked joints] is from singular at q, 1 at best: smallest singular value over largest."""
     J = task.jacobian(q)
     others = [i for i in range(task.n) if i not in _locked(task, q)]
-    figures = np.linalg.svd(J[:, others], compute_uv=False)
-    return float(figures[-1] / figures[0]) if figures[0] > 0 else 0.0
+    values = np.linalg.svd(J[:, others], compute_uv=False)
+    return float(values[-1] / values[0]) if values[0] > 0 else 0.0
 
 
 def _locked(task: Task, q: Vector) -> list[int]:

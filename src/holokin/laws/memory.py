@@ -52,7 +52,7 @@ def impedance_with_memory(
         outputs = {
             "dq": dq,
             "dF": dF,
-            "rcond": extended.conditioning(),
+            "rcond": extended.rcond(),
             "margin": task.margin_expression(k.rotation),
         }
         R, twist = symbol("R", 3, 3), symbol("twist", 6)

@@ -125,9 +125,9 @@ def asymptotically_cyclic(
 
     Args:
         g: constraint of r = n - m rows.
-        leaf: the value (r,) of g to settle on.
+        leaf: the level (r,) of g to converge to.
         constraint_gain: K_g [1/s].
-        exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which settles only to O(1/K_g).
+        exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which converges only to O(1/K_g).
 
     Raises:
         ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
@@ -152,7 +152,7 @@ def _least_norm(s: Symbols, u: SX) -> Solution:
     frame = factorise(s.J.T)
     Q = frame.thin_q()
     inner = factorise(s.J @ Q)
-    return Solution(Q @ inner.solve(u), inner.conditioning())
+    return Solution(Q @ inner.solve(u), inner.rcond())
 
 
 def _projected(s: Symbols, K: float, z: SX) -> Solution:

@@ -4,7 +4,7 @@ from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller, has_leaf, step_function
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
-from .leaf import leaf_value, settle
+from .leaf import leaf_value, move_to_leaf
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
@@ -26,9 +26,9 @@ __all__ = [
     "has_leaf",
     "inverse",
     "leaf_value",
+    "move_to_leaf",
     "open_loop",
     "path_spread",
-    "settle",
     "simulate",
     "step_function",
     "winding",

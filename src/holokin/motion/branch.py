@@ -172,16 +172,16 @@ def _sampled(
 
 
 def branch_code(strategy: HolonomicStrategy) -> str:
-    """C that branch.c needs: figures, the extended Jacobian and, where there is one, the enclosure of its change."""
+    """C that branch.c needs: numbers, the extended Jacobian and, where there is one, the enclosure of its change."""
     task, change = strategy.task, enclosed_change(strategy)
     turn = next((i for i, row in enumerate(task.rows) if row > 2), -1) if task.turns else -1
     angular = int(any(row > 2 for row in task.rows))
-    figures = {
+    numbers = {
         "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
         "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURN": turn, "ANGULAR": angular,
         "ROWS": task.m,
     }  # fmt: skip
-    head = "".join(f"#define HK_{key} {value}\n" for key, value in figures.items())
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
     return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
 

@@ -143,7 +143,7 @@ def compiled(
         found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
-        outputs = {"dq": found.X, "rcond": found.conditioning, "margin": margin}
+        outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin}
         return Function("law", inputs, outputs, found.system)
 
     def begin(q0: Vector) -> Step:

@@ -301,8 +301,8 @@ def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Co
 
 
 def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
-    figures = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
-    return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), figures
+    thresholds = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
+    return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
 
 
 def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
@@ -342,7 +342,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     outputs = {
         "dq": scale * dq,
         "scale": scale,
-        "rcond": found.conditioning,
+        "rcond": found.rcond,
         "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
         "room": room,
         "given": given,

@@ -29,7 +29,7 @@ from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
 from .leaf import leaf_stepper, native_leaf
-from .native import NativeWalk
+from .native import NativeFollower
 from .reach import out_of_reach
 from .velocity import native_velocity, velocity_stepper
 
@@ -159,7 +159,7 @@ def _walk(
 
 
 def _native_steps(
-    fast: NativeWalk, plan: Plan, q: Vector, cycles: int, postures: Matrix
+    fast: NativeFollower, plan: Plan, q: Vector, cycles: int, postures: Matrix
 ) -> Iterator[tuple[int, Vector]]:
     """(steps done, posture) after each block of native steps; ends early where they halt, for `stepper` to tell why."""
     done = 0

@@ -11,7 +11,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
 from ..strategies import HolonomicStrategy
 from ..types import ArrayLike, Value, Vector, finite, frozen
-from .leaf import leaf_value, leaf_walker, straight_way
+from .leaf import leaf_follower, leaf_value, straight_way
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -45,7 +45,7 @@ class InverseKinematics(Value):
         else:
             raise ShapeError("a tool pose", "(4, 4), or (3,)", wanted.shape)
         way = straight_way(self.strategy.task, self.start, p, R, (self._leaf, self._leaf))
-        return leaf_walker(self.strategy, self.start)(self.start, way)
+        return leaf_follower(self.strategy, self.start)(self.start, way)
 
     @cached_property
     def _pose(self):

@@ -21,7 +21,7 @@ from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector, finite, kept
 from .branch import Branch, branch_code
-from .native import NativeWalk
+from .native import NativeFollower
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""
@@ -41,7 +41,7 @@ the joints' distance from it."""
 
 
 REGULAR = 1e-3
-"""Conditioning from which a walk that stops is at no fold."""
+"""rcond from which a follower that stops is at no fold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Way:
 
 @kept
 def leaf_step(strategy: HolonomicStrategy) -> Function:
-    """(q, p, R, c) -> (Newton correction, conditioning, margin, sign of det [J; J_g]).
+    """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det [J; J_g]).
 
     One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
     """
@@ -75,14 +75,14 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
     outputs = {
         "dq": found.X,
-        "conditioning": found.conditioning,
+        "rcond": found.rcond,
         "margin": strategy.margin_expression,
         "side": found.orientation,
     }
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
 
 
-def leaf_walker(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
+def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Args:
@@ -102,13 +102,13 @@ def leaf_walker(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> 
         memory = correct.memory
         at, *target = memory.arguments
         target[0][...], target[1][...], target[2][...] = p, R, c
-        dq, conditioning, margin, here = memory.results
+        dq, rcond, margin, here = memory.results
         at[...] = q
         before = np.inf
         for _ in range(NEWTONS):
             memory.trigger()
             size = max(map(abs, dq.tolist()))
-            sound = conditioning[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
+            sound = rcond[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
             if not (sound and here[0] == side):
                 return None
             last = before <= ALMOST
@@ -144,11 +144,11 @@ def leaf_walker(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> 
             if width < TOLERANCES.smallest_step:
                 break
         strategy(q)  # raises if it is singular already here
-        at, figure = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
-        if figure > REGULAR:
+        at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
+        if rcond > REGULAR:
             raise BranchError(
                 f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
-                f"though [J; J_g] is regular there (conditioning {figure:.1e})",
+                f"though [J; J_g] is regular there (rcond {rcond:.1e})",
                 "write the constraint without kinks and jumps (fabs, fmin, if_else, floor), or take another start",
             )
         raise BranchError(
@@ -178,14 +178,14 @@ def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, leve
 
 
 def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
-    """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_walker`."""
-    walk, c = leaf_walker(strategy, q0), leaf_value(strategy, q0)
+    """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_follower`."""
+    walk, c = leaf_follower(strategy, q0), leaf_value(strategy, q0)
     return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
 def native_leaf(
     strategy: HolonomicStrategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
-) -> NativeWalk | None:
+) -> NativeFollower | None:
     """The same steps as native code, many in one call; None without it, see `Function.follower`."""
     step = leaf_step(strategy)
     kernel = step.follower("leaf", lambda: branch_code(strategy), load=load, build=build)
@@ -196,7 +196,7 @@ def native_leaf(
     rules = LeafRules(
         t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
     )
-    return NativeWalk(kernel, plan, np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0))]), rules, limits)
+    return NativeFollower(kernel, plan, np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0))]), rules, limits)
 
 
 def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
@@ -210,7 +210,7 @@ def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
 
 
 @typed
-def settle(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
+def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
@@ -234,4 +234,4 @@ def settle(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) ->
     pose = task.robot.pose(start, task.tip)
     goal = at + strategy.constraint.nearest(goal - at)
     way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
-    return leaf_walker(strategy, start)(start, way)
+    return leaf_follower(strategy, start)(start, way)

@@ -12,7 +12,7 @@ from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 
 
-class NativeWalk:
+class NativeFollower:
     """A kernel on its way along a plan; `x` is its memory, which begins with the posture."""
 
     def __init__(self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool) -> None:

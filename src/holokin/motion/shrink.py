@@ -78,7 +78,7 @@ class Winding(Value):
 
     @property
     def sentence(self) -> str:
-        """The cause, with its figures."""
+        """The cause, with its metrics."""
         if self.cause is Cause.NONE:
             return self.cause.value
         said = f"{self.cause.value}; drift {_told(self.drift, self)}"

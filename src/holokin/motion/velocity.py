@@ -13,12 +13,12 @@ from ..strategies import Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..tolerances import TOLERANCES
 from ..types import Vector, kept
-from .native import NativeWalk
+from .native import NativeFollower
 
 
 @kept
 def path_rate(strategy: Strategy) -> Function:
-    """(q, p, R, v, w) -> (dq, conditioning, margin, largest task error): G x' for a tool pose and how it moves.
+    """(q, p, R, v, w) -> (dq, rcond, margin, largest task error): G x' for a tool pose and how it moves.
 
     x' are the task rates of the pose (p, R) that moves with v and turns with w; the error is that from q to it.
     """
@@ -29,7 +29,7 @@ def path_rate(strategy: Strategy) -> Function:
     for i in range(task.m):
         off = fmax(off, fabs(error[i]))
     margin = fmin(strategy.margin_expression, task.margin_expression(R))
-    outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": margin, "off": off}
+    outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin, "off": off}
     return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system)
 
 
@@ -46,9 +46,9 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
         p, R = plan.target(i, 1.0)
         off = float(np.abs(error(new, p, R)).max())
         if not off < TOLERANCES.tracking:
-            figure = strategy.gain(q)[1]
+            rcond = strategy.gain(q)[1]
             raise TrackingError(
-                f"the tool is {off:.3g} (m or rad) off the path, with a conditioning of {figure:.1e} (0 is singular)",
+                f"the tool is {off:.3g} (m or rad) off the path, with an rcond of {rcond:.1e} (1 is good, 0 singular)",
                 "use more samples, or keep the path away from singular postures",
             )
         return new
@@ -58,9 +58,9 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
 
 def native_velocity(
     strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
-) -> NativeWalk | None:
+) -> NativeFollower | None:
     """The same steps as native code, many in one call; None without it, see `Function.follower`."""
     kernel, t = path_rate(strategy).follower("velocity", load=load, build=build), TOLERANCES
     if kernel is None:
         return None
-    return NativeWalk(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)
+    return NativeFollower(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)

@@ -41,7 +41,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
         if strategy.ways is not None:
             with rc_context(style()):
                 caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
-                apart = strategy.figures["same_joints"]
+                apart = strategy.metrics["same_joints"]
                 if np.isfinite(apart):
                     unit = joint_unit(result.robot)
                     caption += f" The other representations of orientation lie within {apart:.1g} {unit} of it."

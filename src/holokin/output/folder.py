@@ -16,11 +16,11 @@ FACTS = "result.json"
 
 
 def check_folder(out: FilePath, name: str) -> FilePath:
-    """`out/<name>`, where a job's results go, after what killed runs have left in `out` is settled.
+    """`out/<name>`, where a job's results go, after what killed runs have left in `out` is repaired.
 
     Raises: ArgumentError: they cannot go there.
     """
-    clear(out, _settle)
+    clear(out, _repair)
     return _checked(out, name)
 
 
@@ -53,7 +53,7 @@ def renewed(out: FilePath, name: str) -> Iterator[FilePath]:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise ArgumentError("the output folder", str(out), f"cannot be made: {problem.strerror}") from None
-    with writing(target), aside(out, _settle) as place:
+    with writing(target), aside(out, _repair) as place:
         work = place / "new" / name
         work.mkdir(parents=True)
         try:
@@ -77,7 +77,7 @@ def written(folder: FilePath) -> set[str] | None:
     return {str(name) for name in names} if isinstance(names, list) else None
 
 
-def _settle(place: FilePath) -> None:
+def _repair(place: FilePath) -> None:
     """After a run that was killed while it put its folder in place; only one process does it."""
     with alone(place.parent), uninterrupted():
         restore(place, lambda held: written(held) or set())

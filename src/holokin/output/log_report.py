@@ -63,7 +63,7 @@ def log_figure(audit: LogAudit) -> Any:
 
     figure = Figure(figsize=(10.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
-    joints_at_home(figure.add_subplot(1, 2, 1), audit)
+    joints_at_start(figure.add_subplot(1, 2, 1), audit)
     kind = {} if audit.robot.planar else {"projection": "3d"}
     tool_cycles(figure.add_subplot(1, 2, 2, **kind), audit)
     word = audit.verdict.name.lower().replace("_", " ")
@@ -73,7 +73,7 @@ def log_figure(audit: LogAudit) -> Any:
     return figure
 
 
-def joints_at_home(axes: Any, audit: LogAudit) -> Any:
+def joints_at_start(axes: Any, audit: LogAudit) -> Any:
     """Joints at the start pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
     shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
     order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
@@ -115,12 +115,12 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
         if here.any():
             tool_path(axes, robot, points[here], color=color(int(i) + 1), linewidth=1.3)
     clouds = [points]
-    home = np.vstack(
+    first = np.vstack(
         [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
     )
     for i in thin(count + 1, 6):
-        robot_stick(axes, robot, home[i], color(int(i)), width=1.8)
-        clouds += robot.skeleton(home[i])
+        robot_stick(axes, robot, first[i], color(int(i)), width=1.8)
+        clouds += robot.skeleton(first[i])
     frame_robot(axes, robot, clouds, "Path of the tool, and the arm at the start pose")
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
     axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.12, label="cycles done", ticks=[0, count])

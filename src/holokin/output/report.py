@@ -16,7 +16,7 @@ from ..errors import posture_text
 from ..files import writing
 from .figures import figures
 from .folder import FACTS, renewed
-from .result import FIGURES, JobResult
+from .result import METRICS, JobResult
 from .table import NOTHING, columns, remarks, rows
 from .words import joint_unit
 
@@ -143,8 +143,8 @@ def _figure(folder: FilePath, stem: str, caption: str) -> str:
 
 def _all_figures(result: JobResult) -> str:
     rows: list[list[str]] = []
-    for key, meaning in FIGURES.items():
-        values = [s.figures.get(key, np.nan) for s in result.strategies]
+    for key, meaning in METRICS.items():
+        values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
             cells = [_measured(value) for value in values]
             rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
@@ -162,7 +162,7 @@ def _measured(value: float) -> str:
 
 def _expectations(result: JobResult) -> str:
     rows = [
-        [escape(s.name), escape(c.figure), escape(c.wanted), escape(c.found), _cell("ok" if c.passed else "FAILED")]
+        [escape(s.name), escape(c.metric), escape(c.wanted), escape(c.found), _cell("ok" if c.passed else "FAILED")]
         for s in result.strategies
         for c in s.checks
     ]

@@ -15,7 +15,7 @@ from ..robot import Robot
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 
-FIGURES: dict[str, str] = {
+METRICS: dict[str, str] = {
     "defect": "defect: largest curvature |F_ij| near the start",
     "drift": "drift of the first cycle: its largest joint's [joint]",
     "drift_mean": "mean over the cycles of each one's drift [joint]",
@@ -31,14 +31,14 @@ FIGURES: dict[str, str] = {
     "invariant": "largest change of the given invariants",
     "same_joints": "largest joint difference between orientation representations [joint]",
 }
-"""Every figure of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
+"""Every metric of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
 
 
 @dataclass(frozen=True)
 class Check:
     """One expectation: what was wanted, what was found."""
 
-    figure: str
+    metric: str
     wanted: str
     found: str
     passed: bool
@@ -46,7 +46,7 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class StrategyResult:
-    """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, figures, checks.
+    """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """
@@ -58,7 +58,7 @@ class StrategyResult:
     cycles: Trajectory
     status: Status
     trouble: str
-    figures: dict[str, float]
+    metrics: dict[str, float]
     checks: tuple[Check, ...] = field(default=())
 
     @property
@@ -86,7 +86,7 @@ class StrategyResult:
             "relative_defect": v.relative,
             "witness": v.witness.tolist(),
             "plane": list(v.plane),
-            "figures": {key: value if np.isfinite(value) else None for key, value in self.figures.items()},
+            "metrics": {key: value if np.isfinite(value) else None for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,

@@ -35,7 +35,7 @@ def columns(result: JobResult) -> tuple[Column, ...]:
 
 def row(result: StrategyResult) -> list[str]:
     """The cells of one strategy."""
-    f = result.figures
+    f = result.metrics
     return [
         result.name,
         "holonomic" if result.verdict.holonomic else "NOT holonomic",
@@ -89,5 +89,5 @@ def print_result(result: JobResult, console: Any) -> None:
     for strategy in result.strategies:
         for check in strategy.checks:
             if not check.passed:
-                text = f"  {brief(strategy.name)}: expected {check.figure} {check.wanted}, found {check.found}"
+                text = f"  {brief(strategy.name)}: expected {check.metric} {check.wanted}, found {check.found}"
                 console.print(text, style="red", markup=False, highlight=False)

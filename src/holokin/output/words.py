@@ -56,8 +56,8 @@ def away(walk: Trajectory, cycles: int) -> str:
     """Where the joints stand after some cycles."""
     count = "1 cycle" if cycles == 1 else f"{cycles} cycles"
     shift = walk.q[walk.marks[cycles]] - walk.q[0]
-    home = np.abs(shift).max() < ALIKE
-    return f"after {count}: " + ("back at the start" if home else f"{largest(shift, walk.joint_units)} away")
+    same = np.abs(shift).max() < ALIKE
+    return f"after {count}: " + ("back at the start" if same else f"{largest(shift, walk.joint_units)} away")
 
 
 def speed_warning(result: JobResult, strategy: StrategyResult) -> str:

@@ -1,4 +1,4 @@
-"""The catalogue: one TOML file a robot, each figure with its source; and `load`, which takes a name or a path."""
+"""The catalogue: one TOML file a robot, each number with its source; and `load`, which takes a name or a path."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FRAME = ("xyz", "rpy_deg")
 
 
 def catalogue() -> dict[str, str]:
-    """Names of the robots that come with the library -> where their figures are from."""
+    """Names of the robots that come with the library -> where their numbers are from."""
     found = {}
     for entry in sorted(files("holokin.robot").joinpath("data").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(".toml"):

@@ -61,7 +61,7 @@ def from_dh(
 
     Raises:
         UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind.
-        NotFiniteError: a figure that is not finite.
+        NotFiniteError: a number that is not finite.
     """
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
         if not isinstance(text, str):
@@ -79,9 +79,9 @@ def from_dh(
         label = row.joint or f"q{i + 1}"
         if row.kind not in ("revolute", "prismatic"):
             raise ArgumentError(f"the kind of joint {label!r}", row.kind, "use 'revolute' or 'prismatic'")
-        figures = (row.a, row.alpha, row.d, row.theta)
-        if not np.isfinite(figures).all():
-            raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", figures)
+        given = (row.a, row.alpha, row.d, row.theta)
+        if not np.isfinite(given).all():
+            raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", given)
         link = _screw("x", row.alpha, row.a)
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.
@@ -106,8 +106,8 @@ def _row(row: DHRow | Mapping[str, Any]) -> DHRow:
     for key, value in texts.items():
         if not isinstance(value, str):
             raise ArgumentError(f"{key} of a DH row", value, "give a text")
-    figures = {key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts}
-    values: dict[str, Any] = texts | figures
+    quantities = {key: number(f"{key} of DH row {label!r}", row[key]) for key in row if key not in texts}
+    values: dict[str, Any] = texts | quantities
     return DHRow(**values)
 
 

@@ -118,10 +118,10 @@ class Robot(Value):
             cure = f"give at most {MOST_MOVING:,}, or choose base= and tip= nearer to each other"
             raise ArgumentError(f"the number of moving joints of {self.name!r}", len(self.joints), cure)
         for joint in self.joints:
-            figures = np.abs([*joint.placement[:3, 3], joint.multiplier, joint.offset])
-            if not figures.max() <= FARTHEST:  # NaN included
+            sizes = np.abs([*joint.placement[:3, 3], joint.multiplier, joint.offset])
+            if not sizes.max() <= FARTHEST:  # NaN included
                 cure = f"keep lengths, angles and gear ratios within {FARTHEST:g} m or rad"
-                raise ArgumentError(f"the placement or gear of joint {joint.name!r}", figures.max(), cure)
+                raise ArgumentError(f"the placement or gear of joint {joint.name!r}", sizes.max(), cure)
         for tip in self.tips:
             if not np.abs(tip.placement[:3, 3]).max() <= FARTHEST:
                 raise ArgumentError(f"the place of tip {tip.name!r}", tip.placement[:3, 3].tolist(), "bring it nearer")

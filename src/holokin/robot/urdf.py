@@ -310,14 +310,14 @@ def _coordinate(joint: Any) -> Coordinate:
     kind = "prismatic" if joint.type == "prismatic" else "revolute"
     limit = joint.limit
 
-    def figure(name: str, missing: float) -> float:
+    def of_limit(name: str, missing: float) -> float:
         value = getattr(limit, name, None) if limit is not None else None
         return missing if value is None else float(value)
 
     if joint.type == "continuous":
-        return Coordinate(joint.name, kind, max_velocity=figure("velocity", np.inf) or np.inf)
-    lower, upper = figure("lower", -np.inf), figure("upper", np.inf)
-    return Coordinate(joint.name, kind, lower, upper, figure("velocity", np.inf) or np.inf)
+        return Coordinate(joint.name, kind, max_velocity=of_limit("velocity", np.inf) or np.inf)
+    lower, upper = of_limit("lower", -np.inf), of_limit("upper", np.inf)
+    return Coordinate(joint.name, kind, lower, upper, of_limit("velocity", np.inf) or np.inf)
 
 
 def _axis(path: str | Path, joint: Any) -> np.ndarray:

@@ -64,13 +64,13 @@ class Strategy(Made, Value, ABC):
         G = np.empty((len(Q), self.task.n, self.task.m))
         edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
         for first, last in pairwise(edges):  # in pieces, so that only G grows
-            figures = np.empty((2, last - first))
-            self.gain.batch(Q[first:last], threads=threads, out=[G[first:last], *figures])
-            conditioning, margin = figures
-            bad = ~((conditioning > TOLERANCES.singular) & (margin > TOLERANCES.representation))
+            measures = np.empty((2, last - first))
+            self.gain.batch(Q[first:last], threads=threads, out=[G[first:last], *measures])
+            rcond, margin = measures
+            bad = ~((rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation))
             if bad.any():
                 i = int(np.argmax(bad))
-                self.check(self.task.robot.checked(Q[first + i], f"posture {first + i}"), conditioning[i], margin[i])
+                self.check(self.task.robot.checked(Q[first + i], f"posture {first + i}"), rcond[i], margin[i])
             broken = ~np.isfinite(G[first:last]).all(axis=(1, 2))
             if broken.any():
                 i = first + int(np.argmax(broken))
@@ -90,11 +90,11 @@ class Strategy(Made, Value, ABC):
         H = self.H(q)
         return H @ H.T
 
-    def check(self, q: Vector, conditioning: float, margin: float) -> None:
-        """Raises: SingularityError, saying of which kind, unless the figures, of `gain` for instance, are sound."""
-        if margin > TOLERANCES.representation and not np.isfinite(conditioning):
+    def check(self, q: Vector, rcond: float, margin: float) -> None:
+        """Raises: SingularityError, of which kind it says, where rcond or margin (as of `gain`) is too small."""
+        if margin > TOLERANCES.representation and not np.isfinite(rcond):
             self._check_finite(q)
-        check_regular(self.task, self.name, q, conditioning, margin)
+        check_regular(self.task, self.name, q, rcond, margin)
 
     # --- expressions and the functions built from them, once --------------------------------------------------
 
@@ -110,19 +110,19 @@ class Strategy(Made, Value, ABC):
 
     @cached_property
     def gain(self) -> Function:
-        """q -> (G, conditioning, representation margin), unchecked."""
+        """q -> (G, rcond, representation margin), unchecked."""
         e = self.expressions
         found = e.rate(SX.eye(self.task.m))
-        outputs = {"G": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
+        outputs = {"G": found.X, "rcond": found.rcond, "margin": self.margin_expression}
         return Function("gain", {"q": e.q}, outputs, found.system)
 
     @cached_property
     def rate(self) -> Function:
-        """(q, dx) -> (dq = G dx, conditioning, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
+        """(q, dx) -> (dq = G dx, rcond, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         e = self.expressions
         dx = symbol("dx", self.task.m)
         found = e.rate(dx)  # (3)
-        outputs = {"dq": found.X, "conditioning": found.conditioning, "margin": self.margin_expression}
+        outputs = {"dq": found.X, "rcond": found.rcond, "margin": self.margin_expression}
         return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
 
     def _written(self, what: str, planes: Field, shape: tuple[int, int]) -> tuple[SX, Kinematics, SX, SX]:
@@ -147,8 +147,8 @@ class Strategy(Made, Value, ABC):
         shape, bounds = (self.task.n, self.task.m), (TOLERANCES.singular, TOLERANCES.representation)
         return self.gain.checked(shape, self.task.robot.checked, self._doubtful_gain, bounds)
 
-    def _doubtful_gain(self, q: Vector, G: Matrix, conditioning: float, margin: float) -> Matrix:
-        self.check(self.task.robot.checked(q), conditioning, margin)
+    def _doubtful_gain(self, q: Vector, G: Matrix, rcond: float, margin: float) -> Matrix:
+        self.check(self.task.robot.checked(q), rcond, margin)
         if not np.isfinite(G).all():
             self._check_finite(q)
         return G
@@ -162,25 +162,25 @@ class Strategy(Made, Value, ABC):
             raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist())
 
 
-def check_regular(task: Task, name: str, q: Vector, conditioning: float, margin: float) -> None:
-    """Raises: SingularityError of a law at q, saying of which kind, unless its figures are sound."""
+def check_regular(task: Task, name: str, q: Vector, rcond: float, margin: float) -> None:
+    """Raises: SingularityError of a law at q, saying of which kind, where rcond or margin is too small."""
     what = f"{name} ({task.name})"
     if not margin > TOLERANCES.representation:
         raise SingularityError(SingularityKind.REPRESENTATION, q, what, margin)
-    if conditioning > TOLERANCES.singular:
+    if rcond > TOLERANCES.singular:
         return
     s = np.linalg.svd(task.jacobian(q), compute_uv=False)
     kinematic = s[-1] <= np.sqrt(TOLERANCES.singular) * s[0] * 1e-3
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
-    raise SingularityError(kind, q, what, s[-1] if kinematic else conditioning)
+    raise SingularityError(kind, q, what, s[-1] if kinematic else rcond)
 
 
 def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
     """(q, dx) -> dq = G(q) dx, for all who integrate it. Raises (when called): SingularityError."""
 
     def rate(q: Vector, dx: Vector) -> Vector:
-        dq, conditioning, margin = strategy.rate(q, dx)
-        strategy.check(q, conditioning, margin)
+        dq, rcond, margin = strategy.rate(q, dx)
+        strategy.check(q, rcond, margin)
         return dq
 
     return rate

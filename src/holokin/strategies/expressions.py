@@ -25,7 +25,7 @@ class Expressions(ABC):
 
     @abstractmethod
     def rate(self, dx: SX, *, written_out: bool = False) -> Solution:
-        """G dx, (m, k) -> (n, k), with its conditioning, by orthogonal factorisations only.
+        """G dx, (m, k) -> (n, k), with its rcond, by orthogonal factorisations only.
 
         Args:
             written_out: for those who differentiate it: no system is left to numbers, however large.
@@ -51,7 +51,7 @@ class FrameExpressions(Expressions):
         # (7): Q (J Q)^-1 has the planes of H H^T J^T (J H H^T J^T)^-1
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)  # (9): regular where H is
-        return Solution(Q @ inner.solve(dx), fmin(frame.conditioning(), inner.conditioning()))
+        return Solution(Q @ inner.solve(dx), fmin(frame.rcond(), inner.rcond()))
 
     def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
         """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""

@@ -46,7 +46,7 @@ def self_motion(
         step: arc length between postures [joint units]. length: at most so far each way.
 
     Raises:
-        ArgumentError: not one redundant joint, or bad figures. SingularityError: J is singular at q0.
+        ArgumentError: not one redundant joint, or bad numbers. SingularityError: J is singular at q0.
     """
     start = task.robot.checked(q0, "the start posture")
     if task.n - task.m != 1:

@@ -1,4 +1,4 @@
-"""Labels of the postures with one tool pose: what tells the leaves of a `radial` twin apart.
+"""Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
 
 With one redundant joint these postures are a curve, the self-motion, and the label is arc length along it as an
 angle: it never turns back. With more the label is the projection on the self-motions at the start, which does.

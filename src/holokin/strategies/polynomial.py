@@ -1,6 +1,6 @@
 """`fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
 
-A radial twin integrates a ray at every call. Near a start its constraint is a smooth function of the tool pose x
+A radial strategy integrates a ray at every call. Near a start its constraint is a smooth function of the tool pose x
 and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in (x, phi) of low degree stands for
 it. Whatever the fit, the result is the gradient of a function: it is exactly holonomic, and only as near to the
 given strategy as the fit is good.
@@ -42,7 +42,7 @@ def fitted(
     the middle posture. Use it only where Q was.
 
     Args:
-        strategy: one with leaves, for instance a `radial` twin.
+        strategy: one with leaves, for instance a `radial` strategy.
         Q: postures (k, n) of the region of use; a few hundred.
         degree: total degree of the polynomial; 4 has 70 terms in 4 variables, 330 in 7.
         rows: task rows it depends on, all by default; for constant orientation the position rows alone.

@@ -1,9 +1,9 @@
-"""`radial`: the holonomic twin of any strategy, by transport along straight tool segments (theory 5.3).
+"""`radial`: a holonomic strategy near any given one, by transport along straight tool segments (theory 5.3).
 
 From a centre x0 every tool pose x is reached along a straight segment; carrying a posture of the centre's
-fibre along it by the given strategy makes the joints a function of x. These postures are the leaves. The twin equals
-the given strategy along segments and at x0, and near x0 |G_rad - G| <= 1/2 |x - x0| sup |F|, to first order in
-|x - x0|: on the PPR arm at 0.7 m it is 12 % more.
+self-motion along it by the given strategy makes the joints a function of x. These postures are the leaves. The
+radial strategy equals the given one along segments and at x0, and near x0 |G_rad - G| <= 1/2 |x - x0| sup |F|, to
+first order in |x - x0|: on the PPR arm at 0.7 m it is 12 % more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ arms, up to 2 rad from the start, with 4 steps, 855 miss by less and pass `DIP`:
 below 1 % of the way on 850, and 7 % at most. Those that miss by more all had an error above 1 %."""
 
 DIP = 0.01
-"""Conditioning that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
+"""rcond that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
 that passes a singular posture, where a step can jump to anywhere and still arrive."""
 
 AT_CENTER = 1e-6
@@ -46,7 +46,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     `start` to q_b, as an angle: a full turn is once round a closed self-motion, half a turn the length of an open one.
     With r > 1, and near a singular posture where the self-motion turns too sharply, it is Z^T (q_b - start), Z (n, r)
     the self-motions at `start`.  q_b is integrated by `steps` Runge-Kutta steps; any number gives an exactly holonomic
-    strategy, more steps one nearer to the ideal twin (the error goes with steps^-4).
+    strategy, more steps one nearer to the ideal one (the error goes with steps^-4).
 
     It ends, with a SingularityError (REPRESENTATION), where
     - the integrated transport misses the centre by more than 1 % of the joints' way, or comes a hundred times nearer
@@ -71,13 +71,13 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     r = task.n - task.m
     chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
     charted = replace(strategy, task=chart)
-    x0, label, conditioning = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
+    x0, label, rcond = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
 
     def build(k: Kinematics, q: SX) -> _Ray:
         e = charted.expressions
         dx = symbol("dx", task.m)
         moved = e.rate(dx, written_out=True)
-        rate = as_map([e.q, dx], vertcat(moved.X, moved.conditioning))
+        rate = as_map([e.q, dx], vertcat(moved.X, moved.rcond))
         v = chart.value_expression(k) - SX(x0)
         back, sound = q, []
 
@@ -91,7 +91,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         missed = SX(x0) - chart.value_expression(task.robot.kinematics(back, task.tip))
         way = ARRIVED * (norm_2(q - back) + AT_CENTER)
         arrived = fmax(0, 1 - norm_2(rate(back, missed)[: task.n]) / way)
-        passed = 1 - DIP * fmin(sound[0], conditioning) / reduce(fmin, sound)
+        passed = 1 - DIP * fmin(sound[0], rcond) / reduce(fmin, sound)
         margin = reduce(fmin, [fmax(0, passed), arrived, fmax(0, label.margin(back))])
         regular = sound[0] > TOLERANCES.singular
         return _Ray(label.value(back), if_else(regular, margin, 1), regular)
@@ -101,10 +101,10 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     def slopes(_task: Task, k: Kinematics, q: SX) -> SX:
         value = ray(k, q).label
         rows = vertcat(SX(0, task.n), *(gradient(value[i], q) for i in range(r)))
-        return rows * ray(k, q).regular  # where J is singular they are not numbers, or huge: conditioning 0 says so
+        return rows * ray(k, q).regular  # where J is singular they are not numbers, or huge: rcond 0 says so
 
     constraint = Constraint(
-        f"radial twin of {strategy.name}",
+        f"radial strategy of {strategy.name}",
         r,
         lambda _task, k, q: ray(k, q).label,
         (label.angular,) * r,

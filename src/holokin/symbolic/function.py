@@ -77,8 +77,8 @@ class Function:
 
         Args:
             convert: a method that makes an array of what is given. Raises typed errors.
-            doubt: a method, (argument, result, figures) -> result or an error, called where a number is not finite or
-                where a figure, one of the other outputs, is not above its bound.
+            doubt: a method, (argument, result, measures) -> result or an error, called where a number is not finite or
+                where a measure, one of the other outputs, is not above its bound.
 
         Neither keeps its object.
         """

@@ -20,13 +20,13 @@ order 9 to 12, and the dense one is built in a third of it."""
 
 
 class Solution(NamedTuple):
-    """X = A^-1 B, 1 / cond A as `Factorisation.conditioning` estimates it, and the sign of det A; expressions.
+    """X = A^-1 B, 1 / cond A as `Factorisation.rcond` estimates it, and the sign of det A; expressions.
 
     Where `system` is given they are its symbols, and a `Function` of them must be told of it.
     """
 
     X: ca.SX
-    conditioning: ca.SX
+    rcond: ca.SX
     orientation: ca.SX = ca.SX(1)
     system: System | None = None
 
@@ -63,7 +63,7 @@ class Factorisation:
             sign = sign * ca.copysign(1, self.R[k, k])
         return sign
 
-    def conditioning(self) -> ca.SX:
+    def rcond(self) -> ca.SX:
         """min |R_kk| / max |R_kk|, in [0, 1]: a cheap estimate of 1 / cond A; 0 for a singular A."""
         if self.R.shape[0] == 0:
             return ca.SX(1)
@@ -122,6 +122,6 @@ def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
     n, k = B.shape
     if n < DENSE_FROM or written_out:
         extended = factorise(A)
-        return Solution(extended.solve(B), extended.conditioning(), extended.orientation())
+        return Solution(extended.solve(B), extended.rcond(), extended.orientation())
     X, figures = ca.SX.sym("X", n, k), ca.SX.sym("figures", 2)
     return Solution(X, figures[0], figures[1], System(ca.SX(A), ca.SX(B), X, figures))

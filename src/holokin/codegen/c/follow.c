@@ -1,7 +1,7 @@
 /* Steps `first` to `last` of one cycle whose segments have counts[] steps; Q (.., HK_N) gets a row a step.
    Returns the steps done; x keeps (q, p, R, c) there and the rate of the last step. Fewer than asked: the leaf ended,
    or a limit. */
-long long hk_follow(const hk_segment *segments, const long long *counts, const double *home, double *x, long long first,
+long long hk_follow(const hk_segment *segments, const long long *counts, const double *closing, double *x, long long first,
                     long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
   int s = 0;
   long long before = 0, total = 0;
@@ -20,8 +20,8 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
     double share = 0.0, width = 1.0;
     for (int tried = 0; share < 1.0; tried++) {
       const double goal = share + width < 1.0 ? share + width : 1.0;
-      if (goal == 1.0 && home != 0 && k == total - 1)
-        for (int i = 0; i < 12; i++) x[HK_N + i] = home[i]; /* a closed path ends where it starts to the last bit */
+      if (goal == 1.0 && closing != 0 && k == total - 1)
+        for (int i = 0; i < 12; i++) x[HK_N + i] = closing[i]; /* a closed path ends where it starts to the last bit */
       else
         hk_target(here, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
       const double fits = hk_piece(x, q, rate, goal - share, arc, turn, &branch, rules);

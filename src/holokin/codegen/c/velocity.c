@@ -1,15 +1,15 @@
 /* Following by velocity: dq = G x' by Runge-Kutta steps of order 4, the same as motion/velocity.py. hk_rate_body takes
-   (q, p, R, v, w) and gives (dq, conditioning, margin, largest task error). */
+   (q, p, R, v, w) and gives (dq, rcond, margin, largest task error). */
 typedef struct {
   double singular, representation, tracking;
 } hk_rules;
 
 /* The rate dq at a share u of a segment; 0 where it is singular. x holds q. */
-static int hk_rate(const hk_segment *s, double u, const double *home, const hk_rules *rules, double *x, double *y) {
+static int hk_rate(const hk_segment *s, double u, const double *closing, const hk_rules *rules, double *x, double *y) {
   const double a = s->angle * u, ca = cos(a), sa = sin(a);
   double *p = x + HK_N, *v = x + HK_N + 12;
-  if (home != 0)
-    for (int i = 0; i < 12; i++) p[i] = home[i]; /* a closed path ends where it starts to the last bit */
+  if (closing != 0)
+    for (int i = 0; i < 12; i++) p[i] = closing[i]; /* a closed path ends where it starts to the last bit */
   else
     hk_target(s, u, p, p + 3);
   for (int i = 0; i < 3; i++) {
@@ -22,7 +22,7 @@ static int hk_rate(const hk_segment *s, double u, const double *home, const hk_r
 
 /* Steps `first` to `last` of one cycle whose segments have counts[] steps; Q (.., HK_N) gets a row a step, from the
    posture in q. Returns the steps done. Fewer than asked: a singularity, a limit, or the tool lost the path. */
-long long hk_follow(const hk_segment *segments, const long long *counts, const double *home, double *q, long long first,
+long long hk_follow(const hk_segment *segments, const long long *counts, const double *closing, double *q, long long first,
                     long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
   double x[HK_N + 18], k1[HK_N + 3], k2[HK_N + 3], k3[HK_N + 3], k4[HK_N + 3];
   int s = 0;
@@ -33,7 +33,7 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
     const hk_segment *here = segments + s;
     const double n = (double)counts[s], start = (double)(k - before) / n, stop = (double)(k - before + 1) / n;
     const double middle = (start + stop) / 2.0, h = here->duration / n;
-    const double *end = k == total - 1 ? home : 0;
+    const double *end = k == total - 1 ? closing : 0;
     for (int i = 0; i < HK_N; i++) x[i] = q[i];
     if (!hk_rate(here, start, 0, rules, x, k1)) return k - first;
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + h / 2.0 * k1[i];

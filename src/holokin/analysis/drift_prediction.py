@@ -28,7 +28,7 @@ AREA = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast(Value):
+class DriftPrediction(Value):
     """drift (n,) of one cycle at the start [joint units].
 
     area (m, m): area_ij that the loop encloses in the task plane (i, j), counter-clockwise positive, antisymmetric;
@@ -48,7 +48,7 @@ class Forecast(Value):
 
 
 @typed
-def forecast(strategy: Strategy, path: Path, q0: ArrayLike) -> Forecast:
+def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPrediction:
     """The drift of one cycle of a closed path, without following it: T sum over i < j of area_ij F_ij(q_center).
 
     T carries a small change of the posture at the centre back to the start. The relative error is O(size^2) for plane
@@ -60,7 +60,7 @@ def forecast(strategy: Strategy, path: Path, q0: ArrayLike) -> Forecast:
     task = strategy.task
     start = task.robot.checked(q0, "the start posture")
     if not path.closed:
-        raise OpenPathError("a drift forecast", path.gap)
+        raise OpenPathError("predicting drift", path.gap)
     plan = make_plan(task, path, SAMPLES, task.robot.pose(start, task.tip)[:3, :3])
     x0, x1, x2 = plan.rates
     steps = plan.h[:, None] / 6 * (x0 + 4 * x1 + x2)
@@ -77,7 +77,7 @@ def forecast(strategy: Strategy, path: Path, q0: ArrayLike) -> Forecast:
     F = curvature(strategy, center)
     change = np.einsum("ij,aij->a", area, F) / 2
     ends = [transport(strategy, center + side * change / 2, -middle) for side in (1, -1)]
-    return Forecast(ends[0] - ends[1], area, F, center)
+    return DriftPrediction(ends[0] - ends[1], area, F, center)
 
 
 def _center_of_area(x: Matrix, area: Matrix, first: Array) -> Vector:
