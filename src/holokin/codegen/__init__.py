@@ -1,4 +1,11 @@
-"""C from expressions: what is generated, compiled, kept and called."""
+"""C from expressions: what is generated, compiled, kept and called.
+
+CasADi writes C, too, from the same list of operations. It does not serve here, because one text has to be read as
+numbers, as lanes of a vector register and as enclosures, in double and in single precision, under -Wconversion: in
+single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1,656 operations). As plain doubles
+(gcc -O2, one run, five rounds) it takes 0.71 to 1.04 us a call, and ours 0.48 to 0.64 us: it asks of each argument
+and result whether it is there, and keeps its numbers in one array.
+"""
 
 from .emit import prelude as code_file
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules

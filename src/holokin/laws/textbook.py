@@ -13,7 +13,7 @@ from ..constraints import Constraint, Cost
 from ..errors import InfeasibleError, ShapeError
 from ..motion.control_law import ControlLaw, Step, Symbols, compiled, feedback
 from ..strategies import Strategy, holonomic
-from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, vec, vertcat
+from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, least_norm, vec, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..task import Task
 from ..types import ArrayLike, Matrix, Vector, finite, frozen, not_negative, numbers
@@ -140,22 +140,14 @@ def asymptotically_cyclic(
         if exact:
             return feedback(strategy, s.dx, s.error, K, SX(c), K_g)
         N = null_space_expression(s.J)
-        least = _least_norm(s, s.dx + K * s.error)
+        least = least_norm(s.J, s.dx + K * s.error)
         back = K_g * strategy.leaf_gap(SX(c))
         return least._replace(X=least.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
 
     return compiled(name, task, rate, strategy)
 
 
-def _least_norm(s: Symbols, u: SX) -> Solution:
-    """(J^+ u, rcond) by J^T = Q R: J^+ = Q R^-T."""
-    frame = factorise(s.J.T)
-    Q = frame.thin_q()
-    inner = factorise(s.J @ Q)
-    return Solution(Q @ inner.solve(u), inner.rcond())
-
-
 def _projected(s: Symbols, K: float, z: SX) -> Solution:
     """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
-    least = _least_norm(s, s.dx + K * s.error - s.J @ z)
+    least = least_norm(s.J, s.dx + K * s.error - s.J @ z)
     return least._replace(X=least.X + z)

@@ -7,7 +7,20 @@ from dataclasses import dataclass
 from typing import final
 
 from ..robot import Kinematics
-from ..symbolic import SX, Solution, directional, dot, factorise, fmin, norm_2, pairwise_brackets, solution, vertcat
+from ..symbolic import (
+    SX,
+    Solution,
+    directional,
+    dot,
+    factorise,
+    fmin,
+    least_norm,
+    norm_2,
+    pairwise_brackets,
+    same,
+    solution,
+    vertcat,
+)
 from ..symbolic.null_space import null_space_expression
 
 Brackets = dict[tuple[int, int], SX]
@@ -46,7 +59,9 @@ class FrameExpressions(Expressions):
     """Planes spanned by a frame B (n, m): G = B (J B)^-1."""
 
     def rate(self, dx: SX, *, written_out: bool = False) -> Solution:
-        """G dx by B = Q R: Q (J Q)^-1 dx."""
+        """G dx by B = Q R: Q (J Q)^-1 dx; with B = J^T the same is Q R^-T dx."""
+        if same(self.planes, self.J.T):
+            return least_norm(self.J, dx)
         frame = factorise(self.planes)
         # (7): Q (J Q)^-1 has the planes of H H^T J^T (J H H^T J^T)^-1
         Q = frame.thin_q()

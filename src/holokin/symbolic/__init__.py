@@ -28,7 +28,7 @@ from .expression import as_expression, as_map, parse, symbol
 from .function import Evaluator, Function
 from .geometry import wrapped
 from .integrate import runge_kutta
-from .linear import Factorisation, Solution, factorise, solution, solve
+from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
 
@@ -59,6 +59,7 @@ __all__ = [
     "horzcat",
     "if_else",
     "jacobian",
+    "least_norm",
     "lie_bracket",
     "log",
     "norm_2",
@@ -66,6 +67,7 @@ __all__ = [
     "pairwise_brackets",
     "parse",
     "runge_kutta",
+    "same",
     "short",
     "sin",
     "solution",

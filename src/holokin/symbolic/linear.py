@@ -112,6 +112,24 @@ def back_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
     return ca.densify(X)
 
 
+def least_norm(J: ca.SX, B: ca.SX) -> Solution:
+    """X = J^+ B of a wide J (m, n) of full rank, the least solution of J X = B: J^T = Q R gives X = Q R^-T B."""
+    tall = factorise(J.T)
+    R, B = tall.R, ca.SX(B)
+    Y = ca.SX(*B.shape)
+    for i in range(R.shape[0]):  # R^T is lower triangular
+        total = B[i, :]
+        for j in range(i):
+            total = total - R[j, i] * Y[j, :]
+        Y[i, :] = total / R[i, i]
+    return Solution(tall.thin_q() @ ca.densify(Y), tall.rcond())
+
+
+def same(a: ca.SX, b: ca.SX) -> bool:
+    """True where two matrices are of the same nodes; False says nothing."""
+    return a.shape == b.shape and bool(ca.is_equal(ca.densify(a), ca.densify(b), 1))
+
+
 def solve(A: ca.SX, B: ca.SX) -> ca.SX:
     """X = A^-1 B; shapes (n, n), (n, k) -> (n, k)."""
     return factorise(A).solve(B)
