@@ -192,7 +192,8 @@ def _locked(folder: Path) -> int | None:
 def alone(folder: Path) -> Iterator[None]:
     """One process at a time in the block, for a folder; where there are no locks it is entered at once.
 
-    Raises: TimeoutError: another process stays in it for `PATIENCE` seconds.
+    Raises:
+        TimeoutError: another process stays in it for `PATIENCE` seconds.
     """
     until = time.monotonic() + PATIENCE
     while (lock := _locked(folder)) is None and _locks(folder):

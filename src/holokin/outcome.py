@@ -112,7 +112,8 @@ def complain(text: str) -> None:
 def show(text: str, *, newline: bool = True) -> None:
     """Print to stdout; in silence once its reader has gone.
 
-    Raises: WriteError: it cannot be written; what is printed later is dropped.
+    Raises:
+        WriteError: it cannot be written; what is printed later is dropped.
     """
     try:
         typer.echo(text, nl=newline)
@@ -126,7 +127,8 @@ def show(text: str, *, newline: bool = True) -> None:
 def show_rich(draw: Callable[[Any], None]) -> None:
     """Print what a function draws on a Rich console: in colour on a terminal, else 120 columns wide.
 
-    Raises: WriteError: as `show`, which does the printing, since Rich itself ends the process when its reader goes.
+    Raises:
+        WriteError: as `show`, which does the printing, since Rich itself ends the process when its reader goes.
     """
     from rich.console import Console
 

@@ -169,7 +169,8 @@ class Task(Value):
         Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi]. At many postures
         (k, n), to targets (k, 3), (k, 3, 3) or to one for all, it is (k, m).
 
-        Raises: ShapeError, NotFiniteError, ArgumentError.
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError.
         """
         at = numbers("q", q)
         if at.ndim == 2:
@@ -326,7 +327,8 @@ def representation_margin(kind: str, angles: SX) -> SX:
 def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None = None) -> Task:
     """The tool's position: m = 3, or m = 2 for a planar robot; or some `rows` of it.
 
-    Raises: TaskTooLargeError, UnknownNameError, ArgumentError.
+    Raises:
+        TaskTooLargeError, UnknownNameError, ArgumentError.
     """
     robot.pose(np.zeros(robot.n), tip)
     every = (0, 1) if robot.planar else (0, 1, 2)

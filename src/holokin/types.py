@@ -92,7 +92,8 @@ def numbers(what: str, value: Any) -> Array:
 def finite(what: str, value: Any, shape: tuple[int | str, ...] | None = None, cure: str = "") -> Array:
     """An array of finite floats, of a shape if one is given; a name in it ("k") stands for any length.
 
-    Raises: ArgumentError, ShapeError, NotFiniteError.
+    Raises:
+        ArgumentError, ShapeError, NotFiniteError.
     """
     array = numbers(what, value)
     if shape is not None and not (

@@ -43,7 +43,8 @@ class LeafFunction(Value):
     def gradient(self, q: ArrayLike) -> Matrix:
         """J_g (r, n), carried along with the posture by the derivative of the flow.
 
-        Raises: SingularityError on the way back; ShapeError, NotFiniteError.
+        Raises:
+            SingularityError on the way back; ShapeError, NotFiniteError.
         """
         q = self.strategy.task.robot.checked(q)
         v, task, n = self._back(q), self.strategy.task, len(q)
@@ -100,7 +101,8 @@ class LeafFunction(Value):
     def check(self, q: ArrayLike) -> None:
         """Look at the curvature at q and at 32 postures of its way back, where g and its gradient come from.
 
-        Raises: NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
+        Raises:
+            NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
         """
         q = self.strategy.task.robot.checked(q)
         _refuse_curved(self.strategy, involutivity_at(self.strategy, way(self.strategy, q, self._back(q))))

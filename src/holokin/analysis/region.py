@@ -43,7 +43,8 @@ class Region(Value):
     def sample(self, count: int, seed: int = 0) -> Matrix:
         """`count` postures (count, n): the centre, then a scrambled Sobol sequence, the same for the same seed.
 
-        Raises: ArgumentError unless count is a whole number, at least 1.
+        Raises:
+            ArgumentError unless count is a whole number, at least 1.
         """
         count, seed = whole("samples", count), whole("seed", seed, 0)
         from scipy.stats import qmc

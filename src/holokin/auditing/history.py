@@ -76,7 +76,8 @@ class _Tally:
 def ask_history(setup: AuditSetup, path: Path) -> Answer:
     """Old calls asked again: at once, in the middle of a run, in new runs, in runs begun there; and whole runs again.
 
-    Raises: ControllerError.
+    Raises:
+        ControllerError.
     """
     half = path.part(0.0, 0.5)
     first: list[_Call] = []

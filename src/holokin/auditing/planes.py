@@ -44,7 +44,8 @@ def area_unit(task: Task, i: int, j: int) -> str:
 def row_twists(task: Task, rotation: Matrix) -> Matrix:
     """The least twists (m, 6) of a tool turned by R (3, 3) that change one task row each, at unit rate.
 
-    Raises: SingularityError where the representation is singular.
+    Raises:
+        SingularityError where the representation is singular.
     """
     return np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
 
@@ -56,7 +57,8 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
     by the size of the loop. One row alone (i = j) gives the way there and back.
 
-    Raises: SingularityError where the representation is singular.
+    Raises:
+        SingularityError where the representation is singular.
     """
     from scipy.spatial.transform import Rotation
 

@@ -254,7 +254,8 @@ def ask_ways(setup: AuditSetup, path: Path) -> Answer:
 def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
 
-    Raises: ControllerError.
+    Raises:
+        ControllerError.
     """
     half = path.part(0.0, 0.5)
     ends = [setup.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
@@ -269,7 +270,8 @@ def ask_speed(setup: AuditSetup, path: Path) -> Answer:
 def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """From another posture with the same tool pose: does the difference stay, or does the law forget it?
 
-    Raises: ControllerError.
+    Raises:
+        ControllerError.
     """
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
@@ -286,7 +288,8 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
 def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     """A local strategy dq = G(q) x' drifts by area times curvature: as the size squared, and back if reversed.
 
-    Raises: ControllerError, SingularityError.
+    Raises:
+        ControllerError, SingularityError.
     """
     if plane is None:
         return "not asked: a task of one row has no plane to loop in", {}

@@ -173,7 +173,8 @@ def sample_source(
 def _module() -> Any:
     """The extension module of evaluator.c; None without Python's or NumPy's headers, or with others than it needs.
 
-    Raises: NativeError: it cannot be built.
+    Raises:
+        NativeError: it cannot be built.
     """
     folders = sysconfig.get_paths().get("include", ""), np.get_include()
     if not ((Path(folders[0]) / "Python.h").is_file() and (Path(folders[1]) / "numpy" / "arrayobject.h").is_file()):

@@ -70,7 +70,8 @@ def shoulder_elbow_wrist(task: Task) -> tuple[Point, Point, Point]:
     shoulder, the wrist where the three hinges after it meet, or the two after it (a Panda's third stands aside). Of
     several such arms on the chain, as a waist before a shoulder may make them, it is the last.
 
-    Raises: NoArmError: there are no such joints; it lists those of the chain.
+    Raises:
+        NoArmError: there are no such joints; it lists those of the chain.
     """
     axes = _chain(task.robot, task.tip)
     for first in range(len(axes) - 6, -1, -1):

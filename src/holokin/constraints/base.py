@@ -167,7 +167,8 @@ def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None
         rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad); rotation vectors, also those
             of a twist task, count from its `reference` and jump half a turn from it.
 
-    Raises (when bound): ShapeError: rho has another number of rows.
+    Raises:
+        ShapeError (when bound): rho has another number of rows.
     """
 
     def expression(task: Task, k: Kinematics, q: SX) -> SX:

@@ -93,7 +93,8 @@ def centring_cost() -> Cost:
 
     Joints without limits on both sides, continuous ones for instance, have no middle and are left out.
 
-    Raises (when bound): ArgumentError when no joint has limits.
+    Raises:
+        ArgumentError when no joint has limits. (when bound)
     """
 
     def cost(task: Task, _k: Kinematics, q: SX) -> SX:
@@ -112,7 +113,8 @@ def centring_cost() -> Cost:
 def gravity_cost(gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Cost:
     """U = - sum_b m_b g . c_b [J]: stationary where the self-motion carries no weight. Masses of the URDF's inertials.
 
-    Raises: ShapeError, NotFiniteError; when bound, MassError if the description has no masses.
+    Raises:
+        ShapeError, NotFiniteError; when bound, MassError if the description has no masses.
     """
     g = frozen(finite("gravity", gravity, (3,)))
     return Cost("gravity", lambda task, _k, q: potential_expression(task.robot, q, g))

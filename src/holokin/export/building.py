@@ -19,7 +19,8 @@ PATIENCE = 300.0
 def check(exported: Exported) -> list[str]:
     """Build and run the self-test in double and in single precision; returns what each says.
 
-    Raises: ExportError: no compiler, it refuses the code, or a test fails.
+    Raises:
+        ExportError: no compiler, it refuses the code, or a test fails.
     """
     chosen = compiler()
     if chosen is None:

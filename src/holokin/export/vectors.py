@@ -56,7 +56,8 @@ class TestVector:
 def vectors(source: Source, count: int) -> list[TestVector]:
     """Vectors around the start, where there are any at postures fit for single precision; the same at every call.
 
-    Raises: ArgumentError: near the start there is no posture to test at.
+    Raises:
+        ArgumentError: near the start there is no posture to test at.
     """
     rng = np.random.default_rng(0)
     found: list[TestVector] = []

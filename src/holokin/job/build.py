@@ -133,7 +133,8 @@ def _typed(point: Vector) -> str:
 def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
     """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one moved to from it.
 
-    Raises: BranchError where moving to the leaf fails; else as `move_to_leaf`.
+    Raises:
+        BranchError where moving to the leaf fails; else as `move_to_leaf`.
     """
     if not isinstance(table, ConstraintTable) or table.leaf is None:
         return start, ""

@@ -50,7 +50,8 @@ def export_job(
 ) -> Exported:  # fmt: skip
     """Write a strategy of a job as C, see `export_c`; by default it goes by the names of robot and strategy.
 
-    Raises: as `job_strategy` and `export_c`.
+    Raises:
+        as `job_strategy` and `export_c`.
     """
     label, strategy, start = job_strategy(job, file, label, orientation)
     robot = strategy.task.robot.name

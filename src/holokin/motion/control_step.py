@@ -169,7 +169,9 @@ class _Compiled:
 def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Array:
     """An argument in a new array: contiguous, aligned, of this machine's doubles. Nothing else is let in.
 
-    Raises: ArgumentError: not of real numbers. ShapeError: of none of the shapes.
+    Raises:
+        ArgumentError: not of real numbers.
+        ShapeError: of none of the shapes.
     """
     wanted = " or ".join(map(str, shapes))
     try:

@@ -80,7 +80,8 @@ def drift(
 ) -> Drift:  # fmt: skip
     """Follow a closed path for some cycles and say where the joints stand after each.
 
-    Raises: OpenPathError, and what `follow` raises.
+    Raises:
+        OpenPathError, and what `follow` raises.
     """
     if not path.closed:
         raise OpenPathError("drift", path.gap)
@@ -94,7 +95,8 @@ def path_spread(
 ) -> Spread:  # fmt: skip
     """Follow two paths from the same start posture to the same tool pose and compare the joints.
 
-    Raises: ArgumentError when the paths end apart, and what `follow` raises.
+    Raises:
+        ArgumentError when the paths end apart, and what `follow` raises.
     """
     apart = float(np.linalg.norm(path_a.end - path_b.end))
     turned = float(np.abs(path_a.turned - path_b.turned).max())

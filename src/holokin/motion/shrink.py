@@ -104,7 +104,8 @@ def winding(
         samples, method, limits: as `follow` has them, for each loop. An integrated loop is followed again with
             twice the samples.
 
-    Raises: OpenPathError, and what `follow` raises on the path itself.
+    Raises:
+        OpenPathError, and what `follow` raises on the path itself.
     """
     if not path.closed:
         raise OpenPathError("winding", path.gap)

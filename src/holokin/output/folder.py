@@ -18,7 +18,8 @@ FACTS = "result.json"
 def check_folder(out: FilePath, name: str) -> FilePath:
     """`out/<name>`, where a job's results go, after what killed runs have left in `out` is repaired.
 
-    Raises: ArgumentError: they cannot go there.
+    Raises:
+        ArgumentError: they cannot go there.
     """
     clear(out, _repair)
     return _checked(out, name)

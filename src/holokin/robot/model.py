@@ -228,7 +228,8 @@ class Robot(Value):
     def pose_batch(self, Q: Matrix, tip: str | None = None) -> tuple[Matrix, Array]:
         """Positions (k, 3) and rotations (k, 3, 3) of a tip at postures (k, n).
 
-        Raises: UnknownNameError, ShapeError, ArgumentError.
+        Raises:
+            UnknownNameError, ShapeError, ArgumentError.
         """
         position, rotation = self._numeric(tip).batch(self.postures(Q))
         return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)

@@ -56,7 +56,8 @@ class Strategy(Made, Value, ABC):
     def batch(self, Q: ArrayLike, *, threads: int | None = None) -> Array:
         """G at many postures, (k, n) -> (k, n, m); see `Function.batch` for threads.
 
-        Raises: SingularityError naming the first singular one.
+        Raises:
+            SingularityError naming the first singular one.
         """
         Q = self.task.robot.postures(Q)
         if threads is not None:

@@ -192,7 +192,8 @@ class Function:
     def c(self, name: str) -> str:
         """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.
 
-        Raises: NativeError: an operation that has no C here.
+        Raises:
+            NativeError: an operation that has no C here.
         """
         from ..codegen.source import body
 
