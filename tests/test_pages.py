@@ -142,3 +142,10 @@ def test_every_command_on_the_pages_exists_with_its_options(holokin: Command, mo
         assert "Usage" in help_text, line
         for option in re.findall(r"(?<= )--[a-z-]+", line):
             assert option in help_text, line
+
+
+def test_an_excerpt_stands_in_the_tree() -> None:
+    found = re.findall(r'```py title="(.+?)"\n(.*?)```', (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.DOTALL)
+    assert found
+    for file, text in found:
+        assert text.strip() in (ROOT / file).read_text("utf-8"), file

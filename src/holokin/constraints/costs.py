@@ -41,8 +41,9 @@ def stationary(
         cost: `posture_cost`, `centring_cost`, `manipulability_cost`, `gravity_cost`, or q -> CasADi expression.
         free: r joints for Chang's basis, by name or by index from 0; needed when r > 1.
 
-    Raises (when bound):
-        ConstraintRowsError: r > 1 without `free`, or `free` has not r joints. ShapeError: the cost is not a scalar.
+    Raises:
+        ConstraintRowsError (when bound): r > 1 without `free`, or `free` has not r joints.
+        ShapeError (when bound): the cost is not a scalar.
     """
     rows = 1 if free is None else len(free)
     U = cost if isinstance(cost, Cost) else Cost("custom cost", lambda _task, _k, q: as_expression(cost(q)))

@@ -83,8 +83,8 @@ def repetitive_motion(
         rate: [1/s].
         limits: keep joint speeds, and positions one step ahead, within the robot's limits, by a quadratic programme.
 
-    Raises (when it runs, with limits):
-        InfeasibleError: no joint rates within the limits follow the path.
+    Raises:
+        InfeasibleError (when it runs, with limits): no joint rates within the limits follow the path.
     """
     K, pull = not_negative("gain", gain), not_negative("rate", rate)
     if not limits:

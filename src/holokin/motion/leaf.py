@@ -88,8 +88,8 @@ def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -
     Args:
         tries: pieces of one way tried at most.
 
-    Raises (when called):
-        SingularityError: [J; J_g] is singular there. BranchError: the leaf ends.
+    Raises:
+        SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
     """
     correct, branch = leaf_step(strategy), Branch(strategy)
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search

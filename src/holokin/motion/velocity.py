@@ -36,8 +36,8 @@ def path_rate(strategy: Strategy) -> Function:
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan.
 
-    Raises (when called):
-        SingularityError: G is not defined there. TrackingError: the tool lost the path.
+    Raises:
+        SingularityError (when called): G is not defined there. TrackingError: the tool lost the path.
     """
     rate, error = checked_rate(strategy), strategy.task.error_function
 
