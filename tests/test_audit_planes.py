@@ -12,7 +12,7 @@ import holokin as hk
 from black_boxes import locked, pull
 from conftest import PANDA_START
 from holokin.auditing.planes import enclosed, plane_loop
-from holokin.auditing.questions import Bench, ask_plane, worst_plane
+from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
 from holokin.motion import as_control_law
 
 QUICK = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
@@ -49,7 +49,7 @@ def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
 def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, j: int) -> None:
     """Joint 3 then drifts by kappa times area, so that is the least that the largest joint does."""
     task = hk.pose(panda)
-    bench = Bench(as_control_law(curved(panda, i, j, 1.5)), task, PANDA_START, 0.04, 3, 2.0, 1e-3)
+    bench = AuditSetup(as_control_law(curved(panda, i, j, 1.5)), task, PANDA_START, 0.04, 3, 2.0, 1e-3)
     planes = [ask_plane(bench, plane) for plane in combinations(range(6), 2)]
     worst = worst_plane(planes)
     assert worst is not None

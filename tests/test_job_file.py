@@ -84,7 +84,7 @@ def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_
     assert abs(up - down) < 1e-3 * abs(elsewhere[0] - elsewhere[1])
     assert robot.pose(walk.q[0]) == pytest.approx(robot.pose(PANDA_START), abs=1e-9)
     assert result.strategies[0].metrics["drift_total"] < 1e-9
-    assert "s begins on leaf 0, settled from the start posture, at panda_joint1 0." in result.about
+    assert "s begins on the leaf of level 0, moved to from the start posture, at panda_joint1 0." in result.about
 
 
 def height_of_mass(robot: hk.Robot, q: np.ndarray) -> float:
@@ -112,7 +112,7 @@ def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
     result = run_job(*panda_job(tmp_path, f'kind = "lock"\njoints = ["panda_joint3"]\nleaf = {leaf}'))
     for walk in result.strategies[0].trajectories().values():
         assert walk.q[:, 2] == pytest.approx(0.3, abs=1e-10)
-    assert "on leaf 0.3" in result.about
+    assert "on the leaf of level 0.3" in result.about
     assert result.start[2] == PANDA_START[2]
 
 

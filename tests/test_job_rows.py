@@ -23,7 +23,7 @@ SINGULAR = '[strategies.flat]\nkind = "custom"\ng = ["1"]\n'
 
 @pytest.mark.parametrize(
     ("law", "name", "words"),
-    [(UNSETTLED, "far", ("settling failed", "leaf 2.5")), (SINGULAR, "flat", ("algorithmic singularity",))],
+    [(UNSETTLED, "far", ("moving to the leaf failed", "level 2.5")), (SINGULAR, "flat", ("algorithmic singularity",))],
 )
 def test_a_strategy_that_cannot_be_run_leaves_the_others_their_table(
     holokin: Command, tmp_path: Path, out: Path, law: str, name: str, words: tuple[str, ...]
@@ -50,7 +50,7 @@ def test_a_job_of_which_no_strategy_can_be_run_is_refused_with_the_reason(
     holokin: Command, tmp_path: Path, out: Path
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **PANDA, strategies=UNSETTLED + SINGULAR), "--out", out)
-    assert_refused(outcome, "settling failed", "leaf 2.5")
+    assert_refused(outcome, "moving to the leaf failed", "level 2.5")
     assert_untouched(out)
 
 

@@ -50,7 +50,7 @@ def test_an_expectation_that_fails_exits_1_with_the_report_whole(tmp_path: Path,
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
     facts = json.loads((out / "job" / "result.json").read_text())
     assert facts["passed"] is False
-    checks = {check["figure"]: check["passed"] for check in facts["strategies"][0]["checks"]}
+    checks = {check["metric"]: check["passed"] for check in facts["strategies"][0]["checks"]}
     assert checks == {"completes": True, "holonomic": False, "tracking": True}
     assert "FAILED" in (out / "job" / "report.html").read_text().rpartition("</html>")[0]
     assert len(list((out / "job").glob("*.csv"))) == 3

@@ -1,6 +1,6 @@
-/* de-luca-oriolo, position of ppr. Written by holokin 0.1.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
+/* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x250dc9c1591e247aU
+#if PPR_EXPORT != 0xb5e14fa9decaedd7U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1215,7 +1215,7 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
 }
 
 /* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of motion/leaf.py. hk_leaf_body takes
-   (q, p, R, c) and gives (dq, conditioning, margin, sign of det). */
+   (q, p, R, c) and gives (dq, rcond, margin, sign of det). */
 typedef struct {
   hk_t singular, representation, contraction, almost, done, smallest, creep, side;
   int most, tries;

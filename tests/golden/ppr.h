@@ -1,5 +1,5 @@
 /* de-luca-oriolo, position of ppr
-   Written by holokin 0.1.0 from: a test. Lengths in m, angles in rad, times in s.
+   Written by holokin 0.2.0 from: a test. Lengths in m, angles in rad, times in s.
 
    The strategy's leaves are g(q) = c, custom.
 
@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x250dc9c1591e247aU
+#define PPR_EXPORT 0xb5e14fa9decaedd7U
 
 #ifdef __cplusplus
 extern "C" {

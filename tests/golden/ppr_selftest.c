@@ -1,14 +1,14 @@
 /* Self-test of ppr: the numbers that holokin computed, and what must not happen. Returns 0 when all is well.
-   Written by holokin 0.1.0. */
+   Written by holokin 0.2.0. */
 #include <math.h>
 #include <stdio.h>
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x250dc9c1591e247aU
+#if PPR_EXPORT != 0xb5e14fa9decaedd7U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x250dc9c1591e247aU
+#if PPR_VECTORS != 0xb5e14fa9decaedd7U
 #error "these files are of different exports: export again"
 #endif
 

@@ -1,5 +1,5 @@
-/* Test vectors of ppr, in double precision. Written by holokin 0.1.0. */
-#define PPR_VECTORS 0x250dc9c1591e247aU
+/* Test vectors of ppr, in double precision. Written by holokin 0.2.0. */
+#define PPR_VECTORS 0xb5e14fa9decaedd7U
 
 typedef struct {
   double q[3];

@@ -144,6 +144,6 @@ def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tupl
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         fact = f"moving to the leaf failed: from the start posture to level {leaf}, {fact}"
-        raise BranchError(fact, f"{cure}, or another leaf") from problem
+        raise BranchError(fact, f"{cure}, or another level") from problem
     at = posture_text(begin, strategy.task.robot.joint_names)
     return begin, f"{strategy.name} begins on the leaf of level {leaf}, moved to from the start posture, at {at}."
