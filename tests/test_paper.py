@@ -137,7 +137,7 @@ def test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23(ppr: hk.Robot) -> 
         seven_as_six, by_frame = hk.weighted(task, weight), hk.null_basis(task, frame)
         for q in np.random.default_rng(6).uniform(-1.2, 1.2, (5, 3)):
             assert seven_as_six(q) == pytest.approx(numeric(G, q), abs=1e-12)
-            assert by_frame.weight(q) == pytest.approx(numeric(W, q), abs=1e-13)
+            assert by_frame.inverse_weight(q) == pytest.approx(numeric(W, q), abs=1e-13)
             assert seven(task.jacobian(q), by_frame.H(q)) == pytest.approx(numeric(G, q), abs=1e-12)
 
 
@@ -257,7 +257,7 @@ def test_seven_equals_the_frame_form_and_the_extended_jacobian(name: str) -> Non
         left = np.linalg.det(H) * np.linalg.det(np.vstack([J, N.T]))
         right = np.linalg.det(J @ frame) * np.linalg.det(N.T @ N)
         assert left == pytest.approx(right, rel=1e-10)
-        assert strategy.weight(q) == pytest.approx(H @ H.T)
+        assert strategy.inverse_weight(q) == pytest.approx(H @ H.T)
 
 
 @pytest.mark.parametrize("name", BY_G)

@@ -17,6 +17,9 @@ LONGEST = 1_600
 MOST_NAMES = 40
 """Names that a message lists of those that are known: those of any job, robot or table of this library."""
 
+SYNONYMS = {"pseudo-inverse": "moore-penrose", "pseudoinverse": "moore-penrose", "pinv": "moore-penrose"}
+"""Names that people use -> those that are known."""
+
 LONGEST_NAME = 200
 """Characters up to which a name is compared with the known ones; the comparison takes the product of the lengths."""
 
@@ -61,7 +64,8 @@ def _near(word: str, known: Sequence[str]) -> list[str]:
 def closest(word: object, known: Sequence[str]) -> str:
     """The known name nearest to a word, as a question, and all that are known."""
     word = brief(word, LONGEST_NAME + 1)
-    close = [k for k in known if k.partition(".")[0] == word] or _near(word, known)
+    meant = SYNONYMS.get(word.lower())
+    close = [k for k in known if k.partition(".")[0] == word or k == meant] or _near(word, known)
     hint = f"did you mean {shown(close[0], LONGEST_NAME)}? " if close else ""
     names = ", ".join(brief(name, 60) for name in known[:MOST_NAMES]) or "none"
     return f"{hint}known: {names}{f' and {len(known) - MOST_NAMES} more' if len(known) > MOST_NAMES else ''}"
@@ -94,9 +98,9 @@ class ShapeError(HolokinError):
 class NotFiniteError(HolokinError):
     """NaN or infinite numbers where finite ones are needed."""
 
-    def __init__(self, what: str, value: object) -> None:
-        self.what, self.value = what, value
-        super().__init__(f"{brief(what)} holds NaN or infinite numbers: {brief(value)}; give finite SI values")
+    def __init__(self, what: str, value: object, cure: str = "give finite numbers, in SI units") -> None:
+        self.what, self.value, self.cure = what, value, cure
+        super().__init__(f"{brief(what)}: NaN or infinite numbers, {brief(value)}; {cure}")
 
 
 class RobotFileError(HolokinError):
@@ -195,7 +199,10 @@ class SingularityKind(Enum):
     """Why a strategy has no value at a posture."""
 
     KINEMATIC = "the task Jacobian J loses rank: the tool cannot move in every direction of the task"
-    ALGORITHMIC = "J has full rank, but the strategy's planes hold a self-motion (H, or [J; J_g], is singular)"
+    ALGORITHMIC = (
+        "J has full rank, but the strategy does not determine the joint rates: a self-motion obeys it, too "
+        "(H = [N_G N], or [J; J_g], is singular)"
+    )
     REPRESENTATION = (
         "a representation that the task or the constraint uses is singular or ends: its rates are not defined"
     )
@@ -302,7 +309,7 @@ class NotHolonomicError(HolokinError):
     ) -> None:
         self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
         at = posture_text(self.witness)
-        fact = f"at q = {at} its planes turn out of themselves by {curvature or 0:.3g} per rad of joint motion"
+        fact = f"at q = {at} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
             fact = f"from q = {at} two ways of the tool to one pose end {gap:.3g} (joint units) apart"
         super().__init__(

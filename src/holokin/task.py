@@ -86,7 +86,7 @@ class Task(Value):
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
         angular = sum(i > 2 for i in self.rows)
         if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
-            cure = "they have no coordinates to return to: keep all three, none, or use orientation='rpy'"
+            cure = "one or two angular velocities give no orientation to return to: keep all three, none, or take 'rpy'"
             raise ArgumentError("the number of angular rows of a twist task", angular, cure)
 
     def __repr__(self) -> str:

@@ -16,6 +16,10 @@ class Tolerances:
     """Smallest over largest diagonal of R in A = QR below which A is called singular.
     A solve loses log10(1/this) digits; at 1e-10 six remain, still enough to be useful."""
 
+    rank: float = 1e-8
+    """Smallest over largest singular value of J below which the arm is called singular, and not the law: half the
+    digits of a double, so that what a law adds is not taken for the arm's own."""
+
     holonomic: float = 1e-9
     """Scale-free bracket defect [1/rad] up to which a strategy is called holonomic. Round-off of
     the derivatives is 1e-15 to 1e-12 on arms; the weakest real defect we know is above 1e-3."""

@@ -123,9 +123,9 @@ More = ParamSpec("More")
 
 
 def kept(build: Callable[Concatenate[Noun, More], Result]) -> Callable[Concatenate[Noun, More], Result]:
-    """What a verb builds of a noun, and of further plain arguments, once: kept as long as the noun lives, not on it.
+    """Memoise what a function builds of an object and of further plain arguments, weakly: as long as the object lives.
 
-    What is built must not refer to the noun, which would then live for ever.
+    What is built must not refer to the object, which would then live for ever.
     """
     known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Result]] = WeakKeyDictionary()
 

@@ -50,16 +50,18 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
     """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, rcond, margin), built once a strategy and method."""
     if method not in ("auto", "hessian", "ad"):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
-    weight = _constant_weight(strategy)
+    weight = _constant_inverse_weight(strategy)
     if method == "hessian" and weight is None:
-        raise ArgumentError("method", method, f"{strategy.name!r} has no constant weight, or its task is not a twist")
+        raise ArgumentError(
+            "method", method, f"{strategy.name!r} needs a constant weight and a position or twist task for it: use 'ad'"
+        )
     return _curvature(strategy, weight is not None and method != "ad")
 
 
-def _constant_weight(strategy: Strategy) -> Matrix | None:
+def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
     twist = strategy.task.orientation in (None, "twist")
-    return strategy.constant_weight if isinstance(strategy, FrameStrategy) and twist else None
+    return strategy.constant_inverse_weight if isinstance(strategy, FrameStrategy) and twist else None
 
 
 def pairs(m: int) -> list[tuple[int, int]]:
@@ -71,11 +73,11 @@ def pairs(m: int) -> list[tuple[int, int]]:
 def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
     task = strategy.task
     if task.n > MOST_JOINTS:
-        cure = f"its curvature is written out for at most {MOST_JOINTS}: hold some joints still, or judge a part of it"
+        cure = f"its curvature is written out for at most {MOST_JOINTS}: lock some joints, or take a part of the arm"
         raise ArgumentError(f"the number of joints of {task.robot.name!r}", task.n, cure)
     e, m = strategy.expressions, task.m
     found = e.rate(SX.eye(m), written_out=True)
-    closed = _hessian_brackets(task, e, _constant_weight(strategy)) if by_hessians else None
+    closed = _hessian_brackets(task, e, _constant_inverse_weight(strategy)) if by_hessians else None
     A, brackets = e.brackets(found.X, closed)
     N = null_space_expression(e.J)  # (30)
     along = factorise(A @ N)  # F_ij = N (A N)^-1 A [G_i, G_j]: the vertical part

@@ -121,7 +121,7 @@ def involutivity_of(
     units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
     frame = factorise(units)
     basis = frame.thin_q()
-    # Lemma III.1, Proposition 1: B = N is involutive, W J^T where G_W is
+    # Lemma III.1, Proposition 1: with B = N, and with B = W J^T, this is what they speak of
     brackets = pairwise_brackets(B, q)
     normal = [v - basis @ (basis.T @ v) for v in brackets.values()] or [0 * q]  # (4)
     planes = list(brackets) or [(0, 0)]

@@ -56,10 +56,8 @@ class GeneralForm(Value):
         return {
             "(7)": float(np.abs(seven - self.G).max()),
             "(8)": float(np.abs(eight).max()),
-            # (9)
-            "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),
-            # (10)
-            "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),
+            "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),  # (9)
+            "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),  # (10)
             "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
             "(12)": float(sines.min(initial=1.0)),
             "(13)": float(off),
@@ -88,6 +86,6 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
         g = leaf_function(strategy, posture if reference is None else reference)
         g.check(posture)
         J_G = g.gradient(posture)
-    N_G = null_space(J_G) if len(J_G) else np.eye(task.n)  # (25): for the g of (24)
+    N_G = null_space(J_G) if len(J_G) else np.eye(task.n)  # (25): an orthonormal basis of its span, for the g of (24)
     # Theorem III.2: 1 => 2
     return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))

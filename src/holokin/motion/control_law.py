@@ -110,8 +110,10 @@ def feedback(
         dq (n,) with its rcond.
     """
     u = dx + gain * error
-    if leaf is None or not isinstance(strategy, HolonomicStrategy):
+    if leaf is None:
         return strategy.expressions.rate(u)
+    if not isinstance(strategy, HolonomicStrategy):
+        raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
     return strategy.expressions.rate(u, constraint_gain * strategy.leaf_gap(leaf))
 
 

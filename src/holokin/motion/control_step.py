@@ -27,6 +27,9 @@ from ..types import Array, ArrayLike, Matrix, Vector, frozen, number
 from .control_law import ControlLaw, Step, feedback, tracking
 from .leaf import leaf_value
 
+LONGEST_STEP = 10.0
+"""Longest step of a control loop [s]: a longer one is in milliseconds."""
+
 AT_LIMIT = 1e-6
 """Share of the wanted speed below which a joint stands at its limit."""
 
@@ -144,14 +147,15 @@ class _Compiled:
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal known
             if dt != known:
-                if not dt * highest < 2:
-                    cure = f"give a step below {2 / highest:g} s, or smaller gains: this loop is unstable"
-                    raise ArgumentError("the dt of a run", dt, cure)
+                if not (0 < dt < np.inf and dt * highest < 2):
+                    most = f"a positive step below {2 / highest:g} s" if highest else "a positive step"
+                    raise ArgumentError("the dt of a run", dt, f"give {most}, or smaller gains: the loop is unstable")
                 parameters[-3] = known = dt
             dq = rates(q, pose, twist)
             if memory.last[-1] >= StepStatus.SINGULAR:
                 self.check(q, pose, twist, parameters)
-                raise NotFiniteError("the joint rates", "overflow")
+                cure = "give a smaller twist, a pose nearer by, or smaller gains"
+                raise NotFiniteError("the joint rates", "overflow", cure)
             return dq
 
         return step
@@ -265,8 +269,8 @@ def controller(
         SingularityError: the strategy is singular at the start.
     """
     dt = number("dt", dt)
-    if not (np.isfinite(dt) and dt > 0):
-        raise ArgumentError("dt", dt, "give a positive step in seconds")
+    if not 0 < dt <= LONGEST_STEP:
+        raise ArgumentError("dt", dt, f"give the step in seconds, positive and at most {LONGEST_STEP:g}: 1 ms is 0.001")
     K, K_g = (
         0.1 / dt if value is None else number(what, value)
         for what, value in (("gain", gain), ("constraint_gain", constraint_gain))
@@ -275,7 +279,7 @@ def controller(
     q0, leaf, function = None, np.zeros(0), step_function(strategy, limits)
     if has_leaf(strategy):
         if start is None:
-            raise ArgumentError("start", None, f"{strategy.name!r} has leaves: give a posture on the one to hold")
+            raise ArgumentError("start", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
         q0 = strategy.task.robot.checked(start, "the start posture")
         leaf = leaf_value(strategy, q0)
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))

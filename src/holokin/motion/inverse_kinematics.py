@@ -28,7 +28,8 @@ class InverseKinematics(Value):
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
 
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
-        function of the pose: the same pose gives the same joints to the last bit.
+        function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at:
+        `robot.check_limits(q)` does.
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line.
@@ -43,7 +44,7 @@ class InverseKinematics(Value):
         elif wanted.shape in ((2,), (3,)):
             p, R = np.append(wanted, p0[len(wanted) :]), R0
         else:
-            raise ShapeError("a tool pose", "(4, 4), or (3,)", wanted.shape)
+            raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
         way = straight_way(self.strategy.task, self.start, p, R, (self._leaf, self._leaf))
         return leaf_follower(self.strategy, self.start)(self.start, way)
 

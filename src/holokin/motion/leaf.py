@@ -143,13 +143,19 @@ def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -
             width = fits * (goal - share)
             if width < TOLERANCES.smallest_step:
                 break
+        else:
+            raise BranchError(
+                f"{tries:,} pieces of the way along the leaf of {strategy.name!r} did not lead to its end, "
+                f"{share:.0%} of it done",
+                "go in shorter ways, or keep them away from singular postures",
+            )
         strategy(q)  # raises if it is singular already here
         at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
         if rcond > REGULAR:
             raise BranchError(
                 f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
                 f"though [J; J_g] is regular there (rcond {rcond:.1e})",
-                "write the constraint without kinks and jumps (fabs, fmin, if_else, floor), or take another start",
+                "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
             )
         raise BranchError(
             f"the leaf of {strategy.name!r} ends at {at}: there [J; J_g] turns singular and no nearby posture on "

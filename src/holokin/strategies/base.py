@@ -27,6 +27,9 @@ from .expressions import Expressions
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""
 
+FORMULA = "look in N_G, the rows or the constraint for a division by zero, a log or a sqrt at that posture"
+"""What may be wrong where a law is not finite at a finite posture."""
+
 PIECE = 100_000
 """Postures of a batch that are checked at once."""
 
@@ -86,14 +89,14 @@ class Strategy(Made, Value, ABC):
         """H = [N_G N], (n,) -> (n, n), with N = `task.null_space(q)`. [ZR11, Theorem III.2]"""
         return np.hstack([self.distribution(q), self.task.null_space(q)])  # (21): its determinant is 1 for (20)
 
-    def weight(self, q: ArrayLike) -> Matrix:
-        """W = H H^T (n, n): the weight with which G is a weighted pseudo-inverse (6). [ZR11, (7)]"""
+    def inverse_weight(self, q: ArrayLike) -> Matrix:
+        """W = H H^T (n, n): `weighted` with the weight W^-1 gives G at q. W is not unique. [ZR11, (6), (7)]"""
         H = self.H(q)
         return H @ H.T
 
     def check(self, q: Vector, rcond: float, margin: float) -> None:
         """Raises: SingularityError, of which kind it says, where rcond or margin (as of `gain`) is too small."""
-        if margin > TOLERANCES.representation and not np.isfinite(rcond):
+        if margin > TOLERANCES.representation and not rcond > TOLERANCES.singular:
             self._check_finite(q)
         check_regular(self.task, self.name, q, rcond, margin)
 
@@ -152,6 +155,7 @@ class Strategy(Made, Value, ABC):
         self.check(self.task.robot.checked(q), rcond, margin)
         if not np.isfinite(G).all():
             self._check_finite(q)
+            raise NotFiniteError(f"G of {self.name!r} at q = {q.tolist()}", G.tolist(), FORMULA)
         return G
 
     def _check_finite(self, q: Vector) -> None:
@@ -159,8 +163,8 @@ class Strategy(Made, Value, ABC):
         J, margin = self.task.jacobian_batch(q[None])
         s = np.linalg.svd(J[0], compute_uv=False)
         values = np.asarray(self._planes(q))
-        if margin[0] > TOLERANCES.representation and s[-1] > 1e-9 * s[0] and not np.isfinite(values).all():
-            raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist())
+        if margin[0] > TOLERANCES.representation and s[-1] > TOLERANCES.rank * s[0] and not np.isfinite(values).all():
+            raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist(), FORMULA)
 
 
 def check_regular(task: Task, name: str, q: Vector, rcond: float, margin: float) -> None:
@@ -171,7 +175,7 @@ def check_regular(task: Task, name: str, q: Vector, rcond: float, margin: float)
     if rcond > TOLERANCES.singular:
         return
     s = np.linalg.svd(task.jacobian(q), compute_uv=False)
-    kinematic = s[-1] <= np.sqrt(TOLERANCES.singular) * s[0] * 1e-3
+    kinematic = s[-1] <= TOLERANCES.rank * s[0]
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
     raise SingularityError(kind, q, what, s[-1] if kinematic else rcond)
 

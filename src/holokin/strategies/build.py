@@ -20,7 +20,7 @@ from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
 def moore_penrose(task: Task, *, name: str = "Moore-Penrose") -> FrameStrategy:
     """G = J^T (J J^T)^-1, the pseudo-inverse: least joint speed, and in general not holonomic. [KH83]"""
     frame = lambda task, k, q: task.jacobian_expression(k, q).T  # noqa: E731
-    return FrameStrategy(name, task, frame, constant_weight=np.eye(task.n))
+    return FrameStrategy(name, task, frame, constant_inverse_weight=np.eye(task.n))
 
 
 @made
@@ -46,7 +46,7 @@ def weighted(task: Task, weight: ArrayLike | Callable[[SX], Any], *, name: str =
     W = frozen((inverse + inverse.T) / 2)
     # (6): the frame of G_W
     frame = lambda task, k, q: SX(W) @ task.jacobian_expression(k, q).T  # noqa: E731
-    return FrameStrategy(name, task, frame, constant_weight=W)
+    return FrameStrategy(name, task, frame, constant_inverse_weight=W)
 
 
 def _positive_definite(what: str, W: np.ndarray) -> None:
@@ -68,9 +68,11 @@ def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
 
 
 def _postures(task: Task) -> np.ndarray:
-    """Eight random postures within the limits and 1 of zero: enough to see a formula that is wrong."""
-    low, high = np.clip(task.robot.lower, -1.0, None), np.clip(task.robot.upper, None, 1.0)
-    return np.random.default_rng(0).uniform(np.minimum(low, high), np.maximum(low, high), (8, task.n))
+    """Eight random postures within the limits and 1 of the allowed one nearest zero: they show a wrong formula."""
+    lower, upper = task.robot.lower, task.robot.upper
+    center = np.clip(0.0, lower, upper)
+    low, high = np.maximum(center - 1.0, lower), np.minimum(center + 1.0, upper)
+    return np.random.default_rng(0).uniform(low, high, (8, task.n))
 
 
 @made

@@ -63,7 +63,7 @@ class FrameExpressions(Expressions):
         if same(self.planes, self.J.T):
             return least_norm(self.J, dx)
         frame = factorise(self.planes)
-        # (7): Q (J Q)^-1 has the planes of H H^T J^T (J H H^T J^T)^-1
+        # (7): Q (J Q)^-1 = H H^T J^T (J H H^T J^T)^-1, whatever the basis
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)  # (9): regular where H is
         return Solution(Q @ inner.solve(dx), fmin(frame.rcond(), inner.rcond()))
@@ -96,7 +96,7 @@ class RowExpressions(Expressions):
             along: wanted of the rows (r, k); zero by default, for G dx.
         """
         wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
-        A, B = [self.J], [dx]  # (11)
+        A, B = [self.J], [dx]  # (11): J_A = [J; A], with rows of A scaled to length 1 below
         for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
             size = norm_2(self.planes[i, :])
             A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
@@ -107,4 +107,4 @@ class RowExpressions(Expressions):
         # (31), (32): DA[G_i] G_j = -A DG_j[G_i], from A G = 0
         along = [directional(self.planes, self.q, G[:, i]) @ G for i in range(G.shape[1])]
         values = [vertcat(*(turn[k, :] for turn in along)) for k in range(self.planes.shape[0])]
-        return self.planes, [T.T - T for T in values]  # (33), (34), (35)
+        return self.planes, [T.T - T for T in values]  # (33), (34), (35): the terms in dA, which cancel for a gradient

@@ -68,7 +68,8 @@ def from_transport(
         if inverse is not None:
             return _sized("the inverse of Phi", inverse(at, value), (r, 1))
         found = value  # at the center Phi is the identity
-        for share in [*((k + 1) / steps for k in range(steps - 1)), 1.0, 1.0, 1.0, 1.0]:
+        last = [1.0] * 4  # Newton steps at the end: quadratic, so four reach round-off
+        for share in [*((k + 1) / steps for k in range(steps - 1)), *last]:
             here = SX(x0) + share * (at - SX(x0))
             found = found + factorise(slope(here, found)).solve(value - transport(here, found))
         return found
@@ -77,7 +78,7 @@ def from_transport(
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
 
     _check(task, K, z, transport, label, x0, task.robot.checked(around, "the posture to check around"))
-    # Further research
+    # Further research: section VI of the paper, all holonomic strategies
     return holonomic(task, Constraint(name, r, expression, (False,) * r), name=name)
 
 
@@ -106,7 +107,11 @@ def _check(
         for what, error in zip(errors.output_shapes, found, strict=True):
             if not np.abs(error).max() < CHECKED:
                 at = np.array2string(posture, precision=3)
-                raise ArgumentError(f"|{what}| near q = {at}", float(np.abs(error).max()), "it must vanish everywhere")
+                raise ArgumentError(
+                    f"|{what}| near q = {at}",
+                    float(np.abs(error).max()),
+                    "it must be 0 everywhere",
+                )
 
 
 def _sized(what: str, value: Any, shape: tuple[int, int]) -> SX:

@@ -50,9 +50,17 @@ def self_motion(
     """
     start = task.robot.checked(q0, "the start posture")
     if task.n - task.m != 1:
-        raise ArgumentError("the number of redundant joints", task.n - task.m, "self-motions of one are curves")
+        raise ArgumentError(
+            "the number of redundant joints",
+            task.n - task.m,
+            "give a task that leaves one",
+        )
     if not (0 < step < length < np.inf and length / step <= MOST):
-        raise ArgumentError("the step and length of a self-motion", (step, length), "give 0 < step < length")
+        raise ArgumentError(
+            "the step and length of a self-motion",
+            (step, length),
+            f"give 0 < step < length, {MOST:g} steps at most",
+        )
     pose = task.robot.pose(start, task.tip)
     ahead, end = _traced(task, start, pose, step, length, limits)
     behind, first = ([], end) if end == "closed" else _traced(task, start, pose, -step, length, limits)

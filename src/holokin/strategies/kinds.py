@@ -22,11 +22,11 @@ from .expressions import FrameExpressions, RowExpressions
 class FrameStrategy(Strategy):
     """Planes spanned by a frame B(q) (n, m): G = B (J B)^-1.
 
-    `constant_weight`: W (n, n) where B = W J^T with a constant W, whose curvature the Hessians of the arm give.
+    `constant_inverse_weight`: W (n, n) where B = W J^T with a constant W, whose curvature the Hessians of the arm give.
     """
 
     frame: Field
-    constant_weight: Matrix | None = None
+    constant_inverse_weight: Matrix | None = None
 
     @cached_property
     def expressions(self) -> FrameExpressions:

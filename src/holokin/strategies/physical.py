@@ -6,6 +6,7 @@ N^T W^-1 dq = 0, so W itself, the inverse of what is given, is never formed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 from ..arguments import made
@@ -84,8 +85,8 @@ def gradient_and_stiffness(task: Task, k: Kinematics, q: SX, potential: Cost) ->
     return jacobian(U, q).T, hessian(U, q)
 
 
-def geometric_stiffness(task: Task, k: Kinematics, q: SX):
-    """(q, F) -> Gamma = sum_k F_k Hess f_k (n, n), the change of J^T F with F held."""
+def geometric_stiffness(task: Task, k: Kinematics, q: SX) -> Callable[..., SX]:
+    """The map (q, F) -> Gamma = sum_k F_k Hess f_k (n, n), the change of J^T F with F held."""
     F = symbol("F", task.m)
     return as_map([q, F], jacobian(task.jacobian_expression(k, q).T @ F, q))
 
@@ -93,5 +94,7 @@ def geometric_stiffness(task: Task, k: Kinematics, q: SX):
 def _exact(task: Task) -> None:
     if not task.exact:
         raise ArgumentError(
-            "the task of an impedance", task.name, "its Hessians need coordinates: use a position, or 'rpy', 'zyz'"
+            "the task of an impedance",
+            task.name,
+            "it needs coordinates: a position, 'rpy', 'zyz', 'rotation-vector'",
         )

@@ -34,5 +34,5 @@ def pairwise_brackets(fields: ca.SX, q: ca.SX) -> dict[tuple[int, int], ca.SX]:
     """[B_a, B_b] for all columns a < b of a matrix of vector fields (n, k)."""
     k = fields.shape[1]
     along = [directional(fields, q, fields[:, a]) for a in range(k)]  # along[a][:, b] = (dB_b) B_a
-    # (36): of a null-space basis N, J [N_a, N_b] = 0
+    # (36): the brackets [N_i, N_j] in it, of any fields: of a null-space basis N, J [N_a, N_b] = 0
     return {(a, b): along[a][:, b] - along[b][:, a] for a in range(k) for b in range(a + 1, k)}

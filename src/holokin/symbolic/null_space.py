@@ -49,4 +49,4 @@ def null_vector_expression(J: ca.SX) -> ca.SX:
 
 def minors(J: Matrix) -> Vector:
     """The signed minors (n,) of a J (n - 1, n): `null_vector` of length sqrt(det J J^T), smooth in q everywhere."""
-    return null_vector(J) * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))  # (19)
+    return null_vector(J) * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))  # (19): the signed minors
