@@ -196,8 +196,13 @@ def test_a_run_says_what_a_step_tells_by_its_status(arm: hk.Strategy, panda: hk.
         run(upright, panda.pose(upright), np.zeros(6), DT)
     with pytest.raises(NotFiniteError):
         run(PANDA_START, pose, np.full(6, np.nan), DT)
-    with pytest.raises(ArgumentError, match=r"a step below 0\.02 s"):
+    with pytest.raises(ArgumentError, match=r"step below 0\.02 s"):
         run(PANDA_START, pose, np.zeros(6), 0.03)
+    for dt in (-DT, 0.0, np.inf, np.nan):
+        with pytest.raises(ArgumentError, match="positive step"):
+            run(PANDA_START, pose, np.zeros(6), dt)
+    with pytest.raises(ArgumentError, match=r"1 ms is 0\.001"):
+        hk.controller(arm, dt=1000, start=PANDA_START)
     assert np.abs(run(PANDA_START, pose, np.zeros(6), DT)).max() < 1e-9
     with pytest.raises(ControllerError, match="unstable"):
         hk.simulate(c, arm.task, circle(panda, PANDA_START), PANDA_START, dt=0.03)

@@ -6,6 +6,7 @@ import gc
 import weakref
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -63,3 +64,24 @@ def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk
     del held
     gc.collect()
     assert gone() is None
+
+
+def test_the_inverse_weight_is_that_of_weighted(ppr: hk.Robot) -> None:
+    """W = H H^T of a strategy, inverted, is a weight with which the weighted pseudo-inverse is the strategy."""
+    task, q = hk.position(ppr), np.array([0.2, -0.4, 0.7])
+    law = hk.weighted(task, np.diag([1.0, 2.0, 5.0]))
+    again = hk.weighted(task, np.linalg.inv(law.inverse_weight(q)))
+    assert again(q) == pytest.approx(law(q), abs=1e-14)
+
+
+def test_a_frame_that_is_not_finite_is_told_and_no_singularity(ppr: hk.Robot) -> None:
+    law = hk.null_basis(hk.position(ppr), lambda q: [[1 / (q[0] - q[0]), 0], [0, 1], [0, 0]])
+    with pytest.raises(hk.errors.NotFiniteError, match="division by zero"):
+        law([0.1, 0.2, 0.3])
+
+
+def test_formulas_are_looked_at_within_the_limits() -> None:
+    """A slide from 2 to 3 m: at zero, beyond its limits, the weight is not positive."""
+    rows = [{"kind": "prismatic", "lower": 2.0, "upper": 3.0}, {"a": 0.4}, {"a": 0.3}]
+    task = hk.position(hk.from_dh(rows), rows=[2])
+    assert hk.weighted(task, lambda q: ca.diag(ca.vertcat(q[0] - 1.5, 1, 1))).task is task
