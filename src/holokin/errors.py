@@ -179,10 +179,11 @@ class ConstraintRowsError(HolokinError):
 
     def __init__(self, name: str, rows: int, n: int, m: int) -> None:
         self.rows, self.n, self.m = rows, n, m
-        super().__init__(
-            f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows, "
-            f"so it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.constraints.stack(...)"
-        )
+        cure = f"it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.constraints.stack(...)"
+        if n == m:
+            cure = "no joint is left for a constraint; keep fewer rows of the task, with rows= or hk.position"
+        fact = f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows"
+        super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 
 
 class JointLimitError(HolokinError):

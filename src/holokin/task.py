@@ -129,6 +129,11 @@ class Task(Value):
         return tuple("m" if i < 3 else "rad" for i in self.rows)
 
     @property
+    def geometric(self) -> bool:
+        """True when J is of the geometric rows: no representation by angles has a part in it."""
+        return self.orientation in (None, "twist")
+
+    @property
     def exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
         return self.orientation != "twist" or all(i < 3 for i in self.rows) or self.robot.planar
@@ -210,13 +215,13 @@ class Task(Value):
 
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
-        if self.orientation in (None, "twist"):
+        if self.geometric:
             return self._select(k.jacobian)  # (2)
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self._angles(k.rotation), q)))  # (2), (26)
 
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
-        if self.orientation in (None, "twist"):
+        if self.geometric:
             angular = log_so3(rotation @ k.rotation.T)
         elif self.orientation == "rotation-vector":
             here = self._angles(k.rotation)
@@ -228,7 +233,7 @@ class Task(Value):
     def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
         angular = w
-        if self.orientation not in (None, "twist"):
+        if not self.geometric:
             # d/dt of the coordinates along R' = [w]x R
             turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
             angular = jacobian(self._angles(R), R) @ turn @ w  # (15), (16), (17): x' = T^-1 w
@@ -236,9 +241,9 @@ class Task(Value):
 
     def margin_expression(self, rotation: SX) -> SX:
         """Distance of the representation from its singularity; 1 where there is none."""
-        if self.orientation in (None, "twist") or all(i < 3 for i in self.rows):
+        if self.geometric or all(i < 3 for i in self.rows):
             return SX(1)
-        return representation_margin(self.orientation, self._angles(rotation))
+        return representation_margin(self.orientation or "twist", self._angles(rotation))
 
     def _angles(self, R: SX) -> SX:
         if self.orientation in ("zyz", "rpy"):

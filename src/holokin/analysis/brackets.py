@@ -60,8 +60,8 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
 
 def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
-    twist = strategy.task.orientation in (None, "twist")
-    return strategy.constant_inverse_weight if isinstance(strategy, FrameStrategy) and twist else None
+    geometric = strategy.task.geometric
+    return strategy.constant_inverse_weight if isinstance(strategy, FrameStrategy) and geometric else None
 
 
 def pairs(m: int) -> list[tuple[int, int]]:

@@ -14,7 +14,7 @@ from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameErro
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, number, numbers
+from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, number, numbers
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
@@ -158,6 +158,11 @@ class Robot(Value):
     def max_velocity(self) -> Vector:
         """Joint speed limits (n,) [m/s or rad/s]."""
         return frozen([c.max_velocity for c in self.coordinates])
+
+    @cached_property
+    def hinges(self) -> Flags:
+        """Which coordinates are angles (n,)."""
+        return frozen(np.array([c.unit == "rad" for c in self.coordinates]))
 
     @cached_property
     def planar(self) -> bool:

@@ -89,7 +89,7 @@ def _traced(
         if limits and ((new < robot.lower) | (new > robot.upper)).any():
             return found, "limit"
         turned = new - start
-        hinges = np.array([c.unit == "rad" for c in robot.coordinates])
+        hinges = robot.hinges
         turned[hinges] = wrapped(turned[hinges])
         if k > 2 and np.linalg.norm(turned) < 0.75 * abs(step):
             found.append(new)

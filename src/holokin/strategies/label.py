@@ -98,7 +98,7 @@ def _arc_length(task: Task, start: Vector) -> Label | None:
 
 
 def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Label:
-    hinges = np.array([c.unit == "rad" for c in robot.coordinates])
+    hinges = robot.hinges
     slide, turn = np.flatnonzero(~hinges).tolist(), np.flatnonzero(hinges).tolist()
 
     def weights(q: SX) -> SX:
@@ -122,5 +122,5 @@ def _square(x: SX) -> SX:
 
 def _on_circles(robot: Robot, Q: Matrix) -> Matrix:
     """Postures (k, n) as points: sliders as they are, hinges as (cos, sin)."""
-    hinges = np.array([c.unit == "rad" for c in robot.coordinates])
+    hinges = robot.hinges
     return np.hstack([Q[:, ~hinges], np.cos(Q[:, hinges]), np.sin(Q[:, hinges])])
