@@ -254,7 +254,7 @@ def test_what_has_curvature_has_no_leaf_function_however_weak(ppr: hk.Robot, siz
 
 def test_a_small_radius_does_not_make_leaves(irb140: hk.Robot) -> None:
     law = hk.strategies.coupled_twist(hk.position(irb140), 0.1)
-    with pytest.raises(NotHolonomicError, match="turn out of themselves") as caught:
+    with pytest.raises(NotHolonomicError, match="it has a curvature of") as caught:
         hk.analysis.leaf_function(law, IRB_START, radius=1e-4)
     assert caught.value.gap is None and caught.value.curvature > 1e-9
 
@@ -264,7 +264,7 @@ def test_the_general_form_is_refused_where_curvature_lies_on_the_way_to_the_refe
     place = PPR_START + np.array([0.6, 0.5, 0.1])
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[ca.exp(-ca.sumsqr(q - place) / 0.05**2), 0, 1]])
     hk.analysis.leaf_function(law, PPR_START)
-    with pytest.raises(NotHolonomicError, match="turn out of themselves"):
+    with pytest.raises(NotHolonomicError, match="it has a curvature of"):
         hk.analysis.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
     form = hk.analysis.general_form(law, PPR_START + 0.05, PPR_START)
     assert form.residuals()["(10)"] < 1e-9

@@ -197,7 +197,7 @@ def calls() -> dict[str, Call]:
         "Strategy.distribution": (law.distribution, (q,), {}),
         "Strategy.rows": (held.rows, (q,), {}),
         "Strategy.H": (law.H, (q,), {}),
-        "Strategy.weight": (law.weight, (q,), {}),
+        "Strategy.inverse_weight": (law.inverse_weight, (q,), {}),
         "Path.at": (loop.at, ([0.0, 0.1],), {}),
         "Path.part": (loop.part, (0.1, 0.5), {}),
         "Path.starting_at": (loop.starting_at, ([0.1, 0.2],), {}),
