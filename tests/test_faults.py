@@ -339,13 +339,14 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     [
         "class Last:\n  def __del__(self): signal.raise_signal(signal.SIGINT)\n Last()",
         "try: signal.raise_signal(signal.SIGINT)\n except KeyboardInterrupt: warnings.warn('no 3D axes')",
+        "try: signal.raise_signal(signal.SIGINT)\n except KeyboardInterrupt: sys.excepthook(*sys.exc_info())",
     ],
-    ids=["at the end of an object", "made a warning"],
+    ids=["at the end of an object", "made a warning", "printed by compiled code"],
 )
 def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost: str) -> None:
     """At the end of an object Python prints what it cannot raise; some libraries warn that something is missing."""
     setup = (
-        "import signal, warnings\nimport holokin.output.report as report\nfill = report._fill\n"
+        "import signal, sys, warnings\nimport holokin.output.report as report\nfill = report._fill\n"
         f"def loses(*arguments):\n {lost}\n fill(*arguments)\nreport._fill = loses\n"
     )
     process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", setup)

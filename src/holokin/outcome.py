@@ -38,7 +38,7 @@ class Ending:
 
     def __init__(self, whole: bool = False) -> None:
         self.whole, self.heard = whole, False
-        self._unraisable_before = sys.unraisablehook
+        self._hooks = sys.unraisablehook, sys.excepthook
 
     def listen(self) -> None:
         """Note Ctrl-C from now on, unless this process was started to ignore it (in the background)."""
@@ -46,13 +46,18 @@ class Ending:
         ours = getattr(before, "__func__", before) in (Ending._hear, signal.default_int_handler)
         if ours and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, self._hear)
-            sys.unraisablehook = self._unraisable
+            sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
 
     def _unraisable(self, lost: Any) -> None:
         """A KeyboardInterrupt that came where nothing can be raised is noted already, and needs no traceback."""
         if not (self.heard and isinstance(lost.exc_value, KeyboardInterrupt)):
-            self._unraisable_before(lost)
+            self._hooks[0](lost)
+
+    def _printed(self, kind: Any, problem: Any, trace: Any) -> None:
+        """The same where compiled code prints it first, as Cython does."""
+        if not (self.heard and isinstance(problem, KeyboardInterrupt)):
+            self._hooks[1](kind, problem, trace)
 
     def _hear(self, *_details: object) -> None:
         self.heard = True
@@ -61,7 +66,7 @@ class Ending:
 
     def leave(self) -> None:
         """Give back what `listen` took, but for the signal."""
-        sys.unraisablehook = self._unraisable_before
+        sys.unraisablehook, sys.excepthook = self._hooks
 
     def check(self) -> None:
         """Raises: KeyboardInterrupt: Ctrl-C was heard, whatever became of it."""
