@@ -31,6 +31,7 @@ class _EscapedError(Exception):
 class _Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand; what typer would answer in its own way goes out as `_EscapedError`."""
+        sys.excepthook = _ending.printed  # here, since typer sets one of its own when it is called
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, EOFError, OSError) as problem:

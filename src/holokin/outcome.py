@@ -46,7 +46,7 @@ class Ending:
         ours = getattr(before, "__func__", before) in (Ending._hear, signal.default_int_handler)
         if ours and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, self._hear)
-            sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
+            sys.unraisablehook = self._unraisable
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
 
     def _unraisable(self, lost: Any) -> None:
@@ -54,8 +54,8 @@ class Ending:
         if not (self.heard and isinstance(lost.exc_value, KeyboardInterrupt)):
             self._hooks[0](lost)
 
-    def _printed(self, kind: Any, problem: Any, trace: Any) -> None:
-        """The same where compiled code prints it first, as Cython does."""
+    def printed(self, kind: Any, problem: Any, trace: Any) -> None:
+        """The same, as `sys.excepthook`, where compiled code prints it first, as Cython does."""
         if not (self.heard and isinstance(problem, KeyboardInterrupt)):
             self._hooks[1](kind, problem, trace)
 
