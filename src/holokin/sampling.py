@@ -88,6 +88,11 @@ class Plan:
         at = self.path.on(segment, u0 + share * (u1 - u0))
         return at.position[0], at.rotation[0] @ self.start_rotation
 
+    def where(self, done: int) -> str:
+        """Where the tool is after some steps, all cycles counted, in words."""
+        cycle, step = divmod(done, self.steps)
+        return f"in cycle {cycle + 1}, {100 * step / self.steps:.1f} % along the path"
+
     def bends(self, step: int) -> tuple[float, float]:
         """(|d^2 p / du^2| [m], turn [rad]) of a step, u from 0 to 1 over it."""
         return self._bends[int(np.searchsorted(self._last, step))]

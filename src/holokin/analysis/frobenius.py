@@ -49,9 +49,9 @@ class _Subject:
 
     def relative(self, Q: Matrix) -> tuple[Array, Vector]:
         """F over its scale, free of units, (k, n, p), and rcond (k,)."""
-        F, scale, figure = self.values(Q)
+        F, scale, rcond = self.values(Q)
         with np.errstate(all="ignore"):
-            return F / scale[:, None, :], figure
+            return F / scale[:, None, :], rcond
 
 
 @typed
@@ -135,7 +135,7 @@ def involutivity_of(
 
     name = f"distribution of rank {B.shape[1]}"
     refusal = lambda _q: HolokinError("the distribution loses rank")  # noqa: E731
-    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], refusal, *_grounds(B, q))
+    subject = _Subject(name, n, values, planes, ["/joint unit"] * len(planes), [], refusal, *_evidence(B, q))
     area = region if region is not None else Region(np.full(n, -1.0), np.full(n, 1.0))
     return _judged(subject, area, whole("samples", samples), thorough, tolerance, seed)
 
@@ -158,13 +158,13 @@ def _subject(strategy: Strategy) -> _Subject:
 
     e = strategy.expressions
     # Lemma III.1: range G is the null space of an exact J_g
-    evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _grounds(e.planes, e.q)
+    evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _evidence(e.planes, e.q)
     units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
     name = f"{strategy.name}, {task.name}"
     return _Subject(name, task.n, values, planes, units, rows, refusal, *evidence)
 
 
-def _grounds(planes: SX, q: SX) -> tuple[Evidence, tuple[str, ...]]:
+def _evidence(planes: SX, q: SX) -> tuple[Evidence, tuple[str, ...]]:
     others = other_operations(planes, q)
     return (Evidence.SAMPLED if others else Evidence.TRIGONOMETRIC), others
 
@@ -192,7 +192,7 @@ def _judged(
 def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) -> Verdict:
     found = examine(subject.relative, seen, tolerance)
     if found is None:
-        best = f"rcond at most {np.nanmax(seen.figure, initial=0.0):.1e}, and round-off hides the curvature"
+        best = f"rcond at most {np.nanmax(seen.rcond, initial=0.0):.1e}, and round-off hides the curvature"
         raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
     witness, plane = seen.Q[found.row], subject.planes[found.plane]
     F, scale, _ = subject.values(witness[None])

@@ -47,7 +47,7 @@ class Scan:
 
     Q: Matrix
     sizes: Matrix
-    figure: Vector
+    rcond: Vector
     sound: Flags
 
 
@@ -71,8 +71,8 @@ def scan(field: Field, Q: Matrix) -> Scan:
     parts = [field(Q[i : i + PIECE]) for i in range(0, len(Q), PIECE)]
     with np.errstate(all="ignore"):
         sizes = np.concatenate([np.linalg.norm(F, axis=1) for F, _ in parts])
-    figure = np.concatenate([f for _, f in parts])
-    return Scan(Q, sizes, figure, (figure > JUDGED) & np.isfinite(sizes).all(axis=1))
+    rcond = np.concatenate([found for _, found in parts])
+    return Scan(Q, sizes, rcond, (rcond > JUDGED) & np.isfinite(sizes).all(axis=1))
 
 
 def merged(a: Scan, b: Scan) -> Scan:
@@ -80,7 +80,7 @@ def merged(a: Scan, b: Scan) -> Scan:
     return Scan(
         np.concatenate([a.Q, b.Q]),
         np.concatenate([a.sizes, b.sizes]),
-        np.concatenate([a.figure, b.figure]),
+        np.concatenate([a.rcond, b.rcond]),
         np.concatenate([a.sound, b.sound]),
     )
 
@@ -121,7 +121,7 @@ def maximised(field: Field, region: Region, seen: Scan) -> Matrix:
     A curvature far below any tolerance counts: its tail leads to where it is large.
     """
     order = np.flatnonzero(seen.sound)
-    quiet = seen.sizes[order].max(axis=1) * seen.figure[order] ** 2  # round-off grows as 1 / rcond^2
+    quiet = seen.sizes[order].max(axis=1) * seen.rcond[order] ** 2  # round-off grows as 1 / rcond^2
     rows = order[np.argsort(-quiet)][: -(-len(seen.Q) // AGAIN)]
     if not len(rows):
         return seen.Q[:0]

@@ -25,7 +25,7 @@ from ..types import Array
 from .emit import SCALAR, prelude
 from .kernel import LARGEST, LONG
 from .later import later
-from .native import enabled, library, tell
+from .native import enabled, extension, library, tell
 from .program import Port, Program, Shapes
 from .source import body, source
 
@@ -96,11 +96,11 @@ class Evaluator:
     def _on_machine(self, port: Port, convert: Convert, doubt: Doubt | None) -> tuple[Callable[..., Any], Any]:
         memory = _Memory(port, self._results)
         inputs, several, double = self._inputs, len(self._results) != 1, np.dtype(float)
-        figures = [*zip(range(-len(self._bounds), 0), self._bounds, strict=True)]  # the last of all numbers
+        measures = [*zip(range(-len(self._bounds), 0), self._bounds, strict=True)]  # the last of all numbers
         myself, left = weakref.ref(self), HEAVY
 
         def sound(found: Sequence[float]) -> bool:
-            for place, bound in figures:
+            for place, bound in measures:
                 if not found[place] > bound:
                     return False
             # A sum beyond all floats counts as not finite, too: `doubt` looks closer. Python's sum does not warn of it.
@@ -125,7 +125,7 @@ class Evaluator:
                 slot[...] = value
             trigger()
             if doubt is not None and not sound(found := numbers()):
-                return doubt(*given, *[take() for take in takes], *[found[place] for place, _ in figures])
+                return doubt(*given, *[take() for take in takes], *[found[place] for place, _ in measures])
             return tuple([take() for take in takes]) if several else takes[0]()
 
         def restart() -> None:
@@ -181,10 +181,7 @@ def _module() -> Any:
         return None
     versions = f"/* Python {' '.join(sys.version.split())}, NumPy {np.__version__} */\n"  # so that they enter the hash
     built = library(versions + prelude("evaluator.c"), includes=folders, needs=("PyInit_holokin_evaluator",))
-    # The library is loaded already, from memory: its module is asked for here and not by a path.
-    start: Any = ctypes.PyDLL("holokin_evaluator", handle=built._handle).PyInit_holokin_evaluator
-    start.restype = ctypes.py_object
     try:
-        return start()
+        return extension(built, "holokin_evaluator")
     except ImportError:
         return None

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import NativeError
 from ..types import Array, Indices, whole
 from .emit import LANES, SCALAR, prelude
-from .native import library
+from .native import extension, library
 from .program import Program, Shapes
 from .source import body, source, step_source
 
@@ -164,8 +164,8 @@ class _Copies(threading.local):
 class StepKernel:
     """hk_step of a control step (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), for Python."""
 
-    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> None:
-        code = step_source(made, inputs, outputs, figures)
+    def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, thresholds: dict[str, float]) -> None:
+        code = step_source(made, inputs, outputs, thresholds)
         self._library = library(code, long=made.instructions > LONG, needs=("hk_step",))
         self._run: Any = self._library.hk_step
         self._run.argtypes = [ctypes.c_void_p] * 5
@@ -210,10 +210,7 @@ def _glue() -> Any:
         built = library(prelude("glue.c"), includes=(folder,), needs=("PyInit_holokin_glue",))
     except NativeError:
         return None
-    # The library is loaded already, from memory: its module is asked for here and not by a path.
-    start: Any = ctypes.PyDLL("holokin_glue", handle=built._handle).PyInit_holokin_glue
-    start.restype = ctypes.py_object
-    module = start()
+    module = extension(built, "holokin_glue")
     sample = np.zeros((3, 5))
     sample.flags.writeable = False
     odd = np.zeros(17, np.uint8)[1:].view(float)  # not aligned

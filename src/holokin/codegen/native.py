@@ -21,6 +21,7 @@ import threading
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ..errors import NativeError
 from .cache import FORMAT, SUFFIX, cache_folder, keep, kept, load, read_regular
@@ -145,6 +146,17 @@ def library(
         with suppress(OSError):
             path.unlink()
         raise
+
+
+def extension(built: ctypes.CDLL, name: str) -> Any:
+    """The Python module of a library that has PyInit_NAME, which is loaded already, from memory: it has no path.
+
+    Raises:
+        ImportError: as the module does.
+    """
+    start: Any = getattr(ctypes.PyDLL(name, handle=built._handle), f"PyInit_{name}")
+    start.restype = ctypes.py_object
+    return start()
 
 
 def _loaded(found: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) -> ctypes.CDLL:

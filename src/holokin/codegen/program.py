@@ -31,7 +31,7 @@ class System:
     A: ca.SX
     B: ca.SX
     X: ca.SX
-    figures: ca.SX
+    measures: ca.SX
     """(2,): rcond, orientation."""
 
 
@@ -61,8 +61,8 @@ def program(name: str, inputs: Mapping[str, ca.SX], outputs: Mapping[str, ca.SX]
     values = [ca.densify(ca.SX(value)) for value in outputs.values()]
     if system is None:
         return Program(_shared(name, symbols, values), None, tuple(range(len(values))), ())
-    found = [system.X, system.figures]
-    unknown = ca.vertcat(ca.vec(system.X), system.figures)
+    found = [system.X, system.measures]
+    unknown = ca.vertcat(ca.vec(system.X), system.measures)
     late = tuple(i for i, value in enumerate(values) if ca.depends_on(value, unknown))
     early = tuple(i for i in range(len(values)) if i not in late)
     before = _shared(name, symbols, [*(values[i] for i in early), ca.densify(system.A), ca.densify(system.B)])
@@ -98,25 +98,25 @@ class Port(threading.local):
             return
         n, k = made.order, made.columns
         A, B, X = (_memory((*shape, *extra)) for shape in ((n, n), (n, k), (n, k)))
-        figures = _memory((2, *extra))
+        measures = _memory((2, *extra))
         late = [self.results[i] for i in made.late]
         self._buffers, first, last = _bind(
             [made.before, made.after],
-            [self.arguments, [*self.arguments, X, figures]],
+            [self.arguments, [*self.arguments, X, measures]],
             [[*early, A, B], late],
             count,
         )
 
         def trigger() -> None:
             first()
-            solve_numbers(A, B, X, figures)
+            solve_numbers(A, B, X, measures)
             last()
 
         self.trigger = trigger
 
 
-def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
-    """X = A^-1 B, with figures = (min |R_kk| / max |R_kk| of A = Q R, sign of det A); not a number where A is singular.
+def solve_numbers(A: Array, B: Array, X: Array, measures: Array) -> None:
+    """X = A^-1 B, measures = (min |R_kk| / max |R_kk| of A = Q R, sign of det A); not a number where A is singular.
 
     Arrays of several systems hold them side by side along the last axis.
     """
@@ -124,15 +124,15 @@ def solve_numbers(A: Array, B: Array, X: Array, figures: Array) -> None:
 
     if A.ndim == 3:
         for i in range(A.shape[2]):
-            solve_numbers(A[..., i], B[..., i], X[..., i], figures[..., i])
+            solve_numbers(A[..., i], B[..., i], X[..., i], measures[..., i])
         return
     reflections, tau, _, _ = lapack.dgeqrf(A)  # type: ignore[attr-defined]
     diagonal = reflections.diagonal()
     sizes = np.abs(diagonal).tolist()
     most = max(sizes)
-    figures[0] = min(sizes) / most if most > 0 else np.nan
+    measures[0] = min(sizes) / most if most > 0 else np.nan
     turns = len(tau) - tau.tolist().count(0.0) + np.signbit(diagonal).sum()  # a reflection turns the sign
-    figures[1] = -1.0 if turns % 2 else 1.0
+    measures[1] = -1.0 if turns % 2 else 1.0
     turned, _, _ = lapack.dormqr("L", "T", reflections, tau, B, 64 * B.shape[1])  # type: ignore[attr-defined]
     for k in range(B.shape[1]):  # one by one: from two on OpenBLAS starts threads, which takes milliseconds
         found, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]

@@ -76,9 +76,9 @@ def _places(shapes: Shapes):
     return place
 
 
-def step_source(made: Program, inputs: Shapes, outputs: Shapes, figures: dict[str, float]) -> str:
+def step_source(made: Program, inputs: Shapes, outputs: Shapes, measures: dict[str, float]) -> str:
     """The C of a control step: prelude, sizes, generated body, hk_step."""
     each = [int(np.prod(shape)) for shape in inputs]
-    sizes = dict(zip(("N", "POSE", "TWIST", "PARAMETERS"), each, strict=True)) | figures
+    sizes = dict(zip(("N", "POSE", "TWIST", "PARAMETERS"), each, strict=True)) | measures
     head = "".join(f"#define HK_{key} {value}\n" for key, value in sizes.items())
     return source(SCALAR, head, body(made, inputs, outputs, "hk_step_body"), "step.c")

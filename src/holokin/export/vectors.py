@@ -107,18 +107,18 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         try:
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
-            there_q = leaf_follower(holonomic, q, PIECES // 2)(
+            reached = leaf_follower(holonomic, q, PIECES // 2)(
                 q, straight_way(s.task, q, position, pose[:3, :3], levels)
             )
         except HolokinError:
             return None
         step = leaf_step(holonomic)(q, position, rotation, c)[0]
-        precise = precise and _is_precise(*s.gain(there_q)[1:])
+        precise = precise and _is_precise(*s.gain(reached)[1:])
         values |= {
             "c": c,
             "g": np.atleast_1d(holonomic.constraint_value(q)),
             "leaf": np.atleast_1d(step),
-            "inverse": there_q,
+            "inverse": reached,
         }
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))

@@ -63,7 +63,7 @@ def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     if len(q) != robot.n:
         names = ", ".join(robot.joint_names)
         raise JobError(file, "start.q", f"has {len(q)} numbers", f"give {robot.n}, for {names}")
-    scales = np.array([np.pi / 180 if c.unit == "rad" else 1.0 for c in robot.coordinates])
+    scales = np.where(robot.hinges, np.pi / 180, 1.0)
     if job.start.degrees:
         q = scales * q
     try:

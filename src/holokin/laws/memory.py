@@ -8,9 +8,8 @@ import numpy as np
 
 from ..arguments import made
 from ..constraints import Cost
-from ..errors import ArgumentError
 from ..motion.control_law import ControlLaw, Step
-from ..strategies import check_regular, geometric_stiffness, gradient_and_stiffness
+from ..strategies import check_exact, check_regular, geometric_stiffness, gradient_and_stiffness
 from ..symbolic import SX, Function, factorise, runge_kutta, symbol, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..task import Task
@@ -34,10 +33,7 @@ def impedance_with_memory(
     Raises:
         ArgumentError: a task whose J is not df/dq (a twist). ShapeError: the force has not m entries.
     """
-    if not task.exact:
-        raise ArgumentError(
-            "the task of an impedance", task.name, "its Hessians need coordinates: use a position, or 'rpy'"
-        )
+    check_exact(task)
     first = np.zeros(task.m) if force is None else frozen(finite("the force", force, (task.m,)))
 
     @cache

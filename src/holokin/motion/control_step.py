@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from math import isfinite
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -206,13 +207,11 @@ def _machine(
     function: Function, parameters: Vector, memory: StepMemory, convert: Callable[..., tuple[Array, Array, Array]]
 ) -> Rates:
     """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
-    mine, latest, change = (
-        _MachineMemory(function.port(), parameters, memory),
-        memory.latest,
-        parameters.flags.writeable,
-    )
+    mine, latest = _MachineMemory(function.port(), parameters, memory), memory.latest
+    change = parameters.flags.writeable
     shapes = tuple(function.input_shapes.values())[:3]
     double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
+    ok, slowed, limit = (int(status) for status in (StepStatus.OK, StepStatus.SLOWED, StepStatus.LIMIT))
 
     def step(q: Any, pose: Any, twist: Any) -> Vector:
         try:
@@ -230,9 +229,9 @@ def _machine(
         rates, scale, rcond, margin, room, given = results
         share = scale.item()
         size = rates @ rates + share + given.item()
-        if size - size == 0.0 and rcond.item() > least and margin.item() > clear:
+        if isfinite(size) and rcond.item() > least and margin.item() > clear:
             out[-2] = share
-            out[-1] = 0 if share >= 1.0 else 1 if room.item() > AT_LIMIT else 2
+            out[-1] = ok if share >= 1.0 else slowed if room.item() > AT_LIMIT else limit
             return rates.copy()
         out[-2] = 0.0
         out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE

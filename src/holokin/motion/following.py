@@ -137,10 +137,10 @@ def _walk(
                 postures[done] = q
                 report(done)
         except JointLimitError as problem:
-            fact = f"stopped {_where(plan, done)}: {problem}"
+            fact = f"stopped {plan.where(done)}: {problem}"
             raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
         except (SingularityError, BranchError, TrackingError) as problem:
-            where = _where(plan, done)
+            where = plan.where(done)
             undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
             beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
             if beyond is not None:
@@ -190,8 +190,3 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
         return np.abs(leaf.constraint.nearest(values - values[0])).max(axis=1)
 
     return record(task, plan, q, dq, cycles, status, residual)
-
-
-def _where(plan: Plan, done: int) -> str:
-    cycle, step = divmod(done, plan.steps)
-    return f"in cycle {cycle + 1}, {100 * step / plan.steps:.1f} % along the path"

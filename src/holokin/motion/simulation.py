@@ -109,9 +109,7 @@ class _Run:
         if self.fault is None:
             return walk
         said, cause = self.fault
-        cycle, step = divmod(self.done, self.plan.steps)
-        where = f"in cycle {cycle + 1}, {100 * step / self.plan.steps:.1f} % along the path"
-        raise ControllerError(self.law.name, f"{where}: {said}", walk) from cause
+        raise ControllerError(self.law.name, f"{self.plan.where(self.done)}: {said}", walk) from cause
 
     def _watched(self, patience: float, report: Callable[[int], None]) -> None:
         """The loop in a thread of its own, left behind if a call does not come back."""

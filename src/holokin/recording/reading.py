@@ -108,7 +108,7 @@ def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, M
 
 def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes: list[str]) -> None:
     """Hinges in radians, in place: columns are looked at by their extremes, since a log may be long."""
-    turning = np.array([c.kind != "prismatic" for c in robot.coordinates])
+    turning = robot.hinges
     scale = np.where(turning, np.pi / 180, 1.0)
     if degrees:
         q *= scale

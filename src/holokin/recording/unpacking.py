@@ -67,24 +67,25 @@ def unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
                 break
 
 
-def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
-    """Unpacked bytes, at most `most`. Raises: RecordingError."""
-    parts, size = [], 0
-    for part in unpacked_pieces(kind, iter([data])):
-        size += len(part)
-        if size > most:
-            raise too_large(file, what, most)
-        parts.append(part)
-    return b"".join(parts)
-
-
-def check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
-    """Raises: RecordingError when packed data unpack to more than `most` bytes."""
+def _bounded(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> Iterator[bytes]:
+    """What packed data unpack to, as long as it is at most `most` bytes. Raises: RecordingError."""
     size = 0
     for part in unpacked_pieces(kind, pieces):
         size += len(part)
         if size > most:
             raise too_large(file, what, most)
+        yield part
+
+
+def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
+    """Unpacked bytes, at most `most`. Raises: RecordingError."""
+    return b"".join(_bounded(file, what, kind, iter([data]), most))
+
+
+def check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
+    """Raises: RecordingError when packed data unpack to more than `most` bytes."""
+    for _ in _bounded(file, what, kind, pieces, most):
+        pass
 
 
 def too_large(file: Path, what: str, most: int) -> RecordingError:

@@ -6,7 +6,7 @@ from .expressions import Brackets, Expressions, FrameExpressions, RowExpressions
 from .family import from_transport
 from .fibre import SelfMotion, correction, self_motion, unit_null
 from .kinds import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy
-from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
+from .physical import check_exact, geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
 from .polynomial import fitted
 from .straight_lines import radial
 
@@ -22,6 +22,7 @@ __all__ = [
     "RowStrategy",
     "SelfMotion",
     "Strategy",
+    "check_exact",
     "check_regular",
     "checked_rate",
     "correction",

@@ -62,7 +62,7 @@ def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", n
     """
     if force not in ("pseudo-inverse", "stiffness"):
         raise UnknownNameError("force of an impedance", force, ("pseudo-inverse", "stiffness"))
-    _exact(task)
+    check_exact(task)
 
     def rows(task: Task, k: Kinematics, q: SX) -> SX:
         slope, K = gradient_and_stiffness(task, k, q, potential)
@@ -91,7 +91,8 @@ def geometric_stiffness(task: Task, k: Kinematics, q: SX) -> Callable[..., SX]:
     return as_map([q, F], jacobian(task.jacobian_expression(k, q).T @ F, q))
 
 
-def _exact(task: Task) -> None:
+def check_exact(task: Task) -> None:
+    """Raises: ArgumentError: J of the task is not df/dq."""
     if not task.exact:
         raise ArgumentError(
             "the task of an impedance",

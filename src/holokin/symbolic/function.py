@@ -7,19 +7,19 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..codegen.evaluator import Doubt, Evaluator, weak
+from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
+from ..codegen.native import enabled, tell
 from ..codegen.program import Port, program
+from ..codegen.source import body
 from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike, numbers
 from .linear import System
-
-if TYPE_CHECKING:
-    from ..codegen.kernel import BatchKernel, FollowKernel
 
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
@@ -141,13 +141,14 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
-        from ..codegen.kernel import LARGEST_VECTOR, BatchKernel
-        from ..codegen.native import enabled
-
         if not enabled() or self.program.instructions > LARGEST_VECTOR:
             return None
         if "batch" not in self._natives:
-            self._natives["batch"] = _tried(lambda: BatchKernel(self.program, *self._shapes))
+            try:
+                self._natives["batch"] = BatchKernel(self.program, *self._shapes)
+            except NativeError as problem:
+                tell(problem)
+                self._natives["batch"] = None
         return self._natives["batch"]
 
     @property
@@ -169,9 +170,6 @@ class Function:
             load: look for it in the cache of libraries. build: make it if it is not there. Without them, only one
                 that this process has already.
         """
-        from ..codegen.kernel import LARGEST, FollowKernel
-        from ..codegen.native import enabled, tell
-
         known = method in self._natives
         if not known and (not (load or build) or self.program.instructions > LARGEST):
             return None
@@ -195,8 +193,6 @@ class Function:
         Raises:
             NativeError: an operation that has no C here.
         """
-        from ..codegen.source import body
-
         return body(self.program, *self._shapes, name)
 
     def _converted(self, *args: ArrayLike, **named: ArrayLike) -> list[Array]:
@@ -229,17 +225,6 @@ class Function:
         if len(values) != len(keys) or len(args) + len(named) != len(keys):
             raise ShapeError(f"{self.name}: the arguments", keys, [*range(len(args)), *named])
         return values
-
-
-def _tried(make: Callable[[], Any]) -> Any:
-    """What is made, or None and a warning."""
-    from ..codegen.native import tell
-
-    try:
-        return make()
-    except NativeError as problem:
-        tell(problem)
-        return None
 
 
 def _given(name: str, array: Any, shape: tuple[int, ...]) -> Array:

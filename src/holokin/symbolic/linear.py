@@ -141,5 +141,5 @@ def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
     if n < DENSE_FROM or written_out:
         extended = factorise(A)
         return Solution(extended.solve(B), extended.rcond(), extended.orientation())
-    X, figures = ca.SX.sym("X", n, k), ca.SX.sym("figures", 2)
-    return Solution(X, figures[0], figures[1], System(ca.SX(A), ca.SX(B), X, figures))
+    X, measures = ca.SX.sym("X", n, k), ca.SX.sym("measures", 2)
+    return Solution(X, measures[0], measures[1], System(ca.SX(A), ca.SX(B), X, measures))

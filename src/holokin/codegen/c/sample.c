@@ -1,5 +1,5 @@
 /* hk_body at one sample. in[a]: the numbers of argument a, one row after another; out[b]: where result b goes.
-   Outputs beyond the results are figures, single numbers that must be above their bounds.
+   Outputs beyond the results are measures, single numbers that must be above their bounds.
    Returns 1, or 0 where a figure is not or, with HK_FINITE, an argument or a result is not finite. */
 HK_API int hk_sample(const double *const *in, double *const *out) {
   hk_t x[HK_NX], y[HK_NY];

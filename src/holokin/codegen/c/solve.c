@@ -1,6 +1,6 @@
 /* A dense system amid straight-line code: A = Q R by Householder reflections, as symbolic/linear.py writes them out.
-   M = [A | B] (n, n + k) by rows; B becomes A^-1 B. figures: min |R_ii| / max |R_ii|, sign of det A. w: n + k numbers. */
-static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *restrict figures) {
+   M = [A | B] (n, n + k) by rows; B becomes A^-1 B. measures: min |R_ii| / max |R_ii|, sign of det A. w: n + k numbers. */
+static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *restrict measures) {
   const int width = n + k;
   hk_t least = HK_INF, most = HK_C(0), side = HK_C(1);
   for (int c = 0; c < n - 1; c++) {
@@ -33,6 +33,6 @@ static void hk_solve(int n, int k, hk_t *restrict M, hk_t *restrict w, hk_t *res
       for (int l = 0; l < i; l++) M[l * width + j] = M[l * width + j] - M[l * width + i] * found;
     }
   }
-  figures[0] = least / most;
-  figures[1] = side;
+  measures[0] = least / most;
+  measures[1] = side;
 }
