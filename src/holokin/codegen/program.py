@@ -56,9 +56,25 @@ class Program:
 
     @property
     def instructions(self) -> int:
-        """Operations of the straight-line code, each counted once, however often a loop runs them."""
-        stages = self.before.n_instructions() + (0 if self.after is None else self.after.n_instructions())
-        return stages + (0 if self.transport is None else self.transport.instructions)
+        """Operations as they are written down, those of a loop once."""
+        return sum(self._lengths)
+
+    @property
+    def longest(self) -> int:
+        """Operations of the longest piece without a branch: what a compiler's time hangs on."""
+        return max(self._lengths)
+
+    @property
+    def operations(self) -> int:
+        """Operations of one call, those of a loop as often as it runs."""
+        if self.transport is None:
+            return self.instructions
+        return self.instructions - sum(self.transport.lengths.values()) + self.transport.operations(self.sloping)
+
+    @property
+    def _lengths(self) -> list[int]:
+        stages = [stage.n_instructions() for stage in (self.before, self.after) if stage is not None]
+        return stages + ([] if self.transport is None else list(self.transport.lengths.values()))
 
     @property
     def sloping(self) -> bool:

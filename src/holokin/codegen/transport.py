@@ -17,6 +17,10 @@ from .emit import emit, prelude
 SHARES, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 """Runge-Kutta of order 4: where its four rates are taken, and how they count."""
 
+MOST_KEPT = 4096
+"""Numbers that C keeps of all rates for the sweep back; a Panda's 4 steps leave 2,240. Of more steps it takes the rates
+twice, for half as much time again, and keeps those of one step: threads have little memory for calls."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -81,9 +85,16 @@ class Transport:
         return self.found[-1]
 
     @property
-    def instructions(self) -> int:
+    def lengths(self) -> dict[str, int]:
         """Operations of the pieces, as many as there are lines of C."""
-        return sum(piece.n_instructions() for piece in self.pieces.each().values())
+        return {name: piece.n_instructions() for name, piece in self.pieces.each().items()}
+
+    def operations(self, sloping: bool) -> int:
+        """Operations of a call, with the gradient or without."""
+        size, rates = self.lengths, 4 * self.steps
+        label = size["begin"] + (rates + 1) * size["rate"] + size["miss"] + size["end"]
+        again = 0 if rates * self.pieces.pull.size1_in(0) <= MOST_KEPT else rates * size["rate"]
+        return label + sloping * self.rows * (rates * size["pull"] + again + size["back"])
 
     @cached_property
     def function(self) -> ca.Function:
@@ -115,10 +126,11 @@ class Transport:
 
     @cached_property
     def c(self) -> str:
-        """C of `static void hk_transport(const hk_t *q, hk_t *found, int gradient)`; once in a file, if twice in it."""
+        """C of `static void hk_transport(const hk_t *q, hk_t *found, int sloping)`; it counts once in a file."""
         sizes = {
             "N": self.joints, "M": self.pieces.begin.size1_out(0), "R": self.rows,
             "K": self.pieces.pull.size1_in(0), "S": self.steps, "H": repr(self.h),
+            "MOST": MOST_KEPT,
         }  # fmt: skip
         head = "".join(f"#define HK_TRANSPORT_{key} {value}\n" for key, value in sizes.items())
         pieces = "".join(_piece(name, piece) for name, piece in self.pieces.each().items())

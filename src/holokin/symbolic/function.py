@@ -144,7 +144,7 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
-        if not enabled() or self.program.instructions > LARGEST_VECTOR:
+        if not enabled() or self.program.longest > LARGEST_VECTOR:
             return None
         if "batch" not in self._natives:
             try:
