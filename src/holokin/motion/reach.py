@@ -34,12 +34,15 @@ STATIONARY = 1e-3
 REACHED = TOLERANCES.tracking / 10
 """Error [m or rad] at which a target counts as reached."""
 
+FAR = TOLERANCES.tracking
+"""Error [m or rad] from which a search that gains no more has got to its end: nearer by it may yet arrive."""
+
 
 @dataclass(frozen=True, eq=False)
 class Nearest(Value):
     """For each of k targets the posture found nearest to it, and the error that is left [m or rad].
 
-    ended (k,): True where nothing near that posture is nearer, so that more looks would find no more.
+    ended (k,): True where the search had got to its end there, so that more looks would find no more.
     """
 
     q: Matrix
@@ -67,6 +70,15 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float,
     return None
 
 
+def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:
+    """Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
+
+    None also where the searches did not come to an end.
+    """
+    found = nearest_postures(task, position[None], rotation[None], q[None], limits=limits)
+    return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
+
+
 def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> Nearest:
     """Postures that bring the tool to targets (k, 3), (k, 3, 3), or as near as was found.
 
@@ -76,7 +88,7 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
     """
     robot = task.robot
     lower, upper = (robot.lower, robot.upper) if limits else (np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
-    best = _search(task, position, rotation, np.clip(near, lower, upper), lower, upper)
+    best = _search(task, position, rotation, near, lower, upper)
     q, missing, ended = best.q.copy(), best.missing.copy(), best.ended.copy()
     low = np.where(np.isfinite(robot.lower), robot.lower, near - np.pi)
     high = np.where(np.isfinite(robot.upper), robot.upper, near + np.pi)
@@ -103,7 +115,7 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     [GVL13, section 6.1]
     """
     k, m, n = len(q), task.m, task.n
-    q = q.copy()
+    q = np.clip(q, lower, upper)
 
     def look(at: Matrix, rows: Array) -> tuple[Matrix, Array]:
         error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
@@ -118,11 +130,11 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         slope = np.einsum("kmn,km->kn", S, e)
         free = ~(((at <= lower) & (slope >= 0)) | ((at >= upper) & (slope <= 0)))
         still = np.abs(slope) > STATIONARY * np.linalg.norm(S, axis=1) * size[:, None]
-        ended[rows] = ~(free & still).any(axis=1)
-        go = ~ended[rows] & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
+        stalled = np.zeros(len(rows), dtype=bool)
         if looks % AFTER == 0:
-            go &= size <= STALLED * before[rows]
-            before[rows] = size
+            stalled, before[rows] = size > STALLED * before[rows], size
+        ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
+        go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
         rows, e, A, at = rows[go], e[go], S[go] * free[go, None], at[go]
         if not rows.size:
             break
