@@ -1,5 +1,7 @@
 """Which law: how much of a workspace a leaf covers, the best leaf of a workspace, advice for a robot and its work."""
 
-from .covering import Coverage, PoseStatus, Reach, coverage, posture_reach
+from .covered import Coverage, PoseStatus, Reach
+from .covering import coverage, posture_reach
+from .slicing import Slice, coverage_slices
 
-__all__ = ["Coverage", "PoseStatus", "Reach", "coverage", "posture_reach"]
+__all__ = ["Coverage", "PoseStatus", "Reach", "Slice", "coverage", "coverage_slices", "posture_reach"]
