@@ -9,24 +9,27 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+from .designing import Coverage, coverage
 from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
 from .path import Path, arc, circle, join, line, polyline
-from .recording import read_recording
+from .recording import read_recording, read_workspace
 from .robot import Robot, catalogue, from_dh, from_urdf, load
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
+from .workspaces import Workspace, workspace
 
 __all__ = [
     "Constraint",
     "ControlLaw",
+    "Coverage",
     "HolokinError",
     "Path",
     "Robot",
@@ -35,6 +38,7 @@ __all__ = [
     "Task",
     "Trajectory",
     "Verdict",
+    "Workspace",
     "analysis",
     "arc",
     "arm_angle",
@@ -47,8 +51,10 @@ __all__ = [
     "constraints",
     "controller",
     "coupled",
+    "coverage",
     "curvature",
     "custom",
+    "designing",
     "drift",
     "export",
     "export_c",
@@ -74,10 +80,12 @@ __all__ = [
     "position",
     "radial",
     "read_recording",
+    "read_workspace",
     "recording",
     "robot",
     "simulate",
     "stationary",
     "strategies",
     "weighted",
+    "workspace",
 ]
