@@ -25,7 +25,7 @@ from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, 
 from ..tolerances import TOLERANCES
 from ..types import kept
 from .branch import branch_code
-from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR
+from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 
 SLENDER = 0.02
 """Radius of a stretch over the largest joint's motion in half of it: curves are right to less, thick ones enclose more."""
@@ -57,9 +57,9 @@ STRETCHES = 2_000
 SHORT = 4_000
 """Operations of the extended Jacobian up to which it has Taylor models."""
 
-TRIES = 5_000
-"""Pieces of `follow` of one way tried at most: inverse kinematics is asked in loops, where no answer is better than a late
-one."""
+PIECES = 1_000
+"""Pieces of `follow` that native code tries at most after the stretches, which have come to within 1e-4 rad of a fold by
+then: inverse kinematics is asked in loops, where no answer is better than a late one."""
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -106,7 +106,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
     s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
     r = task.n - task.m
-    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES)
+    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES if models is None else PIECES)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
         "REGULAR": REGULAR, "RULES": f"{{{', '.join(map(repr, rules))}}}",
