@@ -15,7 +15,7 @@ from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .errors import HolokinError
 from .export import export_c
-from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
+from .motion import ControlLaw, all_postures, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
 from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording
 from .robot import Robot, catalogue, from_dh, from_urdf, load
@@ -35,6 +35,7 @@ __all__ = [
     "Task",
     "Trajectory",
     "Verdict",
+    "all_postures",
     "analysis",
     "arc",
     "arm_angle",

@@ -1,5 +1,6 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
+from .all_postures import Postures, all_postures
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller, has_leaf, step_function
 from .following import follow
@@ -15,10 +16,12 @@ __all__ = [
     "Controller",
     "Drift",
     "InverseKinematics",
+    "Postures",
     "Spread",
     "Step",
     "StepStatus",
     "Winding",
+    "all_postures",
     "as_control_law",
     "controller",
     "drift",
