@@ -15,7 +15,18 @@ from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .errors import HolokinError
 from .export import export_c
-from .motion import ControlLaw, all_postures, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
+from .motion import (
+    ControlLaw,
+    all_postures,
+    controller,
+    drift,
+    follow,
+    inverse,
+    move_to_leaf,
+    obstruction,
+    path_spread,
+    simulate,
+)
 from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording
 from .robot import Robot, catalogue, from_dh, from_urdf, load
@@ -69,6 +80,7 @@ __all__ = [
     "motion",
     "move_to_leaf",
     "null_basis",
+    "obstruction",
     "path_spread",
     "polyline",
     "pose",

@@ -6,6 +6,7 @@ from .control_step import Controller, StepStatus, controller, has_leaf, step_fun
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
+from .obstructions import Directions, Obstruction, Witness, obstruction
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
@@ -14,13 +15,16 @@ __all__ = [
     "Cause",
     "ControlLaw",
     "Controller",
+    "Directions",
     "Drift",
     "InverseKinematics",
+    "Obstruction",
     "Postures",
     "Spread",
     "Step",
     "StepStatus",
     "Winding",
+    "Witness",
     "all_postures",
     "as_control_law",
     "controller",
@@ -30,6 +34,7 @@ __all__ = [
     "inverse",
     "leaf_value",
     "move_to_leaf",
+    "obstruction",
     "open_loop",
     "path_spread",
     "simulate",

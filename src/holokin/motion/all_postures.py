@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..errors import ArgumentError, ShapeError
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
