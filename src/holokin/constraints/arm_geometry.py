@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..arguments import check, typed
 from ..errors import ArgumentError, NoArmError
 from ..robot import Kinematics, Robot
 from ..symbolic import SX, Function, horzcat, symbol
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector, finite
+from ..types import Matrix, Vector, finite
 
 MEET = 1e-4
 """Distance [m] up to which axes meet: URDF files round right angles to 1.5708, a hundredth of a millimetre on 2 m."""
@@ -147,9 +147,8 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
 
 def _named(robot: Robot, joint: Any) -> Point:
     """The origin of a joint's frame, which may be that of a joint that mimics another, or a point in it."""
-    offset: ArrayLike | None = None
-    if isinstance(joint, tuple | list) and len(joint) == 2:
-        joint, offset = joint
+    joint, offset = joint if isinstance(joint, tuple | list) and len(joint) == 2 else (joint, None)
+    check("a point of an arm", str | int, joint)
     names = [j.name for j in robot.joints]
     name = joint if joint in names else robot.joint_names[robot.joint_index(joint)]
     words = f"at the origin of {name}"

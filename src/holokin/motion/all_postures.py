@@ -12,7 +12,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Value, Vector, finite, whole
+from ..types import ArrayLike, Flags, Matrix, Value, Vector, finite, whole
 from .inverse_kinematics import ROTATION
 from .leaf import leaf_step
 
@@ -24,6 +24,9 @@ LONGEST = 0.5
 
 EXACT = 1e-10
 """Last correction [joint units] of a posture that counts as found."""
+
+SHIFT = 0.382
+"""Of the sequence of starts, as a share of the ranges: away from 0 and right angles, at which arms are singular."""
 
 APART = 1e-6
 """Distance [joint units] below which two postures are one: well over `EXACT`, well under what tells branches apart."""
@@ -92,7 +95,7 @@ def all_postures(
         starts: how many; more find rarer postures.
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError.
+        ShapeError, ArgumentError.
     """
     task, count = strategy.task, whole("starts", starts)
     wanted = finite("a tool pose", pose, (4, 4))
@@ -122,12 +125,11 @@ def _spread(robot: Robot, count: int) -> Matrix:
     slides = ~robot.hinges & np.isfinite(robot.lower) & np.isfinite(robot.upper)
     low, high = np.where(slides, robot.lower, low), np.where(slides, robot.upper, high)
     power = int(np.ceil(np.log2(max(count, 2))))
-    return low + (high - low) * qmc.Sobol(robot.n, seed=0).random_base2(power)[:count]
+    points = (qmc.Sobol(robot.n, scramble=False).random_base2(power)[:count] + SHIFT) % 1.0
+    return low + (high - low) * points
 
 
-def _newton(
-    strategy: HolonomicStrategy, q: Matrix, p: Vector, R: Matrix, c: Vector
-) -> tuple[Matrix, Vector, np.ndarray]:
+def _newton(strategy: HolonomicStrategy, q: Matrix, p: Vector, R: Matrix, c: Vector) -> tuple[Matrix, Vector, Flags]:
     """(postures (k, n), rcond (k,), whether Newton's method got there (k,)) from starts (k, n), all at once."""
     step, q = leaf_step(strategy), q.copy()
     arrived, rcond = np.zeros(len(q), dtype=bool), np.zeros(len(q))
@@ -163,13 +165,11 @@ def _merged(robot: Robot, q: Matrix) -> tuple[Matrix, Vector]:
     return np.array(kept).reshape(-1, robot.n), np.array(count, dtype=float)
 
 
-def _within(robot: Robot, q: Matrix, limits: bool) -> tuple[Matrix, np.ndarray]:
+def _within(robot: Robot, q: Matrix, limits: bool) -> tuple[Matrix, Flags]:
     """(postures turned by whole turns to where they are within the limits, which of them are); all without limits."""
-    if not limits or not len(q):
+    if not limits:
         return q, np.ones(len(q), dtype=bool)
-    turns = np.where(
-        robot.hinges & np.isfinite(robot.lower), np.ceil((robot.lower - TOLERANCES.limit - q) / (2 * np.pi)), 0.0
-    )
-    moved = q + 2 * np.pi * turns
-    fits = (moved >= robot.lower - TOLERANCES.limit) & (moved <= robot.upper + TOLERANCES.limit)
-    return moved, fits.all(axis=1)
+    low, high = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
+    turns = np.ceil((low - q) / (2 * np.pi))
+    moved = q + 2 * np.pi * np.where(robot.hinges & np.isfinite(turns), turns, 0.0)
+    return moved, np.all((moved >= low) & (moved <= high), axis=1)

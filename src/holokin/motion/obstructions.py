@@ -204,8 +204,8 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             which = "none" if sphere.fixed else "none on the self-motions traced"
             said = (
                 f"{about}: {which} covers them without a jump. On each self-motion the elbow goes once round the line "
-                f"from shoulder to wrist, {field.clearance:.2g} m from it or more: such a field of tangent directions on "
-                "a sphere has indices that add up to 2"
+                f"from shoulder to wrist, {field.clearance:.2g} m from it or more: such a field of tangent directions "
+                "on a sphere has indices that add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
     return Obstruction(total, (), directions, len(known), largest, field.clearance, said, details)

@@ -3,7 +3,7 @@
 The sphere is cut into triangles. Along an edge the direction turns by an angle against one that is carried along
 without turning (parallel transport). Round a region of area A these angles add up to 2 pi k - A, and the whole number k
 is the index of the region: the sum of the indices of the poles in it, 0 where the field goes on without a jump. Over
-the whole sphere the angles cancel and the areas are 4 pi, so the indices add up to 2 (Poincare and Hopf).
+the whole sphere the angles cancel and the areas are 4 pi, so the indices add up to 2 (Poincare and Hopf) [Mil65].
 """
 
 from __future__ import annotations
@@ -126,14 +126,14 @@ def _reached(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tup
 class _Mesh:
     """Triangles' corners, with states and directions where they are known, and how far e turns along the edges."""
 
-    field: TangentField
+    tangent: TangentField
     points: list[Vector]
     known: dict[int, tuple[Any, Vector]] = field(default_factory=dict)
     turns: dict[tuple[int, int], float | None] = field(default_factory=dict)
     halves: dict[tuple[int, int], int] = field(default_factory=dict)
     largest: float = 0.0
 
-    def reach(self, triangles: Matrix, first: Iterable[int]) -> None:
+    def reach(self, triangles: Indices, first: Iterable[int]) -> None:
         """Carry the states of some corners to all others that can be reached along edges, near ones before far ones."""
         beside: dict[int, set[int]] = {}
         for a, b in _edges(triangles):
@@ -157,7 +157,7 @@ class _Mesh:
         while share < 1.0:
             goal = min(1.0, share + width)
             v = between(self.points[i], self.points[j], goal)
-            there = self.field.step(state, v)
+            there = self.tangent.step(state, v)
             angle = after = np.inf
             if there is not None:
                 angle, after = abs(turn(u, e, v, there[1])), self._slope(*there, v, normal)
@@ -177,7 +177,7 @@ class _Mesh:
         """How fast e turns across the edge [rad/rad]: as 1 / distance to a pole that lies ahead."""
         v = u + ASIDE * normal
         v /= float(np.linalg.norm(v))
-        there = self.field.step(state, v)
+        there = self.tangent.step(state, v)
         return np.inf if there is None else abs(turn(u, e, v, there[1])) / ASIDE
 
     def edge(self, i: int, j: int) -> float | None:
