@@ -256,7 +256,7 @@ def test_points_are_named_by_joint_or_by_joint_and_offset(panda: hk.Robot) -> No
     arm = find_arm(task, ("panda_joint1", (3, (0.0, 0.1, 0.0)), 5))
     S, E, W = arm.places(task)(PANDA_START)
     (line,) = panda.skeleton(PANDA_START)
-    assert (S, W) == (pytest.approx(line[1]), pytest.approx(line[6]))
+    assert (pytest.approx(line[1]), pytest.approx(line[6])) == (S, W)
     assert np.linalg.norm(E - line[4]) == pytest.approx(0.1)
     assert arm.sentence == (
         "shoulder at the origin of panda_joint1; elbow at (0, 0.1, 0) in the frame of panda_joint4; "

@@ -30,6 +30,9 @@ MOST_SAMPLES = 1_000
 WHOLE = 1e-3
 """How far the turns round a closed path may be from a whole number: the traced self-motions are polygons."""
 
+HOLE = 5
+"""Radius of a hole in accuracies, at least: close to a pole singular postures of the arm may be in the way."""
+
 LIMITS = "joint limits were not looked at"
 
 
@@ -59,7 +62,7 @@ class Witness(Value):
     """A direction (3,) with an index, known within `radius` [rad], and the tool pose (4, 4) there.
 
     Round it the elbow turns `index` times more than a law does that goes on without a jump. hole: the law is not found
-    in a region of that radius, as where its leaf ends.
+    in a region of that radius, as where its leaf ends; else it is a point, as far as one can tell.
     """
 
     direction: Vector
@@ -139,13 +142,8 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
     """The indices of one law over a sphere."""
     sphere = field.sphere
     found = poles(field, field.start, sphere.direction, over.fineness, over.accuracy)
-    witnesses = tuple(
-        Witness(
-            np.array(p.direction), sphere.pose_at(np.array(p.direction)), p.index, p.radius, p.radius > over.accuracy
-        )
-        for p in found.found
-    )
-    total = None if not found.reached or any(pole.radius > np.pi / 2 for pole in found.found) else found.total
+    witnesses = tuple(_witness(sphere, pole, over.accuracy) for pole in found.found)
+    total = found.total or None
     about = f"{strategy.name!r} over all {_directions(sphere)}"
     details = (
         f"{found.reached} of {found.directions} directions were reached; from one sample to the next the elbow turned "
@@ -161,7 +159,7 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
 
 def _witness(sphere: Sphere, pole: Pole, accuracy: float) -> Witness:
     u = np.array(pole.direction)
-    return Witness(u, sphere.pose_at(u), pole.index, pole.radius, pole.radius > accuracy)
+    return Witness(u, sphere.pose_at(u), pole.index, pole.radius, pole.radius > HOLE * accuracy)
 
 
 def _why(field: ElbowField) -> str:

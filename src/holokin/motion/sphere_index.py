@@ -219,16 +219,16 @@ class _Mesh:
         return [(part, self._index(part)) for part in parts]
 
     def _index(self, part: Indices) -> int | None:
-        """Of a region, by the edges round it; None where one of these cannot be followed."""
+        """Of a region, by the edges round it; None where one of these cannot be followed, or where there are none."""
         edges = _edges(part)
         inner, total = set(edges), sum(area(*(self.points[i] for i in corners)) for corners in part.tolist())
-        for a, b in edges:
-            if (b, a) not in inner:
-                angle = self.edge(a, b)
-                if angle is None:
-                    return None
-                total += angle
-        return round(total / (2 * np.pi))
+        rim = [(a, b) for a, b in edges if (b, a) not in inner]
+        for a, b in rim:
+            angle = self.edge(a, b)
+            if angle is None:
+                return None
+            total += angle
+        return round(total / (2 * np.pi)) if rim else None
 
     def pole(self, part: Indices) -> Pole:
         """A region without its index."""
