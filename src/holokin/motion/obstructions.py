@@ -143,7 +143,7 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
     sphere = field.sphere
     found = poles(field, field.start, sphere.direction, over.fineness, over.accuracy)
     witnesses = tuple(_witness(sphere, pole, over.accuracy) for pole in found.found)
-    total = found.total or None
+    total = 2 if found.total == 2 else None  # all indices there are add up to 2, or one was missed
     about = f"{strategy.name!r} over all {_directions(sphere)}"
     details = (
         f"{found.reached} of {found.directions} directions were reached; from one sample to the next the elbow turned "
