@@ -115,9 +115,10 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
     arms on the chain, as a waist before a shoulder may make them, it is the last.
 
     A chain of seven hinges, none parallel to the next, always has them, if need be by the rule of [EW23]: shoulder
-    where the first two axes meet, or on the first, next to the second; elbow where the third or the fifth axis meets
-    the fourth, or on the fourth, next to the shoulder; wrist where the last two meet, or the two before the last, or on
-    the last, next to the one before. So arms whose axes pass each other, as a Gen3's or a Sawyer's, have them too.
+    where the first two axes meet, or on the first, next to the second; wrist where the last three meet, or the last
+    two, or the two before the last, or on the last, next to the one before; elbow where the fourth axis meets the fifth
+    (with a wrist of three axes: the third) or the third (the fifth), or on the fourth, next to the shoulder. So arms
+    whose axes pass each other, as a Gen3's or a Sawyer's, have them too.
 
     Args:
         joints: shoulder, elbow and wrist named: each a joint, by name or by index in q, for the origin of its frame, or
@@ -139,8 +140,10 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
             return Arm(shoulder.point, _next_to(axes[first + 3], shoulder).point, wrist.point)
     if len(axes) == 7 and all(axis.hinge for axis in axes) and _turned(axes):
         shoulder = _meeting(axes[:3]) or _meeting(axes[:2]) or _beside(axes[0], axes[1])
-        wrist = _meeting(axes[4:]) or _meeting(axes[5:]) or _meeting(axes[4:6]) or _beside(axes[6], axes[5])
-        elbow = _meeting(axes[2:4]) or _meeting(axes[3:5]) or _next_to(axes[3], shoulder)
+        spherical, pairs = _meeting(axes[4:]), [axes[3:5], axes[2:4]]
+        wrist = spherical or _meeting(axes[5:]) or _meeting(axes[4:6]) or _beside(axes[6], axes[5])
+        first, second = pairs[::-1] if spherical else pairs
+        elbow = _meeting(first) or _meeting(second) or _next_to(axes[3], shoulder)
         return Arm(shoulder.point, elbow.point, wrist.point)
     raise NoArmError(task.robot.name, [axis.name for axis in axes])
 
