@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import atan2, sqrt
 from typing import Any
 
 import numpy as np
@@ -275,15 +276,22 @@ def between(u: Vector, v: Vector, share: float) -> Vector:
 
 def angle_between(u: Vector, v: Vector) -> float:
     """The angle [rad] between two directions."""
-    return float(np.arctan2(float(np.linalg.norm(np.cross(u, v))), float(u @ v)))
+    apart, together = u - v, u + v
+    return 2 * atan2(sqrt(apart @ apart), sqrt(together @ together))
 
 
 def turn(u: Vector, e: Vector, v: Vector, f: Vector) -> float:
     """How far a tangent direction turns, from e at u to f at v, against one carried along [rad], in (-pi, pi]."""
     carried = e - (v @ e) / (1 + u @ v) * (u + v)
-    return float(np.arctan2(v @ np.cross(carried, f), carried @ f))
+    return atan2(_triple(v, carried, f), carried @ f)
+
+
+def _triple(a: Vector, b: Vector, c: Vector) -> float:
+    """a . (b x c), written out: it is asked for often, and np.cross is slow on single vectors."""
+    (x, y, z), (p, q, r), (s, t, u) = a.tolist(), b.tolist(), c.tolist()
+    return x * (q * u - r * t) + y * (r * s - p * u) + z * (p * t - q * s)
 
 
 def area(u: Vector, v: Vector, w: Vector) -> float:
     """The area of a triangle on the unit sphere."""
-    return 2 * float(np.arctan2(u @ np.cross(v, w), 1 + u @ v + v @ w + w @ u))
+    return 2 * atan2(_triple(u, v, w), 1 + u @ v + v @ w + w @ u)
