@@ -215,7 +215,7 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
     iiwa14: hk.Robot, definition: str, axis: np.ndarray, size: float, turns: int
 ) -> None:
     start, path = loop(iiwa14, axis, size, -Y)
-    found = obstruction(hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition=definition)), path, start, samples=30)
+    found = obstruction(hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition=definition)), path, start, samples=16)
     assert found.total is not None
     assert abs(found.total) == turns
     assert bool(found) == (turns > 0)
@@ -226,7 +226,7 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
 def test_the_other_way_round_the_turns_are_the_other_way(iiwa14: hk.Robot) -> None:
     start, path = loop(iiwa14, Z, 0.4, -Y)
     law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition="conventional"))
-    there, back = (obstruction(law, way, start, samples=30).total for way in (path, path.reversed()))
+    there, back = (obstruction(law, way, start, samples=12).total for way in (path, path.reversed()))
     assert there == -back != 0  # type: ignore[operator]
 
 

@@ -25,6 +25,9 @@ LONGEST = 0.5
 EXACT = 1e-10
 """Last correction [joint units] of a posture that counts as found."""
 
+MOST_STARTS = 1_000_000
+"""They are all gone from at once: a million take two minutes and a gigabyte."""
+
 SHIFT = 0.382
 """Of the sequence of starts, as a share of the ranges: away from 0 and right angles, at which arms are singular."""
 
@@ -98,6 +101,8 @@ def all_postures(
         ShapeError, ArgumentError.
     """
     task, count = strategy.task, whole("starts", starts)
+    if count > MOST_STARTS:
+        raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
     wanted = finite("a tool pose", pose, (4, 4))
     p, R = wanted[:3, 3], wanted[:3, :3]
     if not (np.abs(R @ R.T - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0):
