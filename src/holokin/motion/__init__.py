@@ -1,12 +1,12 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
-from .all_postures import Postures, all_postures
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller, has_leaf, step_function
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
 from .obstructions import Directions, Obstruction, Witness, obstruction
+from .posture_search import Postures, all_postures
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
