@@ -14,6 +14,8 @@ import numpy as np
 
 import holokin as hk
 from holokin.job import open_job, run_job
+from holokin.motion.elbow_field import LeafField, sphere_of
+from holokin.motion.sphere_index import spread
 from holokin.output.figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.plots import PALETTE, style
 
@@ -146,6 +148,133 @@ def joints_over_cycles() -> None:
     save(figure, "panda-drift")
 
 
+def swivel() -> None:
+    """Where an iiwa's elbow points, over all directions of its wrist, for two swivel angles; their poles."""
+    task = hk.pose(hk.load("iiwa14"))
+    arm = hk.constraints.find_arm(task)
+    figure, pair = plt.subplots(1, 2, figsize=(9.6, 5.2))
+    for axes, definition, level, view in (
+        (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62)),
+        (pair[1], "stereographic", 0.0, (-0.83, -0.42, 0.36)),
+    ):
+        law = hk.holonomic(task, hk.arm_angle(definition=definition))
+        start = on_sphere(law, level, (0.55, -0.62, 0.56))
+        found = hk.obstruction(law, hk.motion.Directions(), start)
+        field = LeafField(law, start, sphere_of(task, start, arm), arm)
+        states, _ = spread(field, field.start, field.sphere.direction, 2)
+        globe(axes, np.array(view))
+        for state in states:
+            streak(axes, field, state, np.array(view))
+        for witness in found.witnesses:
+            x, y, depth = seen(witness.direction, np.array(view))
+            at, faint = np.array([x, y]), 1.0 if depth > 0 else 0.35
+            axes.plot(*at, "o", color=RED, markersize=11, alpha=faint, zorder=6)
+            side = (12, 14) if depth > 0 else (12, -20)
+            behind = "" if depth > 0 else " (behind)"
+            axes.annotate(
+                f"index {witness.index}{behind}",
+                at,
+                side,
+                textcoords="offset points",
+                color=RED,
+                weight="bold",
+                fontsize=12,
+                alpha=max(faint, 0.6),
+                zorder=7,
+                bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
+            )
+        count = "two poles" if len(found.witnesses) == 2 else "one pole"
+        axes.set_title(f"{definition} angle: {count}, index {found.total} in all", fontsize=12)
+    figure.suptitle("Where the elbow points, over all directions from shoulder to wrist", fontsize=14)
+    figure.tight_layout()
+    save(figure, "swivel")
+
+
+def on_sphere(law: hk.Strategy, level: float, direction: tuple[float, float, float]) -> np.ndarray:
+    """A posture of an iiwa 14 on a leaf, its wrist in a direction from the shoulder, its tool down."""
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = [0, 0, 0.36] + 0.6 * np.array(direction) / np.linalg.norm(direction) + 0.126 * T[:3, 2]
+    return hk.all_postures(law, T, level, starts=64).q[0]
+
+
+def seen(u: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """(right, up, towards the eye) of points (..., 3), seen from a direction, z upwards."""
+    back = view / np.linalg.norm(view)
+    right = np.cross([0, 0, 1.0], back)
+    right /= np.linalg.norm(right)
+    return u @ np.array([right, np.cross(back, right), back]).T
+
+
+def globe(axes: plt.Axes, view: np.ndarray) -> None:
+    """A sphere with its circles, and the axes of the base."""
+    shade = np.linspace(-1.02, 1.02, 400)
+    x, y = np.meshgrid(shade, shade)
+    light = np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))
+    shown = np.where(
+        x**2 + y**2 < 1, 0.80 + 0.17 * (0.75 * light + 0.25 * np.clip(0.6 * y - 0.5 * x + light, 0, 1)), np.nan
+    )
+    axes.imshow(shown, extent=(-1.02, 1.02, -1.02, 1.02), origin="lower", cmap="gray", vmin=0, vmax=1, zorder=0)
+    turn = np.linspace(0, 2 * np.pi, 200)
+    circle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    for height in np.deg2rad([-60, -30, 0, 30, 60]):
+        front(axes, np.cos(height) * circle + [0, 0, np.sin(height)], view)
+    for angle in np.deg2rad(np.arange(0, 180, 30)):
+        ring = np.stack([np.cos(angle) * circle[:, 0], np.sin(angle) * circle[:, 0], circle[:, 1]], axis=1)
+        front(axes, ring, view)
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        for side, label in ((1, name), (-1, f"-{name}")):
+            tip = seen(side * axis * np.array([1.0, 1.16])[:, None], view)
+            if tip[0, 2] > -0.15:
+                axes.plot(*tip[:, :2].T, color="0.25", linewidth=1.3, zorder=5)
+                axes.annotate(
+                    label,
+                    tip[0, :2] + 1.75 * (tip[1, :2] - tip[0, :2]),
+                    ha="center",
+                    va="center",
+                    fontsize=11,
+                    color="0.2",
+                    zorder=5,
+                )
+    axes.set(aspect="equal", xlim=(-1.18, 1.18), ylim=(-1.12, 1.2))
+    axes.axis("off")
+
+
+def front(axes: plt.Axes, points: np.ndarray, view: np.ndarray) -> None:
+    """A line on the sphere, where it is on the side of the eye."""
+    flat = seen(points, view)
+    flat[flat[:, 2] < 0] = np.nan
+    axes.plot(*flat[:, :2].T, color="0.6", linewidth=0.5, zorder=1)
+
+
+def streak(axes: plt.Axes, field: LeafField, state: tuple[np.ndarray, np.ndarray], view: np.ndarray) -> None:
+    """A short arrow along the elbow's direction, from the postures of the arm."""
+    points = [state[1]]
+    for _ in range(10):
+        there = field.step(state, points[-1])
+        if there is None:
+            break
+        ahead = points[-1] + 0.017 * there[1]
+        state, points = there[0], [*points, ahead / np.linalg.norm(ahead)]
+    flat = seen(np.array(points), view)
+    if flat[0, 2] < 0.08 or len(flat) < 3:
+        return
+    axes.plot(*flat[:, :2].T, color=BLUE, linewidth=1.7, solid_capstyle="round", zorder=3)
+    axes.annotate(
+        "",
+        flat[-1, :2],
+        flat[-3, :2],
+        arrowprops={
+            "arrowstyle": "-|>",
+            "color": BLUE,
+            "mutation_scale": 13,
+            "shrinkA": 0,
+            "shrinkB": 0,
+            "linewidth": 0,
+        },
+        zorder=3,
+    )
+
+
 def jobs() -> None:
     """One picture of each packaged job and each job of examples/."""
     for name in ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation", "panda-circle"):
@@ -161,7 +290,7 @@ def jobs() -> None:
 
 
 if __name__ == "__main__":
-    draws = {draw.__name__: draw for draw in (self_motion, planar_loops, leaves, joints_over_cycles, jobs)}
+    draws = {draw.__name__: draw for draw in (self_motion, planar_loops, leaves, joints_over_cycles, swivel, jobs)}
     with plt.rc_context(style()):
         for name in sys.argv[1:] or draws:
             draws[name]()

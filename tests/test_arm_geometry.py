@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,7 +73,7 @@ def test_a_humanoids_shoulder_is_the_arms_and_not_the_waists(file: str) -> None:
 
 
 def test_a_shoulder_whose_axes_do_not_meet_is_asked_for_by_name() -> None:
-    """A G1's shoulder axes pass each other by millimetres: no silent choice, and all joints of its chain are listed."""
+    """A G1's shoulder axes pass each other by millimetres: behind a waist no silent choice, all joints are listed."""
     robot = hk.from_urdf(urdf("g1_29dof_rev_1_0.urdf"), tip="left_rubber_hand")
     with pytest.raises(NoArmError, match=r"joints=\(shoulder, elbow, wrist\)") as caught:
         angle(robot, hk.arm_angle())
@@ -82,11 +83,57 @@ def test_a_shoulder_whose_axes_do_not_meet_is_asked_for_by_name() -> None:
     locked = {f"waist_{axis}_joint": 0.0 for axis in ("yaw", "roll", "pitch")}
     arm = hk.from_urdf(urdf("g1_29dof_rev_1_0.urdf"), tip="left_rubber_hand", locked=locked)
     named = hk.arm_angle(joints=("left_shoulder_roll_joint", "left_elbow_joint", "left_wrist_pitch_joint"))
-    G = hk.holonomic(hk.pose(arm), named)
     q = np.array([0.2, 0.4, 0.3, 0.9, 0.2, 0.3, 0.4])
-    assert hk.pose(arm).jacobian(q) @ G(q) == pytest.approx(np.eye(6), abs=1e-9)
+    for constraint in (named, hk.arm_angle()):  # seven hinges alone have points by the rule for those
+        G = hk.holonomic(hk.pose(arm), constraint)
+        assert hk.pose(arm).jacobian(q) @ G(q) == pytest.approx(np.eye(6), abs=1e-9)
+
+
+OFFSETS = {  # (axes, steps from each joint to the next) at q = 0, [m], and where shoulder, elbow and wrist are then
+    "Sawyer": (
+        "z y x y x y x",
+        [(0, 0, 0.317), (0.081, 0.1925, 0), (0, 0, 0), (0.4, -0.1685, 0), (0, 0, 0), (0.4, 0.1363, 0), (0, 0, 0)],
+        [(0, 0, 0.317), (0.481, 0.024, 0.317), (0.881, 0.1603, 0.317)],
+    ),
+    "SIA50D": (  # the shoulder's second axis passes the first, the third passes the second
+        "z -y z -y z -y z",
+        [(0, 0, 0.54), (0.145, 0, 0), (0, 0, 0.875), (0, 0, 0), (0, 0, 0), (0, 0, 0.61), (0, 0, 0)],
+        [(0, 0, 0.54), (0.145, 0, 1.415), (0.145, 0, 2.025)],
+    ),
+    "two pairs and a spherical wrist": (  # the third axis 12 mm beside the first, as on a Gen3
+        "z y z y z y z",
+        [(0, 0, 0.28), (0, 0, 0), (0, 0.012, 0.42), (0, 0, 0), (0, -0.012, 0.31), (0, 0, 0), (0, 0, 0)],
+        [(0, 0, 0.28), (0, 0.012, 0.70), (0, 0, 1.01)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OFFSETS)
+def test_an_arm_of_seven_hinges_whose_axes_pass_each_other_has_the_points_of_elias_and_wen(
+    name: str, tmp_path: Path
+) -> None:
+    axes, steps, known = OFFSETS[name]
+    directions = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1", "-y": "0 -1 0"}
+    links = "".join(f'<link name="l{i}"/>' for i in range(8))
+    joints = "".join(
+        f'<joint name="j{i + 1}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{" ".join(map(str, step))}"/><axis xyz="{directions[axis]}"/></joint>'
+        for i, (axis, step) in enumerate(zip(axes.split(), steps, strict=True))
+    )
+    file = tmp_path / "arm.urdf"
+    file.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    robot = hk.load(file)
+    arm = hk.constraints.find_arm(hk.pose(robot))
+    assert arm.places(hk.pose(robot))(np.zeros(7)) == pytest.approx(np.array(known), abs=1e-9)
+    G = hk.holonomic(hk.pose(robot), hk.arm_angle())
+    q = np.array([0.2, -0.5, 0.3, 0.9, 0.4, -0.8, 0.1])
+    assert hk.pose(robot).jacobian(q) @ G(q) == pytest.approx(np.eye(6), abs=1e-9)
+
+
+def test_a_gripper_behind_six_hinges_makes_no_arm_of_seven() -> None:
+    """Three of a Z1's axes are parallel: no elbow between them."""
     with pytest.raises(NoArmError):
-        hk.holonomic(hk.pose(arm), hk.arm_angle())
+        hk.constraints.find_arm(hk.pose(hk.load(urdf("z1.urdf"))))
 
 
 def test_joints_go_by_name_or_by_index_from_0(panda: hk.Robot) -> None:

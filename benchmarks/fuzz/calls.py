@@ -133,6 +133,8 @@ def calls() -> dict[str, Call]:
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
         "path_spread": (hk.path_spread, (held, loop, loop, q), following),
+        "all_postures": (hk.all_postures, (held, k["pose"]), {"leaf": 0.0, "limits": True, "starts": 16}),
+        "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
         "move_to_leaf": (hk.move_to_leaf, (held, q), {"leaf": [0.31]}),

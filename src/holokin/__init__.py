@@ -16,7 +16,18 @@ from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, s
 from .designing import Coverage, coverage
 from .errors import HolokinError
 from .export import export_c
-from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
+from .motion import (
+    ControlLaw,
+    all_postures,
+    controller,
+    drift,
+    follow,
+    inverse,
+    move_to_leaf,
+    obstruction,
+    path_spread,
+    simulate,
+)
 from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording, read_workspace
 from .robot import Robot, catalogue, from_dh, from_urdf, load
@@ -39,6 +50,7 @@ __all__ = [
     "Trajectory",
     "Verdict",
     "Workspace",
+    "all_postures",
     "analysis",
     "arc",
     "arm_angle",
@@ -74,6 +86,7 @@ __all__ = [
     "motion",
     "move_to_leaf",
     "null_basis",
+    "obstruction",
     "path_spread",
     "polyline",
     "pose",

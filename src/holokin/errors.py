@@ -158,8 +158,8 @@ class NoArmError(HolokinError):
         self.chain = tuple(chain)
         super().__init__(
             "no shoulder (three consecutive hinges that meet), elbow (the next hinge) and wrist (two or three that "
-            f"meet) were found on {robot!r}; name joints=(shoulder, elbow, wrist), three of "
-            f"{brief(', '.join(self.chain))}"
+            f"meet) were found on {robot!r}, and its chain is not one of seven hinges; name joints=(shoulder, elbow, "
+            f"wrist), three of {brief(', '.join(self.chain))}, or lock those before the arm"
         )
 
 

@@ -1,11 +1,13 @@
 """Constraints g(q) that complete a task to r + m = n rows."""
 
 from .arm import arm_angle, height
+from .arm_geometry import Arm, find_arm
 from .base import Constraint, as_gain, custom, linear, lock, stack, tilted, total
 from .costs import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
 from .coupled_orientation import coupled
 
 __all__ = [
+    "Arm",
     "Constraint",
     "Cost",
     "arm_angle",
@@ -13,6 +15,7 @@ __all__ = [
     "centring_cost",
     "coupled",
     "custom",
+    "find_arm",
     "gravity_cost",
     "height",
     "linear",

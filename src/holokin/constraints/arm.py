@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from ..arguments import made
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Kinematics
-from ..symbolic import SX, atan2, cross, dot, fmin, norm_2, vertcat
+from ..symbolic import SX, atan2, cross, dot, norm_2, vertcat
 from ..task import Task
 from ..types import ArrayLike, Vector, numbers
-from .arm_geometry import shoulder_elbow_wrist
-from .base import Constraint
+from .arm_geometry import find_arm
+from .base import Constraint, least
 
 
 @made
 def arm_angle(
     *,
     definition: str = "stereographic",
-    joints: tuple[str | int, str | int, str | int] | None = None,
+    joints: Sequence[Any] | None = None,
     reference: ArrayLike = (0.0, 0.0, 1.0),
     pole: ArrayLike | None = None,
 ) -> Constraint:
     """g(q) = psi, the angle of the plane shoulder-elbow-wrist about the line from shoulder to wrist [rad]. [EW23]
 
-    With E, W the elbow and wrist seen from the shoulder and w = W/|W|:
-    psi = atan2(n_sew . (w x n_ref), n_sew . n_ref), n_sew = W x E,
+    It is called swivel angle, SEW angle or arm angle. With E, W the elbow and wrist seen from the shoulder and
+    w = W/|W|: psi = atan2(n_sew . (w x n_ref), n_sew . n_ref), n_sew = W x E,
     n_ref = w x V ("conventional") or (w - R) x V ("stereographic"), V = `reference`, R = `pole`.
 
     Args:
         definition: "stereographic" or "conventional".
-        joints: the joints whose origins are shoulder, elbow, wrist, by name or by index in q, counted from 0. By
-            default they are found by geometry: shoulder, where three consecutive hinges meet; elbow, the next hinge;
-            wrist, where the two or three hinges after it meet. On a Panda and an iiwa these are joints 1, 3 and 5.
-        reference: the direction V (3,), the base's z axis by default.
-        pole: the direction R (3,) of the stereographic kind, perpendicular to V; by default a horizontal one, -x.
+        joints: shoulder, elbow and wrist: each a joint, by name or by index in q, counted from 0, for the origin of its
+            frame, or (joint, (x, y, z)) for a point in that frame. By default they are found by geometry, see
+            `find_arm`; on a Panda and an iiwa they are the origins of joints 1, 3 and 5.
+        reference: the direction V (3,), e_r of [EW23], the base's z axis by default.
+        pole: the direction R (3,) of the stereographic kind, e_t of [EW23], perpendicular to V; by default a horizontal
+            one, -x.
 
-    Singular (REPRESENTATION) where the arm is stretched, and where n_ref vanishes: conventional, w along V or -V;
-    stereographic, w along R only. Some such direction must exist, whatever the definition (a vector field on a
-    sphere). Rows: 1.
+    Singular (REPRESENTATION; [EW23] call it algorithmic) where psi is not defined, and the error says at which of
+    these: the arm is stretched or folded, so that the elbow is on the line from shoulder to wrist; the wrist is in the
+    shoulder; conventional: the wrist is on the line through the shoulder along V, above it or below; stereographic: it
+    is on the half-line from the shoulder along R. Near it the elbow turns once (conventional) or twice (stereographic)
+    as the wrist goes round it, so keep that direction where the robot does not work. Some such direction exists,
+    whatever the definition (a field of tangent directions on a sphere, see `obstruction`). Singular (ALGORITHMIC) where
+    the self-motion does not turn the elbow about the line: never when shoulder and wrist are fixed to base and tool and
+    the arm is bent, but it may be so on arms with offsets. Rows: 1.
 
     Raises:
         UnknownNameError: an unknown definition; when bound, an unknown joint. NoArmError (when bound): no such
@@ -46,27 +55,44 @@ def arm_angle(
     """
     if definition not in ("stereographic", "conventional"):
         raise UnknownNameError("definition of an arm angle", definition, ("stereographic", "conventional"))
+    conventional = definition == "conventional"
     V = _direction("reference", reference)
     R = _pole(V) if pole is None else _direction("pole", pole)
-    if definition == "stereographic" and abs(float(R @ V)) > 1e-9:
+    if not conventional and abs(float(R @ V)) > 1e-9:
         raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
+    if joints is not None and len(joints) != 3:
+        raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
-    def vectors(task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX, SX]:
-        S, elbow, wrist = _points(task, k, q, joints)
+    def vectors(task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
+        S, elbow, wrist = find_arm(task, joints).expressions(task, k, q)
         E, W = elbow - S, wrist - S
-        w = W / norm_2(W)
-        return E, W, w, cross(w if definition == "conventional" else w - SX(R), SX(V))
+        return E, W, W / norm_2(W)
 
     def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        E, W, w, n_ref = vectors(task, k, q)
-        n_sew = cross(W, E)
+        E, W, w = vectors(task, k, q)
+        n_ref, n_sew = cross(w if conventional else w - SX(R), SX(V)), cross(W, E)
         return atan2(dot(n_sew, cross(w, n_ref)), dot(n_sew, n_ref))
 
-    def margin(task: Task, k: Kinematics, q: SX) -> SX:
-        E, W, _, n_ref = vectors(task, k, q)
-        return fmin(norm_2(cross(W, E)) / (norm_2(W) * norm_2(E)), norm_2(n_ref))
+    def reach(task: Task, k: Kinematics, q: SX) -> SX:
+        return norm_2(vectors(task, k, q)[1])
 
-    return Constraint(f"arm angle ({definition})", 1, expression, (True,), margin)
+    def bend(task: Task, k: Kinematics, q: SX) -> SX:
+        E, W, _ = vectors(task, k, q)
+        return norm_2(cross(W, E)) / (norm_2(W) * norm_2(E))
+
+    def aside(task: Task, k: Kinematics, q: SX) -> SX:  # n_ref itself vanishes sooner where w - R is along V
+        w = vectors(task, k, q)[2]
+        return norm_2(cross(w, SX(V)) if conventional else w - SX(R))
+
+    line = (
+        f"where the wrist is on the line through the shoulder along the reference {np.round(V, 6).tolist()}"
+        if conventional
+        else f"where the wrist is on the half-line from the shoulder along the pole {np.round(R, 6).tolist()}"
+    )
+    straight = "where the arm is stretched or folded, the elbow on the line from shoulder to wrist"
+    places = (("where the wrist is in the shoulder", reach), (straight, bend), (line, aside))
+    margin = least([distance for _, distance in places])
+    return Constraint(f"arm angle ({definition})", 1, expression, (True,), margin, places=places)
 
 
 @made
@@ -95,13 +121,6 @@ def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
     name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
     return k.origins[str(name)]
-
-
-def _points(task: Task, k: Kinematics, q: SX, joints: tuple[str | int, ...] | None) -> list[SX]:
-    """Shoulder, elbow and wrist (3,) each."""
-    if joints is not None:
-        return [_origin(task, k, joint) for joint in joints]
-    return [point.expression(task, k, q) for point in shoulder_elbow_wrist(task)]
 
 
 def _direction(what: str, value: ArrayLike) -> Vector:

@@ -24,9 +24,9 @@ class Constraint(Made, Value):
 
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
     difference g - c counts in (-pi, pi]. `margin`, likewise an expression, is how far the posture is from
-    where an orientation representation that g uses is singular. `derivative` is J_g where it is known better than by
-    differentiating g. `looped` is the same constraint with its numbers left to a loop, `transport`: for what is
-    evaluated and not differentiated.
+    where an orientation representation that g uses is singular; `places`, if given, names the distances that it is
+    the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
+    same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Constraint(Made, Value):
     derivative: Callable[[Task, Kinematics, SX], SX] | None = None
     looped: Constraint | None = None
     transport: Transport | None = None
+    places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
@@ -128,6 +129,7 @@ def stack(*constraints: Constraint) -> Constraint:
         lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
         tuple(flag for c in constraints for flag in c.angular),
         _least_margin(constraints),
+        places=_places(constraints),
     )
 
 
@@ -156,7 +158,7 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
 
     angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
     name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
-    return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints))
+    return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints))
 
 
 @made
@@ -180,20 +182,29 @@ def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None
             raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), tilt.shape)
         return constraint.expand(task, k, q) - tilt
 
-    margin = constraint.margin
-    return Constraint(name or f"tilted {constraint.name}", constraint.rows, expression, constraint.angular, margin)
+    label, margin, places = name or f"tilted {constraint.name}", constraint.margin, constraint.places
+    return Constraint(label, constraint.rows, expression, constraint.angular, margin, places=places)
 
 
 def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinematics, SX], SX] | None:
     margins = [c.margin for c in constraints if c.margin is not None]
+    return least(margins) if margins else None
+
+
+def _places(constraints: Sequence[Constraint]) -> tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...]:
+    return tuple(place for c in constraints for place in c.places)
+
+
+def least(margins: Sequence[Callable[[Task, Kinematics, SX], SX]]) -> Callable[[Task, Kinematics, SX], SX]:
+    """The least of several distances, as an expression."""
 
     def margin(task: Task, k: Kinematics, q: SX) -> SX:
-        least = SX(np.inf)
+        found = SX(np.inf)
         for one in margins:
-            least = fmin(least, one(task, k, q))
-        return least
+            found = fmin(found, one(task, k, q))
+        return found
 
-    return margin if margins else None
+    return margin
 
 
 def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:

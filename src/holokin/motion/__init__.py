@@ -5,6 +5,8 @@ from .control_step import Controller, StepStatus, controller, has_leaf, step_fun
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
+from .obstructions import Directions, Obstruction, Witness, obstruction
+from .posture_search import Postures, all_postures
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
@@ -14,14 +16,19 @@ __all__ = [
     "Cause",
     "ControlLaw",
     "Controller",
+    "Directions",
     "Drift",
     "InverseKinematics",
     "InverseStatus",
+    "Obstruction",
+    "Postures",
     "Solutions",
     "Spread",
     "Step",
     "StepStatus",
     "Winding",
+    "Witness",
+    "all_postures",
     "as_control_law",
     "controller",
     "drift",
@@ -30,6 +37,7 @@ __all__ = [
     "inverse",
     "leaf_value",
     "move_to_leaf",
+    "obstruction",
     "open_loop",
     "path_spread",
     "simulate",

@@ -46,6 +46,9 @@ LAID = 8
 LONGEST = 0.1
 """Half length [joint units] of a tube to begin with."""
 
+TINY = 1e-300
+"""A change that is none: an arm of slides alone has the same Jacobian everywhere."""
+
 SHORT = 40_000
 """Operations, equal ones counted apart, up to which the derivative of the extended Jacobian is enclosed; it takes less
 to sample longer ones."""
@@ -221,7 +224,7 @@ class Branch:
             change, there = tube.change, tube.place(b)
             if tube.links(tube.place(a), there, curve):
                 self._tube, self._at = tube, there
-                self._length = length * min(1.5, (0.7 * TOLERANCES.change / change) ** 0.5)
+                self._length = length * min(1.5, (0.7 * TOLERANCES.change / max(change, TINY)) ** 0.5)
                 return min(2.0, max(1.0, 2 * self._length / size))
             if length <= size / 2:
                 break

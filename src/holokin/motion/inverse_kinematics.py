@@ -19,6 +19,7 @@ from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_wal
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
 from .stretch import ROTATION, inverse_code, stretch_code
+
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
 

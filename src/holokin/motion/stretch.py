@@ -17,8 +17,6 @@ continuously. Stretches follow one another where one's posture lies within the o
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat

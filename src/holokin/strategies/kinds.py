@@ -10,8 +10,9 @@ from typing import ClassVar, final
 import numpy as np
 
 from ..constraints import Constraint
-from ..errors import NotFiniteError
-from ..symbolic import SX, Evaluator, Function, Transport, fmin
+from ..errors import NotFiniteError, SingularityError, SingularityKind
+from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
+from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector
 from .base import Field, Strategy
 from .expressions import FrameExpressions, RowExpressions
@@ -114,6 +115,22 @@ class HolonomicStrategy(KernelStrategy):
         if self.constraint.margin is not None:
             margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
         return margin
+
+    def check(self, q: Vector, rcond: float, margin: float) -> None:
+        """Raises: SingularityError, of which kind it says, and where a constraint that names its places is singular."""
+        if not margin > TOLERANCES.representation and self.constraint.places:
+            for (place, _), distance in zip(self.constraint.places, np.ravel(self._places(q)).tolist(), strict=True):
+                if not distance > TOLERANCES.representation:
+                    what = f"{self.name} ({self.task.name}), {place},"
+                    raise SingularityError(SingularityKind.REPRESENTATION, q, what, distance)
+        super().check(q, rcond, margin)
+
+    @cached_property
+    def _places(self) -> Function:
+        """q -> the distances that the constraint's margin is the least of."""
+        e = self.expressions
+        distances = vertcat(*(place(self.task, e.kinematics, e.q) for _, place in self.constraint.places))
+        return Function("places", {"q": e.q}, {"distances": distances})
 
     @property
     def constraint_expression(self) -> SX:

@@ -1,0 +1,142 @@
+"""How often the redundant joint goes round along a closed path: in turns of the self-motion, against a disc.
+
+Over the disc of straight lines from the path's start to its points a reference section is known: the postures that
+least joint motion leads to along them. At each point of the path the law's posture and the reference lie on one
+self-motion. Where that is a closed curve, the law is so many turns of it ahead of the reference. Both agree at the
+start, so the turns after the path are a whole number. If it is not 0, no law that agrees with this one on the path
+goes on continuously over the disc, as long as the self-motions over it are such curves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..symbolic import wrapped
+from ..symbolic.null_space import null_space, null_vector
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import Array, Flags, Matrix, Vector
+
+QUARTER = 0.25
+"""Turns of the self-motion from one sample to the next: half a turn could be either way."""
+
+STEP = 0.1
+"""Arc length between the postures that a self-motion is traced by [joint units]."""
+
+LONGEST = 40.0
+"""Arc length [joint units] after which a self-motion counts as open; a Panda's closes after 13 or less."""
+
+PIECE = 0.05
+"""Way of the tool [m or rad] between two postures of the reference."""
+
+NEAR = 1e-6
+"""Last correction [m or rad over a singular value] of a posture that counts as found."""
+
+CORRECTIONS = 4
+"""Newton corrections of a posture: of a step of 0.1 the first leaves 1e-3, the second 1e-6, the third 1e-12."""
+
+LARGE = 0.5
+"""Largest correction of a joint [joint units]: what wants more is close to a singular posture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """How far the law is ahead of the reference at the samples (k,) [turns of the self-motion]; why not, if not."""
+
+    ahead: Vector
+    missing: str = ""
+
+    @property
+    def largest(self) -> float:
+        """From one sample to the next [turns]."""
+        return float(np.abs(np.diff(self.ahead)).max()) if len(self.ahead) > 1 else np.inf
+
+
+def turns(task: Task, Q: Matrix) -> Turns:
+    """Of a law's postures (k, n) on a closed path of the tool, which begins at the first.
+
+    Args:
+        task: leaves one joint redundant.
+    """
+    p, R = task.robot.pose_batch(Q, task.tip)
+    middle, reference = _references(task, Q[0], p, R)
+    if reference is None or middle is None:
+        return Turns(np.zeros(0), "a straight way from its start to one of its points meets a singular posture")
+    fibres = self_motions(task, reference)
+    if any(fibre is None for fibre in [*fibres, *self_motions(task, middle)]):
+        return Turns(np.zeros(0), "a self-motion over the disc of straight ways from its start is no closed curve")
+    found = [_share(task, fibre, q) for fibre, q in zip(fibres, Q, strict=True) if fibre is not None]
+    known = [share for share in found if share is not None]
+    if len(known) < len(found):
+        return Turns(np.zeros(0), "the law is on another self-motion than the disc of straight ways from its start")
+    return Turns(np.unwrap(known, period=1.0))
+
+
+def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | None, Matrix | None]:
+    """The postures (k, n) that least joint motion leads to on straight ways from q0, half way and at their ends."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(R @ R[0].T).as_rotvec()
+    size = max(float(np.linalg.norm(p - p[0], axis=1).max()), float(np.linalg.norm(turn, axis=1).max()))
+    pieces = 2 * int(np.ceil(size / PIECE / 2)) or 2
+    Q, middle = np.tile(q0, (len(p), 1)), None
+    for k in range(1, pieces + 1):
+        share = k / pieces
+        turned = Rotation.from_rotvec(share * turn).as_matrix() @ R[0]
+        Q, good = _corrected(task, Q, p[0] + share * (p - p[0]), turned)
+        if not good.all():
+            return middle, None
+        middle = Q if 2 * k == pieces else middle
+    return middle, Q
+
+
+def _corrected(task: Task, Q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flags]:
+    """(postures (k, n) with the tool at (p, R) (k, ...), next to Q; whether Newton's method got there (k,))."""
+    good, along = np.ones(len(Q), dtype=bool), np.zeros(1)
+    for _ in range(CORRECTIONS):
+        left, sigma, right = np.linalg.svd(task.jacobian_batch(Q)[0], full_matrices=False)
+        good = good & (sigma[:, -1] > TOLERANCES.rank * sigma[:, 0])
+        along = np.einsum("kji,kj->ki", left, task.error(Q, p, R)) / np.maximum(sigma, TOLERANCES.rank)
+        Q = Q + good[:, None] * np.clip(np.einsum("kij,ki->kj", right, along), -LARGE, LARGE)
+    return Q, good & (np.abs(along).max(axis=1) < NEAR)
+
+
+def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
+    """The self-motions (points, n) through postures (k, n), all at once, each round once; None for those left open."""
+    p, R = task.robot.pose_batch(Q, task.tip)
+    N = np.array([null_vector(J) for J in task.jacobian_batch(Q)[0]])
+    points, at, ends = [Q], Q, np.zeros(len(Q), dtype=int)
+    going = np.ones(len(Q), dtype=bool)
+    for k in range(1, int(LONGEST / STEP)):
+        half = _null(task, at + STEP / 2 * N, N)
+        at, good = _corrected(task, at + STEP * half, p, R)
+        going = going & (good | (ends > 0))
+        N = _null(task, at, half)
+        points.append(at)
+        gap = at - Q
+        back = np.linalg.norm(np.where(task.robot.hinges, wrapped(gap), gap), axis=1) < 0.75 * STEP
+        ends[(ends == 0) & going & back & (k > 2)] = k
+        if not (going & (ends == 0)).any():
+            break
+    lines = np.array(points)
+    return [lines[: end + 1, i] if end else None for i, end in enumerate(ends)]
+
+
+def _null(task: Task, Q: Matrix, like: Matrix) -> Matrix:
+    """Unit null vectors (k, n) of J at postures, on the side of others."""
+    N = null_space(task.jacobian_batch(Q)[0])[:, :, 0]
+    return N * np.where(np.sum(N * like, axis=1) >= 0, 1.0, -1.0)[:, None]
+
+
+def _share(task: Task, fibre: Matrix, q: Vector) -> float | None:
+    """At which share of its length, from 0 to 1, a self-motion comes by a posture; None where it does not."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fibre, axis=0), axis=1))])
+    gap = np.where(task.robot.hinges, wrapped(q - fibre), q - fibre)
+    i = min(int(np.argmin(np.linalg.norm(gap, axis=1))), len(fibre) - 2)
+    step = fibre[i + 1] - fibre[i]
+    along = float(gap[i] @ step / (step @ step))
+    if not np.linalg.norm(gap[i] - along * step) < STEP / 2:
+        return None
+    return float((lengths[i] + along * (lengths[i + 1] - lengths[i])) / lengths[-1])
