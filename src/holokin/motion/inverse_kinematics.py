@@ -201,7 +201,8 @@ class InverseKinematics(Value):
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
         place = self._pose[:3, 3], self._pose[:3, :3].ravel()
-        return np.concatenate([self.start, *place, self._leaf, low, high, [self._side]])
+        region = np.zeros(robot.n + 4)
+        return np.concatenate([self.start, *place, self._leaf, low, high, [self._side], region])
 
     @cached_property
     def _pose(self) -> Matrix:
