@@ -23,6 +23,7 @@ from holokin.job import open_job, run_job
 from holokin.motion import control_step
 from holokin.motion.branch import extended_jacobian
 from holokin.motion.leaf import leaf_step
+from holokin.motion.stretch import rays_from
 from holokin.strategies import pfaffian
 from holokin.types import Array
 
@@ -153,6 +154,36 @@ def test_follow_in_c_takes_the_steps_of_the_virtual_machine(monkeypatch: pytest.
     slow = hk.follow(twin, loop, start, samples=6000)
     assert np.abs(fast.q - slow.q).max() < 1e-12
     assert np.abs(fast.q[-1] - start).max() < 1e-12
+
+
+@pytest.mark.parametrize("native_code", [pytest.param("1", marks=compiled), "0"])
+def test_its_inverse_is_where_following_the_ray_ends(
+    native_code: str, panda_twin: hk.HolonomicStrategy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`follow` looks for folds on its way, `inverse` leaps along rays from the center: there each pose has one posture."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
+    twin = hk.radial(hk.moore_penrose(panda_twin.task), PANDA_START)
+    point, turned = twin.task.robot.pose(PANDA_START)[:3, 3], twin.task.robot.pose(PANDA_START)
+    ik = hk.inverse(twin, PANDA_START)
+    assert rays_from(twin) is not None
+    q = PANDA_START
+    for end in point + np.array([[0.05, 0.1, -0.2], [-0.15, -0.3, 0.1], [-0.1, 0.2, 0.1]]):
+        turned[:3, 3] = end
+        wanted = hk.follow(twin, hk.line(point, end), PANDA_START, samples=5, limits=False).q[-1]
+        assert np.abs(ik(turned) - wanted).max() < 1e-11
+        near = wanted + 0.02 * np.cos(np.arange(7))
+        assert np.abs(ik.near(turned, near) - wanted).max() < 1e-11
+        q = ik.near(turned, q)
+        assert np.abs(q - wanted).max() < 1e-11
+
+
+def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_straight_ways() -> None:
+    for name, rays in (("the pseudo-inverse", True), ("a plane", True), ("four redundant joints", False)):
+        given, start, _ = LAWS[name]()
+        assert (rays_from(hk.radial(given, start, steps=1)) is not None) is rays
+    tilt = hk.moore_penrose(hk.pose(hk.load("panda"), "rpy", rows=[0, 1, 2, 3, 4]))
+    assert rays_from(hk.radial(tilt, PANDA_START, steps=1)) is None
+    assert rays_from(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())) is None
 
 
 @compiled

@@ -18,7 +18,7 @@ from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, num
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
-from .stretch import ROTATION, TRIES, inverse_code, stretch_code
+from .stretch import ROTATION, TRIES, inverse_code, rays_from, stretch_code
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
@@ -124,7 +124,8 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        last, ended = leaf_walk(s, begin, TRIES)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        ray = np.array_equal(begin, rays_from(s)) and np.array_equal(level, goal)
+        last, ended = leaf_walk(s, begin, TRIES, ray)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED

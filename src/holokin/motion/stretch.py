@@ -23,7 +23,7 @@ from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tolerances import TOLERANCES
-from ..types import kept
+from ..types import Vector, kept
 from .branch import branch_code
 from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR
 
@@ -60,6 +60,10 @@ SHORT = 4_000
 TRIES = 5_000
 """Pieces of `follow` of one way tried at most: inverse kinematics is asked in loops, where no answer is better than a late
 one."""
+
+LEAP = 0.1
+"""Joint motion [joint unit] to an answer near by that needs no stretches and no pieces, of a radial law with `rays_from`:
+it has one posture for each pose."""
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -117,7 +121,21 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     angular = [int(flag) for flag in s.constraint.angular] if r else []
     for name, values in (("rows", list(task.rows)), ("angular", angular)):
         head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
+    center = rays_from(s)
+    if center is not None:
+        head += f"#define HK_RAYS\n#define HK_LEAP {LEAP}\nstatic const double hk_center[] = {{{', '.join(map(repr, center.tolist()))}}};\n"
     return head + branch_code(s) + _place_code(s)
+
+
+def rays_from(strategy: HolonomicStrategy) -> Vector | None:
+    """The center of a radial law whose rays are straight ways of the tool, and on whose leaf a pose has one posture.
+
+    That is where the label tells all postures over the center apart (arc length), and a posture that the transport leads
+    back there is the one that the ray leads to. None for other laws.
+    """
+    transport, task = strategy.looped.transport, strategy.task
+    straight = task.turns or task.robot.planar or all(row < 3 for row in task.rows)
+    return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
 
 
 def stretch_code(strategy: HolonomicStrategy) -> str:

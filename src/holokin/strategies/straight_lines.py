@@ -129,7 +129,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         slope,
         lambda back: SX(x0) - value(back),
         end,
-        joints=task.n,
+        center=q0,
         steps=steps,
     )
     ray = _kept(build)
