@@ -92,7 +92,7 @@ def panda_twin() -> hk.HolonomicStrategy:
 
 
 def test_the_loop_is_short_and_what_is_differentiated_is_written_out(panda_twin: hk.HolonomicStrategy) -> None:
-    """The curvature of its leaves is that of the unrolled expression, and 0: each law looped has a gradient of its own."""
+    """The curvature, of the unrolled expression, is 0; a level alone takes no sweep back."""
     made = panda_twin.gain.program
     assert made.transport is not None
     assert made.instructions < 10_000 < made.operations < 45_000
@@ -160,7 +160,7 @@ def test_follow_in_c_takes_the_steps_of_the_virtual_machine(monkeypatch: pytest.
 def test_its_inverse_is_where_following_the_ray_ends(
     native_code: str, panda_twin: hk.HolonomicStrategy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`follow` looks for folds on its way, `inverse` leaps along rays from the center: there each pose has one posture."""
+    """`follow` looks for folds on its way; `inverse` leaps along rays from the center: each pose has one posture."""
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     twin = hk.radial(hk.moore_penrose(panda_twin.task), PANDA_START)
     point, turned = twin.task.robot.pose(PANDA_START)[:3, 3], twin.task.robot.pose(PANDA_START)

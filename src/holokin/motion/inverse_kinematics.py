@@ -124,7 +124,8 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        ray = np.array_equal(begin, rays_from(s)) and np.array_equal(level, goal)
+        center = rays_from(s)
+        ray = center is not None and np.array_equal(begin, center) and np.array_equal(level, goal)
         last, ended = leaf_walk(s, begin, TRIES, ray)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)

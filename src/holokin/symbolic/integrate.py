@@ -46,7 +46,7 @@ def transport(
     v = ca.SX.sym("v", *began.shape)
     (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
-    n, m = len(center), v.shape[0]
+    n = len(center)
     found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
         begin=_function("begin", [q], began),
