@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from chains import chain
-from conftest import IIWA_START, PANDA_START, PPR_START, SOUND
+from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
 from exported import LEAF, ON_ANYTHING, STRICT, program
 from holokin.codegen import native, transport
 from holokin.codegen.kernel import BatchKernel
@@ -181,8 +181,9 @@ def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_stra
     for name, rays in (("the pseudo-inverse", True), ("a plane", True), ("four redundant joints", False)):
         given, start, _ = LAWS[name]()
         assert (rays_from(hk.radial(given, start, steps=1)) is not None) is rays
-    tilt = hk.moore_penrose(hk.pose(hk.load("panda"), "rpy", rows=[0, 1, 2, 3, 4]))
-    assert rays_from(hk.radial(tilt, PANDA_START, steps=1)) is None
+    tilt = hk.radial(hk.moore_penrose(hk.pose(hk.load("irb140"), "rpy", rows=[0, 1, 2, 3, 4])), IRB_START, steps=1)
+    assert tilt.constraint.angular == (True,)
+    assert rays_from(tilt) is None
     assert rays_from(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())) is None
 
 
