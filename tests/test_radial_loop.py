@@ -23,7 +23,7 @@ from holokin.job import open_job, run_job
 from holokin.motion import control_step
 from holokin.motion.branch import extended_jacobian
 from holokin.motion.leaf import leaf_step
-from holokin.motion.stretch import rays_from
+from holokin.motion.rays import rays_from
 from holokin.strategies import pfaffian
 from holokin.types import Array
 

@@ -23,9 +23,10 @@ from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tolerances import TOLERANCES
-from ..types import Vector, kept
+from ..types import kept
 from .branch import branch_code
-from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR
+from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
+from .rays import rays_code
 
 SLENDER = 0.02
 """Radius of a stretch over the largest joint's motion in half of it: curves are right to less, thick ones enclose more."""
@@ -57,13 +58,9 @@ STRETCHES = 2_000
 SHORT = 4_000
 """Operations of the extended Jacobian up to which it has Taylor models."""
 
-TRIES = 5_000
-"""Pieces of `follow` of one way tried at most: inverse kinematics is asked in loops, where no answer is better than a late
-one."""
-
-LEAP = 0.1
-"""Joint motion [joint unit] to an answer near by that needs no stretches and no pieces, of a radial law with `rays_from`:
-it has one posture for each pose."""
+PIECES = 1_000
+"""Pieces of `follow` that native code tries at most after the stretches, which have come to within 1e-4 rad of a fold by
+then: inverse kinematics is asked in loops, where no answer is better than a late one."""
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -110,7 +107,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
     s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
     r = task.n - task.m
-    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES)
+    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES if models is None else PIECES)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
         "REGULAR": REGULAR, "RULES": f"{{{', '.join(map(repr, rules))}}}",
@@ -121,21 +118,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     angular = [int(flag) for flag in s.constraint.angular] if r else []
     for name, values in (("rows", list(task.rows)), ("angular", angular)):
         head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
-    center = rays_from(s)
-    if center is not None:
-        head += f"#define HK_RAYS\n#define HK_LEAP {LEAP}\nstatic const double hk_center[] = {{{', '.join(map(repr, center.tolist()))}}};\n"
-    return head + branch_code(s) + _place_code(s)
-
-
-def rays_from(strategy: HolonomicStrategy) -> Vector | None:
-    """The center of a radial law whose rays are straight ways of the tool, and on whose leaf a pose has one posture.
-
-    That is where the label tells all postures over the center apart (arc length), and a posture that the transport leads
-    back there is the one that the ray leads to. None for other laws.
-    """
-    transport, task = strategy.looped.transport, strategy.task
-    straight = task.turns or task.robot.planar or all(row < 3 for row in task.rows)
-    return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
+    return head + branch_code(s) + rays_code(s) + _place_code(s)
 
 
 def stretch_code(strategy: HolonomicStrategy) -> str:

@@ -14,16 +14,6 @@ static int hk_finite(const double *x, int count) {
   return 1;
 }
 
-/* 1 where the rows of R are perpendicular, of length 1 and right-handed. */
-static int hk_rotates(const double *R) {
-  for (int i = 0; i < 3; i++)
-    for (int j = 0; j <= i; j++) {
-      const double dot = R[3 * i] * R[3 * j] + R[3 * i + 1] * R[3 * j + 1] + R[3 * i + 2] * R[3 * j + 2];
-      if (!(fabs(dot - (i == j)) < HK_ROTATION)) return 0;
-    }
-  return R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) + R[2] * (R[3] * R[7] - R[4] * R[6]) > 0.0;
-}
-
 static int hk_beyond_limits(const double *q, const double *context) {
   for (int i = 0; i < HK_N; i++)
     if (!(q[i] >= context[HK_LOWER + i] && q[i] <= context[HK_UPPER + i])) return 1;
