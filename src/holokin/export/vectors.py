@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
 from ..motion.leaf import leaf_follower, leaf_step, straight_way
+from ..motion.rays import on_ray
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
@@ -110,7 +111,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             reached = leaf_follower(holonomic, q, PIECES // 2)(
                 q, straight_way(s.task, q, position, pose[:3, :3], levels)
             )
-            solved = leaf_follower(holonomic, source.start, PIECES // 2)(
+            solved = leaf_follower(holonomic, source.start, PIECES // 2, on_ray(holonomic, source.start))(
                 source.start, straight_way(s.task, source.start, position, pose[:3, :3], (source.leaf, source.leaf))
             )
         except HolokinError:

@@ -16,7 +16,7 @@ from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, numbers, whole
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
-from .rays import rays_from
+from .rays import on_ray
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
 from .stretch import ROTATION, inverse_code, stretch_code
@@ -133,8 +133,7 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        center = rays_from(s)
-        ray = center is not None and np.array_equal(begin, center) and np.array_equal(level, goal)
+        ray = on_ray(s, begin) and np.array_equal(level, goal)
         last, ended = leaf_walk(s, begin, ray=ray)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)

@@ -84,16 +84,18 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 
-def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
+def leaf_follower(
+    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
+) -> Callable[[Vector, Way], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Args:
-        tries: pieces of one way tried at most.
+        tries: pieces of one way tried at most. ray: see `leaf_walk`.
 
     Raises:
         SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
     """
-    walk = leaf_walk(strategy, q0, tries)
+    walk = leaf_walk(strategy, q0, tries, ray)
 
     def follow(q: Vector, way: Way) -> Vector:
         last, ended = walk(q, way)

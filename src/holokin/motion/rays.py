@@ -7,6 +7,8 @@ inverse kinematics need not look for folds on its way there, as `follow` does.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..strategies import HolonomicStrategy
 from ..types import Vector
 
@@ -22,6 +24,12 @@ def rays_from(strategy: HolonomicStrategy) -> Vector | None:
     transport, task = strategy.looped.transport, strategy.task
     straight = task.turns or task.robot.planar or all(row < 3 for row in task.rows)
     return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
+
+
+def on_ray(strategy: HolonomicStrategy, q: Vector) -> bool:
+    """True where straight ways from q on its leaf are rays."""
+    center = rays_from(strategy)
+    return center is not None and np.array_equal(q, center)
 
 
 def rays_code(strategy: HolonomicStrategy) -> str:
