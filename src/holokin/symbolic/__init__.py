@@ -34,7 +34,6 @@ from .qp import NearestPoint
 from .taylor import TaylorModel
 
 __all__ = [
-    "TaylorModel",
     "SX",
     "Enclosure",
     "Evaluator",
@@ -42,6 +41,7 @@ __all__ = [
     "Function",
     "NearestPoint",
     "Solution",
+    "TaylorModel",
     "as_expression",
     "as_map",
     "atan2",
