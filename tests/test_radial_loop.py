@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from chains import chain
-from conftest import IIWA_START, PANDA_START, PPR_START, SOUND
+from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
 from exported import LEAF, ON_ANYTHING, STRICT, program
 from holokin.codegen import native, transport
 from holokin.codegen.kernel import BatchKernel
@@ -23,6 +23,7 @@ from holokin.job import open_job, run_job
 from holokin.motion import control_step
 from holokin.motion.branch import extended_jacobian
 from holokin.motion.leaf import leaf_step
+from holokin.motion.rays import rays_from
 from holokin.strategies import pfaffian
 from holokin.types import Array
 
@@ -52,7 +53,7 @@ LAWS: dict[str, Callable[[], Law]] = {
         hk.moore_penrose(hk.pose(hk.load("panda"), "rotation-vector", reference=np.eye(3))), PANDA_START, 1,
     ),
     "a plane": lambda: (hk.moore_penrose(hk.position(hk.load("ppr"))), PPR_START, 16),
-    "twelve joints": lambda: (hk.moore_penrose(hk.position(chain(12))), np.full(12, 0.2), 1),
+    "ten joints": lambda: (hk.moore_penrose(hk.position(chain(10))), np.full(10, 0.2), 1),
 }  # fmt: skip
 
 
@@ -91,7 +92,7 @@ def panda_twin() -> hk.HolonomicStrategy:
 
 
 def test_the_loop_is_short_and_what_is_differentiated_is_written_out(panda_twin: hk.HolonomicStrategy) -> None:
-    """The curvature of its leaves is that of the unrolled expression, and 0: each law looped has a gradient of its own."""
+    """The curvature, of the unrolled expression, is 0; a level alone takes no sweep back."""
     made = panda_twin.gain.program
     assert made.transport is not None
     assert made.instructions < 10_000 < made.operations < 45_000
@@ -116,8 +117,9 @@ def by_c(twin: hk.HolonomicStrategy, Q: Array) -> list[Array]:
 
 
 @compiled
-@pytest.mark.parametrize("name", ["a plane", "four redundant joints", "twelve joints"])
-@pytest.mark.parametrize("most", [0, transport.MOST_KEPT])
+@pytest.mark.parametrize(
+    ("name", "most"), [("a plane", 4096), ("a plane", 0), ("four redundant joints", 0), ("ten joints", 4096)]
+)
 def test_c_gives_what_is_written_out_also_where_it_keeps_little(
     name: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -153,6 +155,37 @@ def test_follow_in_c_takes_the_steps_of_the_virtual_machine(monkeypatch: pytest.
     slow = hk.follow(twin, loop, start, samples=6000)
     assert np.abs(fast.q - slow.q).max() < 1e-12
     assert np.abs(fast.q[-1] - start).max() < 1e-12
+
+
+@pytest.mark.parametrize("native_code", [pytest.param("1", marks=compiled), "0"])
+def test_its_inverse_is_where_following_the_ray_ends(
+    native_code: str, panda_twin: hk.HolonomicStrategy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`follow` looks for folds on its way; `inverse` leaps along rays from the center: each pose has one posture."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
+    twin = hk.radial(hk.moore_penrose(panda_twin.task), PANDA_START)
+    point, turned = twin.task.robot.pose(PANDA_START)[:3, 3], twin.task.robot.pose(PANDA_START)
+    ik = hk.inverse(twin, PANDA_START)
+    assert rays_from(twin) is not None
+    q = PANDA_START
+    for end in point + np.array([[0.05, 0.1, -0.2], [-0.15, -0.3, 0.1], [-0.1, 0.2, 0.1]]):
+        turned[:3, 3] = end
+        wanted = hk.follow(twin, hk.line(point, end), PANDA_START, samples=5, limits=False).q[-1]
+        assert np.abs(ik(turned) - wanted).max() < 1e-11
+        near = wanted + 0.02 * np.cos(np.arange(7))
+        assert np.abs(ik.near(turned, near) - wanted).max() < 1e-11
+        q = ik.near(turned, q)
+        assert np.abs(q - wanted).max() < 1e-11
+
+
+def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_straight_ways() -> None:
+    for name, rays in (("the pseudo-inverse", True), ("a plane", True), ("four redundant joints", False)):
+        given, start, _ = LAWS[name]()
+        assert (rays_from(hk.radial(given, start, steps=1)) is not None) is rays
+    tilt = hk.radial(hk.moore_penrose(hk.pose(hk.load("irb140"), "rpy", rows=[0, 1, 2, 3, 4])), IRB_START, steps=1)
+    assert tilt.constraint.angular == (True,)
+    assert rays_from(tilt) is None
+    assert rays_from(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())) is None
 
 
 @compiled

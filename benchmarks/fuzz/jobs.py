@@ -65,6 +65,12 @@ stiffness = 2
 """, """[strategies.r]
 kind = "radial"
 steps = 2
+[strategies.f]
+kind = "fitted"
+of = "r"
+radius = 0.05
+degree = 2
+samples = 40
 """  # fmt: skip
 _FEW = "relative = true\nsamples = 8\n"
 _OTHER_PATHS = (

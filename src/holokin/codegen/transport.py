@@ -12,6 +12,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from ..types import Vector
 from .emit import emit, prelude
 
 SHARES, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
@@ -51,13 +52,15 @@ class Pieces:
 class Transport:
     """The loop over its pieces: q (n,) -> label (r,), its gradient by rows (r n,), margin, one after another.
 
-    `found` are the symbols that stand for these in the expressions of a `Function` of q; h is the size of a step.
+    `found` are the symbols that stand for these in the expressions of a `Function` of q; h is the size of a step;
+    `center` (n,) is the posture over which the label is 0.
     """
 
     pieces: Pieces
     steps: int
     h: float
     found: ca.SX
+    center: Vector
 
     @property
     def rows(self) -> int:

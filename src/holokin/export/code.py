@@ -19,6 +19,7 @@ from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT
 from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
+from ..motion.rays import rays_code
 from ..motion.stretch import ROTATION
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
@@ -81,7 +82,7 @@ class Source:
             raise ArgumentError("dt", self.dt, f"give a step from {SHORTEST:g} to {LONGEST:g} s")
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
-            fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations written out, {LARGEST:,} are the most"
+            fact = f"{longest} of {self.strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
             raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
 
     @property
@@ -232,13 +233,13 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         bodies = "".join(
             function.c(f"hk_{key}_body") for key, function in source.functions.items() if key != "extended"
         )
-        branch = branch_code(source.holonomic) if source.holonomic else ""
+        branch = branch_code(source.holonomic) + rays_code(source.holonomic) if source.holonomic else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
     transport = source.strategy.looped.transport
     if transport is not None:  # which comes with each of them, and is needed once
         bodies, branch = transport.c + bodies.replace(transport.c, ""), branch.replace(transport.c, "")
-    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path", "way", "inverse")}
+    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path", "way", "ray", "inverse")}
     leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""

@@ -296,7 +296,7 @@ def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:
 
 
 def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Compiled:
-    """As native code, or else on the virtual machine, which a warning tells, and of a step that is too long its engine."""
+    """As native code, or else on the virtual machine: a warning tells, or of a step that is too long its engine."""
     machine, size = "CasADi's virtual machine", function.program.instructions
     if size > LARGEST:
         machine += f" (the step takes {size:,} operations written out, {LARGEST:,} are the most for C)"

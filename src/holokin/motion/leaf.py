@@ -84,16 +84,18 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 
-def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:
+def leaf_follower(
+    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
+) -> Callable[[Vector, Way], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Args:
-        tries: pieces of one way tried at most.
+        tries: pieces of one way tried at most. ray: see `leaf_walk`.
 
     Raises:
         SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
     """
-    walk = leaf_walk(strategy, q0, tries)
+    walk = leaf_walk(strategy, q0, tries, ray)
 
     def follow(q: Vector, way: Way) -> Vector:
         last, ended = walk(q, way)
@@ -138,9 +140,12 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
 
 
 def leaf_walk(
-    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES
+    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, Way], tuple[Vector, WayEnd]]:
-    """(q, way) -> (the posture to which the way was gone, continued from q, on the branch of q0; how it ended)."""
+    """(q, way) -> (the posture to which the way was gone, continued from q, on the branch of q0; how it ended).
+
+    ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
+    """
     correct, branch = leaf_step(strategy), Branch(strategy)
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
@@ -180,7 +185,7 @@ def leaf_walk(
             goal = min(1.0, share + width)
             found, fits = newton(q + (goal - share) * rate, *way.at(goal)), 0.5
             if found is not None:
-                fits = branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
+                fits = 2.0 if ray else branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)

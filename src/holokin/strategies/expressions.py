@@ -149,7 +149,7 @@ class RowExpressions(Expressions):
         return _slope_of(form, self.q, y[:m], scaled, x), y[:m]
 
     def _extended(self) -> tuple[SX, list[SX]]:
-        """[J; A], rows of A scaled to length 1, as the scale of a constraint is no matter of its leaves; their lengths."""
+        """[J; A], rows of A scaled to length 1, and their lengths: a constraint's scale is no matter of its leaves."""
         rows = [self.planes[i, :] for i in range(self.planes.shape[0])]
         sizes = [norm_2(row) for row in rows]
         # (11): J_A = [J; A]

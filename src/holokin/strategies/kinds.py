@@ -89,11 +89,14 @@ class HolonomicStrategy(KernelStrategy):
         """J_g of the constraint."""
         return self.constraint.slopes
 
-    @cached_property
+    @property
     def looped(self) -> HolonomicStrategy:
-        """The strategy for what is evaluated and not differentiated: a transport in its constraint is left to a loop."""
-        found = self.constraint.looped
-        return self if found is None else replace(self, constraint=found)
+        """The strategy for what is evaluated, not differentiated: a transport in its constraint is left to a loop."""
+        return self if self.constraint.looped is None else self._looped
+
+    @cached_property
+    def _looped(self) -> HolonomicStrategy:
+        return replace(self, constraint=self.constraint.looped or self.constraint)
 
     @property
     def transport(self) -> Transport | None:

@@ -45,8 +45,9 @@ DIP = 0.01
 """rcond that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
 that passes a singular posture, where a step can jump to anywhere and still arrive."""
 
-AT_CENTER = 1e-6
-"""Way [joint units] added to a posture's own, so that round-off at the centre itself is no miss."""
+AT_CENTER = 1e-2
+"""Way [joint units] added to a posture's own, so that round-off at the centre itself, in single precision 1e-6 of the
+joints, is no miss; so short a way has no error of the steps."""
 
 
 @made
@@ -129,7 +130,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         slope,
         lambda back: SX(x0) - value(back),
         end,
-        joints=task.n,
+        center=q0,
         steps=steps,
     )
     ray = _kept(build)

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from ..codegen.transport import Pieces, Transport
+from ..types import Vector
 from .calculus import gradient, staged
 
 
@@ -30,21 +31,22 @@ def transport(
     miss: Callable[[ca.SX], ca.SX],
     end: Callable[..., tuple[ca.SX, ca.SX, ca.SX]],
     *,
-    joints: int,
+    center: Vector,
     steps: int,
 ) -> Transport:
     """The loop of `steps` Runge-Kutta steps from share 0 to -1, of maps of expressions: see `Pieces` for what they are.
 
     Args:
         rate: (y, v) -> its first two results. slope: (y, v, w) -> what `pull` gives. end: without its slopes.
+        center: the posture (n,) over which the label is 0.
     """
-    q, y, f, w = (ca.SX.sym(name, joints) for name in "qyfw")
+    q, y, f, w = (ca.SX.sym(name, len(center)) for name in "qyfw")
     first, least = ca.SX.sym("first"), ca.SX.sym("least")
     began = begin(q)
     v = ca.SX.sym("v", *began.shape)
     (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
-    n, m = joints, v.shape[0]
+    n = len(center)
     found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
         begin=_function("begin", [q], began),
@@ -55,7 +57,7 @@ def transport(
         back=_function("back", [q, w, v], w + gradient(v.T @ began, q).T),
     )
     size = label.shape[0] * (1 + n) + 1
-    return Transport(pieces, steps, -1.0 / steps, ca.SX.sym("found", size))
+    return Transport(pieces, steps, -1.0 / steps, ca.SX.sym("found", size), center)
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -5,6 +5,10 @@
 static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   hk_t share = HK_C(0), width, rate[HK_N];
   hk_branch branch;
+#ifdef HK_RAYS
+  if (hk_on_ray(way, q)) return hk_go_ray(way, rules, q, x);
+  if (hk_leap(way, rules, q, x)) return 0;
+#endif
 #ifdef HK_STRETCHES
   share = hk_go_stretches(way, rules, q, x);
 #endif

@@ -32,6 +32,7 @@ $newton
 $path
 #define HK_ROTATION $rotation
 $way
+$ray
 $inverse
 int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r], int most) {
   hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], T[18], from[12], at[HK_N];
