@@ -139,8 +139,9 @@ def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Ind
     s = np.linalg.svd(strategy.task.jacobian_batch(last[known])[0], compute_uv=False)
     margin = strategy.gain.batch(last[known])[2]
     kind = np.where(s[:, -1] > KINEMATIC * s[:, 0], PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC)
-    kind = np.where(margin > TOLERANCES.representation, kind, PoseStatus.REPRESENTATION)
-    ends = np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
+    undefined = margin < 2 * TOLERANCES.representation
+    kind = np.where(undefined, PoseStatus.REPRESENTATION, kind)
+    ends = undefined | np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
     for i in np.flatnonzero(~ends):
         ends[i] = _folds(strategy, poses[known[i]], last[known[i]])
     status[known[ends]] = kind[ends]

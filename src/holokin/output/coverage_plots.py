@@ -15,7 +15,7 @@ CAUSES = {
     PoseStatus.LIMIT: ("#e8a33d", "joint limit"),
     PoseStatus.ALGORITHMIC: ("#c0392b", "leaf ends: law singular"),
     PoseStatus.KINEMATIC: ("#7d3c98", "leaf ends: arm singular"),
-    PoseStatus.REPRESENTATION: ("#5b4636", "representation singular"),
+    PoseStatus.REPRESENTATION: ("#5b4636", "leaf ends: representation"),
     PoseStatus.STOPPED: ("#1c1c1c", "no way on the leaf shown"),
     PoseStatus.BEYOND_LIMITS: ("#aab2bd", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#dde1e7", "out of reach"),
