@@ -73,7 +73,9 @@ def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     assert len(again.poses(1000)) == 200
 
 
-def test_a_share_that_was_expected_and_is_not_reached_fails_the_job(tmp_path: Path, out: Path, holokin: Command) -> None:
+def test_a_share_that_was_expected_and_is_not_reached_fails_the_job(
+    tmp_path: Path, out: Path, holokin: Command
+) -> None:
     file = job(tmp_path, expect="[expect.lock]\ncoverage = { above = 0.99 }\ncoverage_rcond = { below = 1 }\n")
     outcome = holokin("run", file, "--out", out)
     assert outcome.code == 1
