@@ -14,6 +14,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.designing import PoseStatus, posture_reach
+from holokin.strategies import HolonomicStrategy
 
 READY = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
 """The usual ready posture of a Panda; the tool looks down."""
@@ -23,7 +24,7 @@ LOST = (PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC, PoseStatus.REPRESENTATION,
 HEAD = "law | poses | reached | random poses, before | joint limit | leaf ends | no posture found | rcond, least"
 
 
-def laws(task: hk.Task) -> list[tuple[str, hk.Strategy, np.ndarray, str]]:
+def laws(task: hk.Task) -> list[tuple[str, HolonomicStrategy, np.ndarray, str]]:
     """(name, law, start, count of the earlier run) of all."""
     centring = hk.holonomic(task, hk.stationary(hk.constraints.centring_cost()))
     return [

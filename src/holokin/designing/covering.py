@@ -14,7 +14,7 @@ from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Indices, Matrix, Vector
-from ..workspaces import PoseCloud, Workspace
+from ..workspaces import Workspace
 from .covered import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024
@@ -28,8 +28,8 @@ PIECE = 256
 """Poses between two reports of progress."""
 
 KINEMATIC = 1e-3
-"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is singular itself:
-in a Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a law alone is singular."""
+"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is singular: in a
+Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a law alone is singular."""
 
 
 @typed
@@ -69,7 +69,7 @@ def coverage(
     if limits:
         robot.check_limits(start)
     ik = inverse(strategy, start)
-    count = samples if samples is not None else len(workspace.given) if isinstance(workspace, PoseCloud) else SAMPLES
+    count = samples if samples is not None else workspace.size or SAMPLES
     poses = workspace.poses(count, seed)
     _check_planar(task, start, poses)
     q, last, found = np.empty((len(poses), task.n)), np.empty((len(poses), task.n)), np.empty(len(poses), dtype=int)
