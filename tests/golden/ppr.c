@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x018298767d46eeeeU
+#if PPR_EXPORT != 0x2212c85a1c87429eU
 #error "these files are of different exports: export again"
 #endif
 
@@ -1360,6 +1360,7 @@ static int hk_rotates(const hk_t *R) {
   return sound;
 }
 
+
 /* Inverse kinematics on a leaf: a way gone in stretches that are shown to keep to one branch, and in the pieces of newton.c
    where they cannot be.
    hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces. q becomes
@@ -1367,6 +1368,10 @@ static int hk_rotates(const hk_t *R) {
 static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   hk_t share = HK_C(0), width, rate[HK_N];
   hk_branch branch;
+#ifdef HK_RAYS
+  if (hk_on_ray(way, q)) return hk_go_ray(way, rules, q, x);
+  if (hk_leap(way, rules, q, x)) return 0;
+#endif
 #ifdef HK_STRETCHES
   share = hk_go_stretches(way, rules, q, x);
 #endif
