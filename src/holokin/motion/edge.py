@@ -37,6 +37,9 @@ DONE = 1e-10
 WITHIN = 1e-10
 """Overshoot of a constraint, in metres of the tool, that counts as none."""
 
+HELD = 1e-7
+"""Distance to a constraint, in metres of the tool, at which it holds."""
+
 NEAR = 1e-4
 """Overshoot of a constraint [m] with which a step goes on; the next one takes it back. From a larger one the tool goes
 back at once, since beyond the margin, some millimetres away, there is a singular posture."""
@@ -159,9 +162,7 @@ def projection(M: Matrix, e: Vector, A: Matrix, c: Vector) -> tuple[Vector, Vect
                 multipliers[held] = wanted
                 break
             now = multipliers[held]
-            shares = [
-                (now[i] / (now[i] - wanted[i]), i) for i in range(len(held)) if wanted[i] <= 0
-            ]
+            shares = [(now[i] / (now[i] - wanted[i]), i) for i in range(len(held)) if wanted[i] <= 0]
             share, first = min(shares)
             multipliers[held] = now + share * (wanted - now)
             multipliers[held[first]] = 0.0
@@ -175,12 +176,24 @@ class Edge:
     def __init__(
         self, strategy: HolonomicStrategy, start: Vector, length: float, margin: float, lower: Vector, upper: Vector
     ) -> None:
-        self._strategy, self._length, self._margin = strategy, np.array([length]), margin
+        self.strategy, self.start, self.length = strategy, start, length
+        self.leaf = leaf_value(strategy, start)
+        self._length, self._margin = np.array([length]), margin
         self._function = edge_function(strategy)
         self._lower, self._upper = lower, upper
         self._low, self._high = np.isfinite(lower), np.isfinite(upper)
-        self._leaf = leaf_value(strategy, start)
         self._walk = leaf_walk(strategy, start, PIECES)
+
+    def tool(self, q: Vector) -> tuple[Vector, Matrix]:
+        """(position, rotation) of the tool."""
+        pose = self.strategy.task.robot.pose(q, self.strategy.task.tip)
+        return pose[:3, 3], pose[:3, :3]
+
+    def held(self, at: Look) -> tuple[str, ...]:
+        """What stops the tool: "rcond", or joints at their limits."""
+        names = np.array(self.strategy.task.robot.joint_names)
+        every = np.array(["rcond", *names[self._low], *names[self._high]])[at.which]
+        return tuple(every[at.c <= HELD].tolist()) if at.distance > 0 else ()
 
     def look(self, q: Vector, p: Vector, R: Matrix, scaled: Look | None = None) -> Look:
         """At a posture, with the pose (p, R) wanted."""
@@ -203,7 +216,7 @@ class Edge:
         from scipy.spatial.transform import Rotation
 
         twist = at.twist @ z
-        levels, turn = self._leaf, twist[3:]
+        levels, turn = self.leaf, twist[3:]
 
         def way(share: float) -> tuple[Vector, Matrix, Vector]:
             rotation = Rotation.from_rotvec(share * turn).as_matrix() @ at.rotation
@@ -260,7 +273,7 @@ class Edge:
             if step is not None and cut is None and not (np.abs(there.q - begin) <= step).all():
                 cut = self.part(at, share * z, p, R, begin, step)
             at, z, multipliers, fresh = there, further, forces, fresh and ratio <= FAST and share == 1.0
-            trust = 2 * max(share * size, TRUST/4)
+            trust = 2 * max(share * size, TRUST / 4)
         return at, cut
 
     def part(self, at: Look, z: Vector, p: Vector, R: Matrix, begin: Vector, step: Vector) -> Look:

@@ -12,8 +12,9 @@ from ..errors import ArgumentError, BranchError, HolokinError, JointLimitError, 
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, numbers, whole
+from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
+from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
 
@@ -87,6 +88,22 @@ class InverseKinematics(Value):
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
         return Solutions(q, status, last)
+
+    def nearest(
+        self, pose: ArrayLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
+        limits: bool | None = None, step: ArrayLike | None = None,
+    ) -> Nearest:  # fmt: skip
+        """The posture of the leaf whose tool pose is nearest to one that may be out of reach; see `nearest_pose`."""
+        given = numbers("a tool pose", pose)
+        if given.shape not in ((4, 4), (3,), (2,)):
+            raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
+        p, R = self._targets(given[None])
+        begin = None if q is None else self.strategy.task.robot.checked(q, "the posture to begin from")
+        asked = self.limits if limits is None else limits
+        edge = edge_of(
+            self.strategy, tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
+        )
+        return nearest(edge, p[0], R[0], InverseStatus(self._refused(p, R)[0]), begin, step)
 
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""

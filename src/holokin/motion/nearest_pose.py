@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
-from ..errors import ArgumentError
+from ..arguments import typed
+from ..errors import ArgumentError, ShapeError
 from ..strategies import HolonomicStrategy
-from ..types import ArrayLike, Matrix, Value, Vector, frozen, kept, positive
-from .edge import Edge, Look
+from ..types import ArrayLike, Matrix, Value, Vector, frozen, kept, numbers, positive
+from .edge import WITHIN, Edge, Look
 from .leaf import WayEnd, leaf_value, leaf_walk, straight_way
+from .solutions import InverseStatus
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it
 (Panda and iiwa at their ready postures, measured)."""
 
 MARGIN = 0.1
-"""rcond to which the tool may go. Measured on a Panda, stretched: 3 mm of reach are left out, and its joints move at
+"""rcond up to which the tool goes. Measured on a Panda, stretched: 3 mm of reach are left out, and its joints move at
 most five times as fast as at its ready posture."""
+
+REACHED = 1e-9
+"""Distance [m] that counts as none."""
 
 BETTER = 1e-6
 """By how much nearer, as a share, the pose found from the start must be for the robot to leave one that it has."""
-
-
-class InverseStatus(IntEnum):
-    REACHED = 0
-    CLAMPED = 1
-    NOT_FINITE = 5
-    NOT_A_ROTATION = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +35,8 @@ class Nearest(Value):
 
     distance [m] = sqrt(position^2 + (length angle)^2): what is missing, with its parts position [m] and angle [rad].
     status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose. held: what stops the
-    tool, "rcond" and the names of joints at their limits. moving: the step was too short to get there in this call.
+    tool, "rcond" and the names of joints at their limits. moving: True where `step` was too short to get there in this
+    call.
     """
 
     q: Vector
@@ -48,60 +46,71 @@ class Nearest(Value):
     position: float
     angle: float
     rcond: float
-    held: tuple[str, ...]
+    held: tuple[str, ...] = ()
     moving: bool = False
 
 
-def nearest_pose(ik, pose: ArrayLike, q=None, *, length=LENGTH, rcond=MARGIN, limits=False, step=None) -> Nearest:
-    strategy, start = ik.strategy, ik.start
-    robot = strategy.task.robot
-    inf = np.full(robot.n, np.inf)
-    edge = Edge(strategy, start, length, rcond, robot.lower if limits else -inf, robot.upper if limits else inf)
-    p, R = ik.target(pose)
-    if q is None:
-        at, status = cold(edge, strategy, start, p, R)
-        return made(edge, strategy, at, status)
-    return warm(edge, strategy, start, q, p, R, step)
+@kept
+def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float, rcond: float, limits: bool) -> Edge:
+    """The edge of the leaf through a start. Raises: ArgumentError: the start lies beyond it. JointLimitError."""
+    robot, q0 = strategy.task.robot, np.array(start)
+    if limits:
+        robot.check_limits(q0)
+    free = np.full(robot.n, np.inf)
+    edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
+    here = edge.look(q0, *edge.tool(q0))
+    if here.rcond < rcond:
+        cure = f"give a smaller one, or a start farther from singular postures: this one has {here.rcond:.3g}"
+        raise ArgumentError("rcond, which the tool is not to go below", rcond, cure)
+    return edge
 
 
-def cold(edge: Edge, strategy: HolonomicStrategy, start: Vector, p: Vector, R: Matrix) -> tuple[Look, InverseStatus]:
-    leaf = leaf_value(strategy, start)
-    q, ended = leaf_walk(strategy, start)(start, straight_way(strategy.task, start, p, R, (leaf, leaf)))
+def nearest_from_start(edge: Edge, p: Vector, R: Matrix) -> Look:
+    """The look at the posture nearest to (p, R), found from the start alone."""
+    s, start = edge.strategy, edge.start
+    q, ended = leaf_walk(s, start)(start, straight_way(s.task, start, p, R, (edge.leaf, edge.leaf)))
     at = edge.look(q, p, R)
-    if ended is WayEnd.REACHED and at.excess <= 1e-10:
-        return at, InverseStatus.REACHED
-    at = edge.inside(at, p, R) or edge.look(start, p, R)
-    at, _ = edge.descend(at, p, R)
-    return at, InverseStatus.REACHED if at.distance <= 1e-9 else InverseStatus.CLAMPED
+    if ended is WayEnd.REACHED and at.excess <= WITHIN:
+        return at
+    return edge.descend(edge.inside(at, p, R) or edge.look(start, p, R), p, R)[0]
 
 
-def warm(edge, strategy, start, q, p, R, step):
+def nearest_from(edge: Edge, p: Vector, R: Matrix, q: Vector, step: Vector | None) -> tuple[Look, bool]:
+    """The same from a posture nearby, each joint moving by at most a step (n,); with True where that cut it short."""
     at = edge.inside(edge.look(q, p, R), p, R)
     if at is None:
-        at, status = cold(edge, strategy, start, p, R)
-        return made(edge, strategy, at, status)
+        raise ArgumentError("the posture to begin from", q.tolist(), "give the last answer, or leave it out")
     end, cut = edge.descend(at, p, R, step)
-    status = InverseStatus.REACHED if end.distance <= 1e-9 else InverseStatus.CLAMPED
-    if status is InverseStatus.CLAMPED:
-        other, cold_status = cold(edge, strategy, start, p, R)
-        if other.distance < (1 - BETTER) * end.distance - 1e-9:
+    if end.distance > REACHED:
+        other = nearest_from_start(edge, p, R)
+        if other.distance < (1 - BETTER) * end.distance - REACHED:
             if step is None:
-                return made(edge, strategy, other, cold_status)
-            x = strategy.task.robot.pose(start, strategy.task.tip)
-            back = edge.look(at.q, x[:3, 3], x[:3, :3])
-            end, cut = edge.descend(back, x[:3, 3], x[:3, :3], step)
-            end = edge.look(end.q, p, R)
-            cut = cut and edge.look(cut.q, p, R)
-    if cut is not None:
-        return made(edge, strategy, cut, InverseStatus.CLAMPED, True)
-    return made(edge, strategy, end, status)
+                return other, False
+            back = edge.tool(edge.start)  # from which the way down leads to `other`
+            end, cut = edge.descend(edge.look(at.q, *back), *back, step)
+            return edge.look((cut or end).q, p, R), True
+    return (end, False) if cut is None else (cut, True)
 
 
-def made(edge, strategy, at: Look, status, moving=False):
-    m = strategy.task.m
-    far = [row < 3 for row in strategy.task.rows]
-    T = np.eye(4)
-    T[:3, 3], T[:3, :3] = at.position, at.rotation
-    linear = float(np.linalg.norm(at.e[far]))
-    angular = float(np.linalg.norm(at.e[np.logical_not(far)])) / edge._length[0]
-    return Nearest(at.q, T, status, at.distance, linear, angular, at.rcond, ())
+def nearest_made(edge: Edge, at: Look, moving: bool = False) -> Nearest:
+    """The result of a look."""
+    task, pose = edge.strategy.task, np.eye(4)
+    pose[:3, 3], pose[:3, :3] = at.position, at.rotation
+    linear = np.array([row < 3 for row in task.rows])
+    status = InverseStatus.REACHED if at.distance <= REACHED else InverseStatus.CLAMPED
+    position, angle = (float(np.linalg.norm(at.e[rows])) for rows in (linear, ~linear))
+    return Nearest(at.q, pose, status, at.distance, position, angle / edge.length, at.rcond, edge.held(at), moving)
+
+
+def nearest(
+    edge: Edge, p: Vector, R: Matrix, status: InverseStatus, q: Vector | None, step: ArrayLike | None
+) -> Nearest:
+    """The nearest pose to (p, R), from the start or from q; `status`: whether they are a pose at all."""
+    if status is not InverseStatus.REACHED:
+        n = len(edge.start)
+        stays, nothing = np.full(n, np.nan) if q is None else q, np.full((4, 4), np.nan)
+        return Nearest(stays, nothing, status, np.nan, np.nan, np.nan, np.nan)
+    if q is None:
+        return nearest_made(edge, nearest_from_start(edge, p, R))
+    most = None if step is None else np.broadcast_to(numbers("step", step), q.shape)
+    return nearest_made(edge, *nearest_from(edge, p, R, q, most))
