@@ -25,10 +25,6 @@ most five times as fast as at its ready posture."""
 REACHED = 1e-9
 """Distance [m] that counts as none."""
 
-BETTER = 1e-6
-"""By how much nearer, as a share, the pose found from the start must be for the robot to leave one that it has."""
-
-
 @dataclass(frozen=True, eq=False)
 class Nearest(Value):
     """The posture q (n,) of a leaf whose tool pose (4, 4) is nearest to a wanted one.
@@ -65,28 +61,34 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
     return edge
 
 
-def nearest_from_start(edge: Edge, p: Vector, R: Matrix) -> Look:
-    """The look at the posture nearest to (p, R), found from the start alone."""
+def from_start(edge: Edge, p: Vector, R: Matrix) -> tuple[Look, bool]:
+    """The look where the straight way from the start to (p, R) ends; True where that is its end, within constraints."""
     s, start = edge.strategy, edge.start
     q, ended = leaf_walk(s, start)(start, straight_way(s.task, start, p, R, (edge.leaf, edge.leaf)))
     at = edge.look(q, p, R)
-    if ended is WayEnd.REACHED and at.excess <= WITHIN:
+    return at, ended is WayEnd.REACHED and at.excess <= WITHIN
+
+
+def cold(edge: Edge, p: Vector, R: Matrix) -> Look:
+    """The look at the posture nearest to (p, R), found from the start alone."""
+    at, reached = from_start(edge, p, R)
+    if reached:
         return at
-    return edge.descend(edge.inside(at, p, R) or edge.look(start, p, R), p, R)[0]
+    return edge.descend(edge.inside(at, p, R) or edge.look(edge.start, p, R), p, R)[0]
 
 
-def nearest_from(edge: Edge, p: Vector, R: Matrix, q: Vector, step: Vector | None) -> tuple[Look, bool]:
+def warm(edge: Edge, p: Vector, R: Matrix, q: Vector, step: Vector | None) -> tuple[Look, bool]:
     """The same from a posture nearby, each joint moving by at most a step (n,); with True where that cut it short."""
     at = edge.inside(edge.look(q, p, R), p, R)
     if at is None:
         raise ArgumentError("the posture to begin from", q.tolist(), "give the last answer, or leave it out")
     end, cut = edge.descend(at, p, R, step)
     if end.distance > REACHED:
-        other = nearest_from_start(edge, p, R)
-        if other.distance < (1 - BETTER) * end.distance - REACHED:
-            if step is None:
-                return other, False
-            back = edge.tool(edge.start)  # from which the way down leads to `other`
+        other, reached = from_start(edge, p, R)
+        if reached and step is None:
+            return other, False
+        if reached:  # the way there leads by the start at the latest, from which it is straight
+            back = edge.tool(edge.start)
             end, cut = edge.descend(edge.look(at.q, *back), *back, step)
             return edge.look((cut or end).q, p, R), True
     return (end, False) if cut is None else (cut, True)
@@ -111,6 +113,6 @@ def nearest(
         stays, nothing = np.full(n, np.nan) if q is None else q, np.full((4, 4), np.nan)
         return Nearest(stays, nothing, status, np.nan, np.nan, np.nan, np.nan)
     if q is None:
-        return nearest_made(edge, nearest_from_start(edge, p, R))
+        return nearest_made(edge, cold(edge, p, R))
     most = None if step is None else np.broadcast_to(numbers("step", step), q.shape)
-    return nearest_made(edge, *nearest_from(edge, p, R, q, most))
+    return nearest_made(edge, *warm(edge, p, R, q, most))
