@@ -23,10 +23,13 @@ import numpy as np
 
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
-from ..types import Matrix, Vector, kept
+from ..types import Indices, Matrix, Vector, kept
 from .branch import _turning
 from .leaf import Way, WayEnd, leaf_value, leaf_walk
 
+
+Goal = tuple[Vector, Matrix]
+"""A pose of the tool: position (3,), rotation (3, 3)."""
 
 TRUST = 0.1
 """First step of the tool [m]; steps that succeed double it."""
@@ -36,9 +39,6 @@ DONE = 1e-10
 
 WITHIN = 1e-10
 """Overshoot of a constraint, in metres of the tool, that counts as none."""
-
-HELD = 1e-7
-"""Distance to a constraint, in metres of the tool, at which it holds."""
 
 NEAR = 1e-4
 """Overshoot of a constraint [m] with which a step goes on; the next one takes it back. From a larger one the tool goes
@@ -56,12 +56,21 @@ RETURNS = 8
 DESCENT = 1e-4
 """Share of the expected decrease that a step must bring. [NW06, section 3.1]"""
 
-CONTRACTION, FAST = 0.5, 0.1
-"""Ratios of two successive steps: up to the first a step is good whatever the distance says, which round-off blurs;
-up to the second the curvature need not be looked at again."""
+SMALL, CONTRACTION = 1e-5, 0.5
+"""A step of the tool [m] that is good where the next one is shorter by this ratio, whatever round-off makes of the
+distance."""
+
+FAST = 0.1
+"""Ratio of two successive steps up to which the curvature need not be looked at again."""
 
 TIGHT = 0.01
 """Distance of a constraint [m] within which curvatures tell of the edge."""
+
+DEPENDENT = 1e-12
+"""What keeps constraints that depend on each other apart, as a share: together they share their multipliers."""
+
+UNMOVED = 1e-9
+"""Share of the largest slope of a constraint below which the tool does not move it: round-off, a thousandfold."""
 
 SPREAD = 1e-6
 """Motion of the tool [m] over which slopes are differenced for curvatures, which need but a few digits."""
@@ -108,9 +117,13 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     return Function("edge", {"q": e.q, "p": p, "R": R, "length": length}, outputs, found.system)
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Look:
-    """What the edge function says of a posture q, with the constraints c (k,) [m] and their slopes A (k, m) by z."""
+    """What the edge function says of a posture q on the way to a goal, with the constraints.
+
+    Of k constraints, `which` tells their numbers: 0 is rcond, then all lower limits, then all upper ones. c (k,) [m] is
+    how far the tool may move until they hold, A (k, m) their slopes by z, of length 1; sizes (k,) those before.
+    """
 
     q: Vector
     e: Vector
@@ -119,185 +132,205 @@ class Look:
     twist: Matrix
     position: Vector
     rotation: Matrix
+    which: Indices
     c: Vector
     A: Matrix
     sizes: Vector
-    which: np.ndarray
-
-    def merit(self, weight: float) -> float:
-        return float(self.e @ self.e) / 2 + weight * self.excess
 
     @property
     def excess(self) -> float:
         """How far outside the constraints q is [m]."""
-        return max(0.0, -float(self.c.min(initial=0.0)))
+        return max(0.0, -float(self.c.min()))
 
     @property
     def distance(self) -> float:
         """|e| [m]."""
         return float(self.e @ self.e) ** 0.5
 
+    def merit(self, weight: float) -> float:
+        """What a step must lessen: |e|^2 / 2, and the excess with a weight."""
+        return float(self.e @ self.e) / 2 + weight * self.excess
 
-def projection(M: Matrix, e: Vector, A: Matrix, c: Vector) -> tuple[Vector, Vector]:
-    """The z with the least 1/2 z^T M^-1 z - e^T z and A z >= -c; with its multipliers, (m,), (k,).
 
-    By Lawson and Hanson's active sets: constraints enter one at a time, the most violated first. [LH95, chapter 23]
+def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
+    """The z (m,) with the least z^T M^-1 z / 2 - e^T z and A z >= -c, M = 1 by default; its multipliers (k,).
+
+    By active sets: constraints enter one at a time, the most violated first. [LH95, section 23.3]
     """
-    free = M @ e
-    MA = M @ A.T
+    A, c = at.A, at.c
+    free, MA = (e, A.T) if M is None else (M @ e, M @ A.T)
     H, b = A @ MA, A @ free + c
-    H[np.diag_indices(len(c))] *= 1 + 1e-12  # constraints that depend on each other share their multipliers
+    H[np.diag_indices(len(c))] *= 1 + DEPENDENT
     held: list[int] = []
-    multipliers = np.zeros(len(c))
+    forces = np.zeros(len(c))
     for _ in range(3 * len(c) + 3):
-        slack = H @ multipliers + b
-        slack[held] = 0.0
-        worst = int(np.argmin(slack)) if len(c) else 0
-        if not len(c) or slack[worst] >= -1e-14 * (1 + abs(b[worst])):
+        slack = H @ forces + b
+        slack[held] = np.inf
+        worst = int(np.argmin(slack))
+        if not slack[worst] < -1e-14 * (1 + abs(b[worst])):
             break
         held.append(worst)
         while held:
-            wanted = np.linalg.solve(H[np.ix_(held, held)], -b[held])
-            if wanted.min() > 0:
-                multipliers[held] = wanted
+            now, wanted = forces[held], np.linalg.solve(H[np.ix_(held, held)], -b[held])
+            if (wanted > 0).all():
+                forces[held] = wanted
                 break
-            now = multipliers[held]
-            shares = [(now[i] / (now[i] - wanted[i]), i) for i in range(len(held)) if wanted[i] <= 0]
-            share, first = min(shares)
-            multipliers[held] = now + share * (wanted - now)
-            multipliers[held[first]] = 0.0
+            shares = np.where(wanted > 0, np.inf, now / np.maximum(now - wanted, 1e-300))
+            first = int(np.argmin(shares))
+            forces[held] = now + shares[first] * (wanted - now)
+            forces[held[first]] = 0.0
             del held[first]
-    return free + MA @ multipliers, multipliers
+    return free + MA @ forces, forces
 
 
 class Edge:
-    """The postures of one leaf that keep the constraints, and the way down to the one nearest to a pose."""
+    """The postures of the leaf through a start that keep the constraints, and the way down to a pose's nearest one."""
 
     def __init__(
         self, strategy: HolonomicStrategy, start: Vector, length: float, margin: float, lower: Vector, upper: Vector
     ) -> None:
-        self.strategy, self.start, self.length = strategy, start, length
-        self.leaf = leaf_value(strategy, start)
-        self._length, self._margin = np.array([length]), margin
+        self.strategy, self.start, self.length, self.margin = strategy, start, length, margin
+        self.lower, self.upper, self.leaf = lower, upper, leaf_value(strategy, start)
         self._function = edge_function(strategy)
-        self._lower, self._upper = lower, upper
-        self._low, self._high = np.isfinite(lower), np.isfinite(upper)
-        self._walk = leaf_walk(strategy, start, PIECES)
+        self._given = np.concatenate([[True], np.isfinite(lower), np.isfinite(upper)])
 
-    def tool(self, q: Vector) -> tuple[Vector, Matrix]:
+    def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
         pose = self.strategy.task.robot.pose(q, self.strategy.task.tip)
         return pose[:3, 3], pose[:3, :3]
 
-    def held(self, at: Look) -> tuple[str, ...]:
-        """What stops the tool: "rcond", or joints at their limits."""
-        names = np.array(self.strategy.task.robot.joint_names)
-        every = np.array(["rcond", *names[self._low], *names[self._high]])[at.which]
-        return tuple(every[at.c <= HELD].tolist()) if at.distance > 0 else ()
-
-    def look(self, q: Vector, p: Vector, R: Matrix, scaled: Look | None = None) -> Look:
-        """At a posture, with the pose (p, R) wanted."""
-        e, S, rcond2, slope, twist, position, rotation = self._function(q, p, R, self._length)
-        e, S = np.atleast_1d(e), np.reshape(S, (len(q), -1))
-        square = rcond2 / self._margin**2
-        A = np.vstack([square * np.reshape(slope, -1) @ S, S[self._low], -S[self._high]])
-        c = np.concatenate([[square - 1], (q - self._lower)[self._low], (self._upper - q)[self._high]])
+    def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:
+        """At a posture; `scaled`: a look whose choice of constraints and whose sizes are kept."""
+        e, S, rcond2, slope, twist, p, R = self._function(q, *goal, np.array([self.length]))
+        S, square = np.reshape(S, (len(q), -1)), float(rcond2) / self.margin**2
+        A = np.vstack([square * np.reshape(slope, -1) @ S, S, -S])
+        c = np.concatenate([[square - 1], q - self.lower, self.upper - q])
         if scaled is None:
-            sizes = np.linalg.norm(A, axis=1)
-            moved = sizes > 1e-9 * sizes.max()  # others the tool does not move
-            sizes = sizes[moved]
+            sizes = np.where(self._given, np.linalg.norm(A, axis=1), 0.0)
+            which = np.flatnonzero(sizes > UNMOVED * sizes.max())
+            sizes = sizes[which]
         else:
-            sizes, moved = scaled.sizes, scaled.which
-        A, c = A[moved] / sizes[:, None], c[moved] / sizes
-        return Look(q, e, S, float(rcond2) ** 0.5, np.reshape(twist, (6, -1)), position, rotation, c, A, sizes, moved)
+            which, sizes = scaled.which, scaled.sizes
+        return Look(
+            q, np.atleast_1d(e), S, float(rcond2) ** 0.5, np.reshape(twist, (6, -1)), p, R,
+            which, c[which] / sizes, A[which] / sizes[:, None], sizes,
+        )  # fmt: skip
 
-    def moved(self, at: Look, z: Vector, p: Vector, R: Matrix) -> Look | None:
-        """The look after a motion z of the tool; None where it does not keep to the branch."""
-        from scipy.spatial.transform import Rotation
+    def straight(self, q: Vector, begin: Goal, goal: Goal, tries: int) -> tuple[Vector, bool]:
+        """(how far the straight way of the tool leads, True where that is its end); q is where it begins."""
+        (p0, R0), (p, R) = begin, goal
+        return self._along(q, begin, p - p0, rotation_vector(R @ R0.T), goal, tries)
 
-        twist = at.twist @ z
-        levels, turn = self.leaf, twist[3:]
+    def _along(
+        self, q: Vector, begin: Goal, v: Vector, turn: Vector, goal: Goal | None, tries: int
+    ) -> tuple[Vector, bool]:
+        """The same along v, turning by `turn`; to a goal to the last bit, where there is one."""
 
-        def way(share: float) -> tuple[Vector, Matrix, Vector]:
-            rotation = Rotation.from_rotvec(share * turn).as_matrix() @ at.rotation
-            return at.position + share * twist[:3], rotation, levels
+        def at(share: float) -> tuple[Vector, Matrix, Vector]:
+            if share == 1.0 and goal is not None:
+                return *goal, self.leaf
+            return begin[0] + share * v, rotation_matrix(share * turn) @ begin[1], self.leaf
 
-        q, ended = self._walk(at.q, Way(way, turn=float(np.linalg.norm(turn))))
-        return self.look(q, p, R) if ended is WayEnd.REACHED else None
+        walk = leaf_walk(self.strategy, q, tries)  # a new one: what it knows of the branch is of where it was
+        q, ended = walk(q, Way(at, turn=float(np.linalg.norm(turn))))
+        return q, ended is WayEnd.REACHED
 
-    def inside(self, at: Look, p: Vector, R: Matrix) -> Look | None:
+    def moved(self, at: Look, z: Vector | None, share: float, goal: Goal) -> Look | None:
+        """The look after a share of a motion z of the tool, or, without z, of the straight way to the goal.
+
+        None where that does not keep to the branch.
+        """
+        if z is None:
+            twist = np.concatenate([goal[0] - at.position, rotation_vector(goal[1] @ at.rotation.T)])
+        else:
+            twist = at.twist @ z
+        end = goal if z is None and share == 1.0 else None
+        begin = at.position, at.rotation
+        q, reached = self._along(at.q, begin, share * twist[:3], share * twist[3:], end, PIECES)
+        return self.look(q, goal) if reached else None
+
+    def inside(self, at: Look | None, goal: Goal) -> Look | None:
         """The nearest posture within the constraints, if a few steps lead to it."""
         for _ in range(RETURNS):
-            if at.excess <= WITHIN:
+            if at is None or at.excess <= WITHIN:
                 return at
-            z, _ = projection(np.eye(len(at.e)), np.zeros(len(at.e)), at.A, at.c)
-            there = self.moved(at, z * min(1.0, TRUST / max(np.linalg.norm(z), 1e-300)), p, R)
-            if there is None:
-                return None
-            at = there
-        return at if at.excess <= WITHIN else None
+            z, _ = projection(at, np.zeros(len(at.e)), None)
+            at = self.moved(at, z, min(1.0, TRUST / max(float(np.linalg.norm(z)), 1e-300)), goal)
+        return at if at is not None and at.excess <= WITHIN else None
 
-    def descend(self, at: Look, p: Vector, R: Matrix, step: Vector | None = None) -> tuple[Look, Look | None]:
+    def descend(self, at: Look, goal: Goal, step: Vector | None = None) -> tuple[Look, Look | None]:
         """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
         by more than a step (n,), None where that is its end."""
-        begin, cut = at.q, None
-        M, trust = np.eye(len(at.e)), TRUST
-        z, multipliers = projection(M, at.e, at.A, at.c)
-        fresh = False
+        begin, cut, trust, M, fresh = at.q, None, TRUST, None, False
+        z, forces = projection(at, at.e, None)
         for _ in range(STEPS):
-            size = float(np.linalg.norm(z))
             if not fresh:
-                held = multipliers > 0
-                near = held.any() and at.c[held].max() <= TIGHT
-                M, fresh = (self.stiffness(at, multipliers, p, R) if near else np.eye(len(at.e))), near
-                z, multipliers = projection(M, at.e, at.A, at.c)
-                size = float(np.linalg.norm(z))
-            if size <= DONE:
+                held = at.c[forces > 0]
+                fresh = bool(held.size) and held.max() <= TIGHT
+                M = self.compliance(at, forces, goal) if fresh else None
+                z, forces = projection(at, at.e, M)
+            size, weight = float(np.linalg.norm(z)), 2 * float(forces.sum())
+            if not size > DONE:
                 break
-            weight = 2 * multipliers.sum()
-            share = min(1.0, trust / size)
+            along, share = z if weight > 0 else None, min(1.0, trust / size)
             while share * size > DONE:
-                there = self.moved(at, share * z, p, R)
-                if there is not None and there.excess > NEAR:
-                    there = self.inside(there, p, R)
+                there, hoped = self.moved(at, along, share, goal), DESCENT * share * float(at.e @ z)
+                if there is not None and (there.excess > NEAR or at.merit(weight) - there.merit(weight) < hoped):
+                    small = size <= SMALL and there.excess <= NEAR
+                    there = there if small else self.inside(there, goal)
                 if there is not None:
-                    further, forces = projection(M, there.e, there.A, there.c)
+                    further, forces = projection(there, there.e, M)
                     ratio = float(np.linalg.norm(further)) / size
-                    hoped = DESCENT * share * float(at.e @ z)
-                    gain = at.merit(weight) - there.merit(weight)
-                    if gain >= hoped or (share == 1.0 and ratio <= CONTRACTION):
+                    lower = at.merit(weight) - there.merit(weight) >= hoped
+                    if lower or (size <= SMALL and share == 1.0 and ratio <= CONTRACTION):
                         break
                 share /= 2
             else:
                 break
-            if step is not None and cut is None and not (np.abs(there.q - begin) <= step).all():
-                cut = self.part(at, share * z, p, R, begin, step)
-            at, z, multipliers, fresh = there, further, forces, fresh and ratio <= FAST and share == 1.0
+            if step is not None and cut is None and room(there.q, begin, step) < 1.0:
+                cut = self.part(at, along, share, goal, begin, step)
+            at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
             trust = 2 * max(share * size, TRUST / 4)
         return at, cut
 
-    def part(self, at: Look, z: Vector, p: Vector, R: Matrix, begin: Vector, step: Vector) -> Look:
-        """Along a motion z of the tool as far as no joint goes farther from its beginning than a step."""
-        share = 1.0
+    def part(self, at: Look, z: Vector | None, share: float, goal: Goal, begin: Vector, step: Vector) -> Look:
+        """Along a motion of the tool as far as no joint goes farther from its beginning than a step."""
         for _ in range(HALVINGS):
-            there = self.moved(at, share * z, p, R)
-            there = there and self.inside(there, p, R)
-            room = 0.0 if there is None else float(np.min(step / np.maximum(np.abs(there.q - begin), 1e-300)))
-            if there is not None and room >= 1.0:
+            there = self.inside(self.moved(at, z, share, goal), goal)
+            ratio = 0.0 if there is None else room(there.q, begin, step)
+            if there is not None and ratio >= 1.0:
                 return there
-            share *= min(0.5, 0.99 * room) if room > 0 else 0.5
+            share *= min(0.5, 0.99 * ratio) if ratio > 0 else 0.5
         return at
 
-    def stiffness(self, at: Look, multipliers: Vector, p: Vector, R: Matrix) -> Matrix:
-        """The inverse of the second derivative by z of |e|^2 / 2 - multipliers c, made positive definite."""
-        m, sizes = len(at.e), at.sizes
-        pull = at.e + at.A.T @ multipliers
-        H = np.empty((m, m))
-        for k in range(m):
-            there = self.look(at.q + SPREAD * at.S[:, k], p, R, at)
-            H[:, k] = (pull - there.e - there.A.T @ multipliers) / SPREAD
+    def compliance(self, at: Look, forces: Vector, goal: Goal) -> Matrix:
+        """The inverse of the second derivative by z of |e|^2 / 2 - forces c, made positive definite."""
+        pull = at.e + at.A.T @ forces
+        H = np.empty((len(pull), len(pull)))
+        for k in range(len(pull)):
+            there = self.look(at.q + SPREAD * at.S[:, k], goal, at)
+            H[:, k] = (pull - there.e - there.A.T @ forces) / SPREAD
         H = (H + H.T) / 2
-        held = at.A[multipliers > 0]
-        H += 10 * np.linalg.norm(H) * held.T @ held  # changes nothing while they are held
+        held = at.A[forces > 0]
+        H += 10 * np.linalg.norm(H) * held.T @ held  # which changes nothing while they are held
         values, vectors = np.linalg.eigh(H)
-        return vectors @ np.diag(1 / np.maximum(values, CURVED)) @ vectors.T
+        return vectors / np.maximum(values, CURVED) @ vectors.T
+
+
+def room(q: Vector, begin: Vector, step: Vector) -> float:
+    """The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step."""
+    return float(np.min(step / np.maximum(np.abs(q - begin), 1e-300)))
+
+
+def rotation_vector(R: Matrix) -> Vector:
+    """The axis of a rotation times its angle [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(R).as_rotvec()
+
+
+def rotation_matrix(turn: Vector) -> Matrix:
+    """The rotation of a rotation vector."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(turn).as_matrix()

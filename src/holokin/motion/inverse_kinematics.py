@@ -98,12 +98,11 @@ class InverseKinematics(Value):
         if given.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
         p, R = self._targets(given[None])
-        begin = None if q is None else self.strategy.task.robot.checked(q, "the posture to begin from")
-        asked = self.limits if limits is None else limits
-        edge = edge_of(
-            self.strategy, tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
-        )
-        return nearest(edge, p[0], R[0], InverseStatus(self._refused(p, R)[0]), begin, step)
+        robot, asked = self.strategy.task.robot, self.limits if limits is None else limits
+        begin = None if q is None else robot.checked(q, "the posture to begin from")
+        most = None if step is None else np.broadcast_to(numbers("step", step), (robot.n,))
+        key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
+        return nearest(edge_of(self.strategy, *key), (p[0], R[0]), InverseStatus(self._refused(p, R)[0]), begin, most)
 
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""

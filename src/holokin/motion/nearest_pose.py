@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError, posture_text
 from ..strategies import HolonomicStrategy
-from ..types import ArrayLike, Matrix, Value, Vector, frozen, kept, numbers, positive
-from .edge import WITHIN, Edge, Look
-from .leaf import WayEnd, leaf_value, leaf_walk, straight_way
+from ..types import Matrix, Value, Vector, kept
+from .edge import WITHIN, Edge, Goal, Look
+from .leaf import TRIES
 from .solutions import InverseStatus
 
 LENGTH = 0.3
@@ -22,8 +21,12 @@ MARGIN = 0.1
 """rcond up to which the tool goes. Measured on a Panda, stretched: 3 mm of reach are left out, and its joints move at
 most five times as fast as at its ready posture."""
 
+HELD = 1e-7
+"""Distance to a constraint [m] at which it stops the tool."""
+
 REACHED = 1e-9
 """Distance [m] that counts as none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Nearest(Value):
@@ -54,65 +57,63 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
         robot.check_limits(q0)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
-    here = edge.look(q0, *edge.tool(q0))
-    if here.rcond < rcond:
+    here = edge.look(q0, edge.tool(q0))
+    if not here.rcond >= rcond:
         cure = f"give a smaller one, or a start farther from singular postures: this one has {here.rcond:.3g}"
-        raise ArgumentError("rcond, which the tool is not to go below", rcond, cure)
+        raise ArgumentError("rcond, below which the tool is not to go", rcond, cure)
     return edge
 
 
-def from_start(edge: Edge, p: Vector, R: Matrix) -> tuple[Look, bool]:
-    """The look where the straight way from the start to (p, R) ends; True where that is its end, within constraints."""
-    s, start = edge.strategy, edge.start
-    q, ended = leaf_walk(s, start)(start, straight_way(s.task, start, p, R, (edge.leaf, edge.leaf)))
-    at = edge.look(q, p, R)
-    return at, ended is WayEnd.REACHED and at.excess <= WITHIN
+def from_start(edge: Edge, goal: Goal) -> tuple[Look, bool]:
+    """The look where the straight way from the start to a goal ends; True where that is its end, within constraints."""
+    q, reached = edge.straight(edge.start, edge.tool(edge.start), goal, TRIES)
+    at = edge.look(q, goal)
+    return at, reached and at.excess <= WITHIN
 
 
-def cold(edge: Edge, p: Vector, R: Matrix) -> Look:
-    """The look at the posture nearest to (p, R), found from the start alone."""
-    at, reached = from_start(edge, p, R)
+def cold(edge: Edge, goal: Goal) -> Look:
+    """The look at the posture nearest to a goal, found from the start alone."""
+    at, reached = from_start(edge, goal)
     if reached:
         return at
-    return edge.descend(edge.inside(at, p, R) or edge.look(edge.start, p, R), p, R)[0]
+    return edge.descend(edge.inside(at, goal) or edge.look(edge.start, goal), goal)[0]
 
 
-def warm(edge: Edge, p: Vector, R: Matrix, q: Vector, step: Vector | None) -> tuple[Look, bool]:
-    """The same from a posture nearby, each joint moving by at most a step (n,); with True where that cut it short."""
-    at = edge.inside(edge.look(q, p, R), p, R)
+def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool] | None:
+    """The same from a posture nearby, each joint moving by at most a step (n,), and True where that cut it short.
+
+    None where it leads nowhere.
+    """
+    at = edge.inside(edge.look(q, goal), goal)
     if at is None:
-        raise ArgumentError("the posture to begin from", q.tolist(), "give the last answer, or leave it out")
-    end, cut = edge.descend(at, p, R, step)
+        return None
+    end, cut = edge.descend(at, goal, step)
     if end.distance > REACHED:
-        other, reached = from_start(edge, p, R)
+        other, reached = from_start(edge, goal)
         if reached and step is None:
             return other, False
-        if reached:  # the way there leads by the start at the latest, from which it is straight
+        if reached:  # the way there leads by the start at the latest
             back = edge.tool(edge.start)
-            end, cut = edge.descend(edge.look(at.q, *back), *back, step)
-            return edge.look((cut or end).q, p, R), True
+            end, cut = edge.descend(edge.look(at.q, back), back, step)
+            return edge.look((cut or end).q, goal), True
     return (end, False) if cut is None else (cut, True)
 
 
-def nearest_made(edge: Edge, at: Look, moving: bool = False) -> Nearest:
-    """The result of a look."""
+def nearest(edge: Edge, goal: Goal, status: InverseStatus, q: Vector | None, step: Vector | None) -> Nearest:
+    """The nearest pose to a goal, from the start or from q; `status`: whether the goal is a pose at all."""
+    if status is not InverseStatus.REACHED:
+        stays = np.full(len(edge.start), np.nan) if q is None else q
+        return Nearest(stays, np.full((4, 4), np.nan), status, *4 * [np.nan])
+    found = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+    if found is None:
+        raise ArgumentError("the posture to begin from", posture_text(q), "give the last answer, or leave it out")
+    at, moving = found
     task, pose = edge.strategy.task, np.eye(4)
     pose[:3, 3], pose[:3, :3] = at.position, at.rotation
     linear = np.array([row < 3 for row in task.rows])
-    status = InverseStatus.REACHED if at.distance <= REACHED else InverseStatus.CLAMPED
+    missing = at.distance > REACHED
     position, angle = (float(np.linalg.norm(at.e[rows])) for rows in (linear, ~linear))
-    return Nearest(at.q, pose, status, at.distance, position, angle / edge.length, at.rcond, edge.held(at), moving)
-
-
-def nearest(
-    edge: Edge, p: Vector, R: Matrix, status: InverseStatus, q: Vector | None, step: ArrayLike | None
-) -> Nearest:
-    """The nearest pose to (p, R), from the start or from q; `status`: whether they are a pose at all."""
-    if status is not InverseStatus.REACHED:
-        n = len(edge.start)
-        stays, nothing = np.full(n, np.nan) if q is None else q, np.full((4, 4), np.nan)
-        return Nearest(stays, nothing, status, np.nan, np.nan, np.nan, np.nan)
-    if q is None:
-        return nearest_made(edge, cold(edge, p, R))
-    most = None if step is None else np.broadcast_to(numbers("step", step), q.shape)
-    return nearest_made(edge, *warm(edge, p, R, q, most))
+    names = ("rcond", *2 * task.robot.joint_names)
+    held = tuple(names[k] for k, c in zip(at.which, at.c, strict=True) if missing and c <= HELD)
+    status = InverseStatus.CLAMPED if missing else InverseStatus.REACHED
+    return Nearest(at.q, pose, status, at.distance, position, angle / edge.length, at.rcond, held, moving)

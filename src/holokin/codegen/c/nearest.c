@@ -1,0 +1,442 @@
+/* The pose of a leaf that is nearest to a wanted one: the rules of motion/edge.py and motion/nearest_pose.py.
+   hk_edge_body takes (q, p, R, length) and gives (e, S, rcond^2, its slope, twist, p, R). HK_ROWS: m. */
+enum { HK_M = HK_ROWS, HK_MOST_HELD = 2 * HK_N + 1 };
+
+/* What a leaf and its edge are: a start, the tool there, limits, the level, how far it may go. */
+typedef struct {
+  hk_t start[HK_N], tool[12], lower[HK_N], upper[HK_N], length, margin, level[HK_N - HK_M + 1];
+  hk_rules leaf;
+} hk_edge;
+
+/* What the edge function says of a posture q, with count constraints c [m], their slopes A by z, and their sizes. */
+typedef struct {
+  hk_t q[HK_N], e[HK_M], S[HK_N * HK_M], rcond, slope[HK_N], twist[6 * HK_M], tool[12];
+  hk_t c[HK_MOST_HELD], A[HK_MOST_HELD * HK_M], sizes[HK_MOST_HELD];
+  int count, which[HK_MOST_HELD];
+} hk_look;
+
+static hk_t hk_times(const hk_t *a, const hk_t *b, int count) {
+  hk_t sum = HK_C(0);
+  for (int i = 0; i < count; i++) sum += a[i] * b[i];
+  return sum;
+}
+
+static hk_t hk_excess(const hk_look *at) {
+  hk_t most = HK_C(0);
+  for (int i = 0; i < at->count; i++) most = HK_FMAX(-at->c[i], most);
+  return most;
+}
+
+static hk_t hk_merit(const hk_look *at, hk_t weight) {
+  return hk_times(at->e, at->e, HK_M) / HK_C(2) + weight * hk_excess(at);
+}
+
+/* scaled: a look whose constraints and sizes are kept, or 0. */
+static HK_CALL void hk_look_at(const hk_edge *edge, const hk_t *q, const hk_t *goal, const hk_look *scaled, hk_look *at) {
+  hk_t x[HK_N + 13], y[HK_M + HK_N * HK_M + 1 + HK_N + 6 * HK_M + 12], most = HK_C(0);
+  int count = 0;
+  for (int i = 0; i < HK_N; i++) x[i] = at->q[i] = q[i];
+  for (int i = 0; i < 12; i++) x[HK_N + i] = goal[i];
+  x[HK_N + 12] = edge->length;
+  hk_edge_body(x, y);
+  const hk_t *from = y;
+  for (int i = 0; i < HK_M; i++) at->e[i] = *from++;
+  for (int i = 0; i < HK_N * HK_M; i++) at->S[i] = *from++;
+  const hk_t square = *from++ / (edge->margin * edge->margin);
+  at->rcond = HK_SQRT(square) * edge->margin;
+  for (int i = 0; i < HK_N; i++) at->slope[i] = *from++;
+  for (int i = 0; i < 6 * HK_M; i++) at->twist[i] = *from++;
+  for (int i = 0; i < 12; i++) at->tool[i] = *from++;
+  hk_t c[HK_MOST_HELD], A[HK_MOST_HELD * HK_M], sizes[HK_MOST_HELD];
+  for (int k = 0; k < HK_MOST_HELD; k++) {
+    const int joint = k == 0 ? 0 : (k - 1) % HK_N, high = k > HK_N;
+    hk_t *row = A + k * HK_M;
+    c[k] = k == 0 ? square - HK_C(1) : high ? edge->upper[joint] - q[joint] : q[joint] - edge->lower[joint];
+    for (int j = 0; j < HK_M; j++) {
+      row[j] = HK_C(0);
+      if (k == 0)
+        for (int i = 0; i < HK_N; i++) row[j] += square * at->slope[i] * at->S[i * HK_M + j];
+      else
+        row[j] = high ? -at->S[joint * HK_M + j] : at->S[joint * HK_M + j];
+    }
+    sizes[k] = c[k] < HK_INF ? HK_SQRT(hk_times(row, row, HK_M)) : HK_C(0);
+    most = HK_FMAX(sizes[k], most);
+  }
+  for (int k = 0; k < (scaled ? scaled->count : HK_MOST_HELD); k++) {
+    const int one = scaled ? scaled->which[k] : k;
+    const hk_t size = scaled ? scaled->sizes[k] : sizes[k];
+    if (!scaled && !(size > HK_C(HK_UNMOVED) * most)) continue; /* the tool does not move it */
+    at->which[count] = one;
+    at->sizes[count] = size;
+    at->c[count] = c[one] / size;
+    for (int j = 0; j < HK_M; j++) at->A[count * HK_M + j] = A[one * HK_M + j] / size;
+    count++;
+  }
+  at->count = count;
+}
+
+/* x = H^-1 b of a small symmetric positive definite H (n, n) that lies in rows of length `stride`. */
+static void hk_cholesky_solve(const hk_t *H, int n, int stride, const int *held, const hk_t *b, hk_t *x) {
+  hk_t L[HK_MOST_HELD * HK_MOST_HELD];
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j <= i; j++) {
+      hk_t sum = H[held[i] * stride + held[j]];
+      for (int k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
+      if (i == j)
+        L[i * n + i] = HK_SQRT(HK_FMAX(sum, HK_C(1e-300)));
+      else
+        L[i * n + j] = sum / L[j * n + j];
+    }
+  for (int i = 0; i < n; i++) {
+    x[i] = b[i];
+    for (int k = 0; k < i; k++) x[i] -= L[i * n + k] * x[k];
+    x[i] /= L[i * n + i];
+  }
+  for (int i = n - 1; i >= 0; i--) {
+    for (int k = i + 1; k < n; k++) x[i] -= L[k * n + i] * x[k];
+    x[i] /= L[i * n + i];
+  }
+}
+
+/* The z with the least z^T M^-1 z / 2 - e^T z and A z >= -c, by Lawson and Hanson's active sets; its multipliers. */
+static HK_CALL void hk_project(const hk_look *at, const hk_t *e, const hk_t *M, hk_t *z, hk_t *force) {
+  enum { K = HK_MOST_HELD };
+  const int count = at->count;
+  hk_t free[HK_M], MA[K * HK_M], H[K * K], b[K], right[K], wanted[K];
+  int held[K], holds = 0, is[K];
+  for (int i = 0; i < HK_M; i++) free[i] = M ? hk_times(M + i * HK_M, e, HK_M) : e[i];
+  for (int k = 0; k < count; k++) {
+    for (int i = 0; i < HK_M; i++) MA[k * HK_M + i] = M ? hk_times(M + i * HK_M, at->A + k * HK_M, HK_M) : at->A[k * HK_M + i];
+    b[k] = hk_times(at->A + k * HK_M, free, HK_M) + at->c[k];
+    force[k] = HK_C(0);
+    is[k] = 0;
+  }
+  for (int tried = 0; tried < 3 * count + 3; tried++) {
+    int worst = -1;
+    hk_t least = HK_C(0);
+    for (int k = 0; k < count; k++) {
+      hk_t slack = b[k];
+      for (int i = 0; i < holds; i++) slack += H[k * K + held[i]] * force[held[i]];
+      if (!is[k] && (worst < 0 || slack < least)) worst = k, least = slack;
+    }
+    if (worst < 0 || !(least < HK_C(-1e-14) * (HK_C(1) + HK_FABS(b[worst])))) break;
+    for (int k = 0; k < count; k++) /* the rows of H that are wanted */
+      H[k * K + worst] = H[worst * K + k] = hk_times(at->A + k * HK_M, MA + worst * HK_M, HK_M);
+    H[worst * K + worst] *= HK_C(1) + HK_C(HK_DEPENDENT);
+    held[holds++] = worst;
+    is[worst] = 1;
+    while (holds > 0) {
+      int first = -1;
+      hk_t share = HK_C(1);
+      for (int i = 0; i < holds; i++) right[i] = -b[held[i]];
+      hk_cholesky_solve(H, holds, K, held, right, wanted);
+      for (int i = 0; i < holds; i++)
+        if (!(wanted[i] > HK_C(0))) {
+          const hk_t now = force[held[i]], part = now / (now - wanted[i]);
+          if (first < 0 || part < share) first = i, share = part;
+        }
+      for (int i = 0; i < holds; i++) force[held[i]] += (first < 0 ? HK_C(1) : share) * (wanted[i] - force[held[i]]);
+      if (first < 0) break;
+      force[held[first]] = HK_C(0);
+      is[held[first]] = 0;
+      holds--;
+      for (int i = first; i < holds; i++) held[i] = held[i + 1];
+    }
+  }
+  for (int i = 0; i < HK_M; i++) {
+    z[i] = free[i];
+    for (int k = 0; k < count; k++) z[i] += MA[k * HK_M + i] * force[k];
+  }
+}
+
+/* The rotation vector of R R0^T. */
+static void hk_turn(const hk_t *R, const hk_t *R0, hk_t *turn) {
+  hk_t E[9], v[4], most = HK_C(-1);
+  int best = 0;
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 3; j++) E[3 * i + j] = hk_times(R + 3 * i, R0 + 3 * j, 3);
+  const hk_t trace = E[0] + E[4] + E[8];
+  const hk_t size[4] = {E[0], E[4], E[8], trace};
+  for (int i = 0; i < 4; i++)
+    if (size[i] > most) most = size[i], best = i;
+  if (best == 3) { /* the quaternion, by its largest part */
+    v[0] = E[7] - E[5], v[1] = E[2] - E[6], v[2] = E[3] - E[1], v[3] = HK_C(1) + trace;
+  } else {
+    const int i = best, j = (i + 1) % 3, k = (i + 2) % 3;
+    v[i] = HK_C(1) - trace + HK_C(2) * E[4 * i];
+    v[j] = E[3 * j + i] + E[3 * i + j];
+    v[k] = E[3 * k + i] + E[3 * i + k];
+    v[3] = E[3 * k + j] - E[3 * j + k];
+  }
+  const hk_t norm = HK_SQRT(hk_times(v, v, 3)), sign = v[3] < HK_C(0) ? HK_C(-1) : HK_C(1);
+  const hk_t angle = HK_C(2) * HK_ATAN2(norm, sign * v[3]);
+  for (int i = 0; i < 3; i++) turn[i] = norm > HK_C(0) ? sign * angle / norm * v[i] : HK_C(0);
+}
+
+/* From q, where the tool is, along v and turning by `turn`, to a share of it; `goal`: its end, or 0 where the end is
+   what v and turn say. 1 where it is gone to its end; q is how far it got. */
+static HK_CALL int hk_straight(const hk_edge *edge, hk_t *q, const hk_t *tool, const hk_t *v, const hk_t *turn, const hk_t *goal,
+                               int tries) {
+  hk_segment way;
+  hk_branch branch;
+  hk_t x[HK_STATE], before[HK_N], rate[HK_N], share = HK_C(0), width = HK_C(1);
+  for (int i = 0; i < 3; i++) way.center[i] = tool[i], way.x[i] = way.y[i] = HK_C(0), way.v[i] = v[i], way.turn[i] = turn[i];
+  for (int i = 0; i < 9; i++) way.rotation[i] = tool[3 + i];
+  way.angle = HK_C(0);
+  for (int i = 0; i < HK_N - HK_M; i++) x[HK_N + 12 + i] = edge->level[i];
+  for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
+  branch.laid = 0;
+  branch.length = HK_LONGEST;
+  const hk_t size = HK_SQRT(hk_square(turn));
+  for (int tried = 0; tried < tries; tried++) {
+    const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
+    if (end == HK_C(1) && goal)
+      for (int i = 0; i < 12; i++) x[HK_N + i] = goal[i];
+    else
+      hk_target(&way, end, x + HK_N, x + HK_N + 3);
+    for (int i = 0; i < HK_N; i++) before[i] = q[i];
+    const hk_t fits = hk_piece(x, q, rate, end - share, HK_C(0), size, &branch, &edge->leaf);
+    width = fits * (end - share);
+    if (fits >= HK_C(1) || (fits < HK_C(0) && end == HK_C(1))) {
+      share = end;
+      if (end == HK_C(1)) return 1;
+    } else if (fits < HK_C(0)) { /* at a fold */
+      for (int i = 0; i < HK_N; i++) q[i] = before[i];
+      return 0;
+    } else if (!(width >= edge->leaf.smallest))
+      return 0;
+  }
+  return 0;
+}
+
+/* The look after a share of a motion z of the tool, or, without z, of the straight way to the goal; 0 where that does
+   not keep to the branch. */
+static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, hk_look *there) {
+  hk_t q[HK_N], twist[6];
+  for (int i = 0; i < HK_N; i++) q[i] = at->q[i];
+  if (z)
+    for (int i = 0; i < 6; i++) twist[i] = hk_times(at->twist + i * HK_M, z, HK_M);
+  else {
+    for (int i = 0; i < 3; i++) twist[i] = goal[i] - at->tool[i];
+    hk_turn(goal + 3, at->tool + 3, twist + 3);
+  }
+  for (int i = 0; i < 6; i++) twist[i] *= share;
+  const int whole = !z && share == HK_C(1);
+  if (!hk_straight(edge, q, at->tool, twist, twist + 3, whole ? goal : 0, HK_PIECES)) return 0;
+  hk_look_at(edge, q, goal, 0, there);
+  return 1;
+}
+
+/* Leads a look to the nearest posture within the constraints, if a few steps do. */
+static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal) {
+  const hk_t none[HK_M] = {HK_C(0)};
+  hk_t z[HK_M], force[HK_MOST_HELD];
+  hk_look there;
+  for (int tried = 0; tried < HK_RETURNS; tried++) {
+    if (hk_excess(at) <= HK_C(HK_WITHIN)) return 1;
+    hk_project(at, none, 0, z, force);
+    const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
+    if (!hk_moved(edge, at, z, HK_FMIN(HK_C(1), HK_C(HK_TRUST) / HK_FMAX(size, HK_C(1e-300))), goal, &there)) return 0;
+    *at = there;
+  }
+  return hk_excess(at) <= HK_C(HK_WITHIN);
+}
+
+/* The eigenvalues of a symmetric H and its eigenvectors, the columns of V, by Jacobi's rotations. [GVL13, section 8.5] */
+static void hk_eigen(hk_t *H, hk_t *V) {
+  for (int i = 0; i < HK_M * HK_M; i++) V[i] = i % (HK_M + 1) ? HK_C(0) : HK_C(1);
+  for (int sweep = 0; sweep < 12; sweep++) {
+    hk_t off = HK_C(0), all = HK_C(0);
+    for (int i = 0; i < HK_M; i++)
+      for (int j = 0; j < HK_M; j++) {
+        all += H[i * HK_M + j] * H[i * HK_M + j];
+        if (i != j) off += H[i * HK_M + j] * H[i * HK_M + j];
+      }
+    if (!(off > HK_C(1e-28) * all)) return;
+    for (int p = 0; p < HK_M; p++)
+      for (int q = p + 1; q < HK_M; q++) {
+        const hk_t a = H[p * HK_M + q];
+        if (a == HK_C(0)) continue;
+        const hk_t half = (H[q * HK_M + q] - H[p * HK_M + p]) / (HK_C(2) * a);
+        const hk_t t = HK_COPYSIGN(HK_C(1), half) / (HK_FABS(half) + HK_SQRT(HK_C(1) + half * half));
+        const hk_t c = HK_C(1) / HK_SQRT(HK_C(1) + t * t), s = t * c;
+        for (int k = 0; k < HK_M; k++) {
+          const hk_t u = H[k * HK_M + p], v = H[k * HK_M + q];
+          H[k * HK_M + p] = c * u - s * v, H[k * HK_M + q] = s * u + c * v;
+        }
+        for (int k = 0; k < HK_M; k++) {
+          const hk_t u = H[p * HK_M + k], v = H[q * HK_M + k];
+          H[p * HK_M + k] = c * u - s * v, H[q * HK_M + k] = s * u + c * v;
+        }
+        for (int k = 0; k < HK_M; k++) {
+          const hk_t u = V[k * HK_M + p], v = V[k * HK_M + q];
+          V[k * HK_M + p] = c * u - s * v, V[k * HK_M + q] = s * u + c * v;
+        }
+      }
+  }
+}
+
+/* The inverse of the second derivative by z of |e|^2 / 2 - force c, made positive definite. */
+static HK_CALL void hk_stiffness(const hk_edge *edge, const hk_look *at, const hk_t *force, const hk_t *goal, hk_t *M) {
+  hk_t H[HK_M * HK_M], V[HK_M * HK_M], pull[HK_M], size = HK_C(0);
+  hk_look there;
+  for (int i = 0; i < HK_M; i++) {
+    pull[i] = at->e[i];
+    for (int k = 0; k < at->count; k++) pull[i] += force[k] * at->A[k * HK_M + i];
+  }
+  for (int j = 0; j < HK_M; j++) {
+    hk_t q[HK_N];
+    for (int i = 0; i < HK_N; i++) q[i] = at->q[i] + HK_C(HK_SPREAD) * at->S[i * HK_M + j];
+    hk_look_at(edge, q, goal, at, &there);
+    for (int i = 0; i < HK_M; i++) {
+      hk_t more = pull[i] - there.e[i];
+      for (int k = 0; k < at->count; k++) more -= force[k] * there.A[k * HK_M + i];
+      V[i * HK_M + j] = more / HK_C(HK_SPREAD);
+    }
+  }
+  for (int i = 0; i < HK_M; i++)
+    for (int j = 0; j < HK_M; j++) {
+      H[i * HK_M + j] = (V[i * HK_M + j] + V[j * HK_M + i]) / HK_C(2);
+      size += H[i * HK_M + j] * H[i * HK_M + j];
+    }
+  size = HK_C(10) * HK_SQRT(size); /* what it adds changes nothing while the constraints are held */
+  for (int k = 0; k < at->count; k++)
+    for (int i = 0; i < HK_M && force[k] > HK_C(0); i++)
+      for (int j = 0; j < HK_M; j++) H[i * HK_M + j] += size * at->A[k * HK_M + i] * at->A[k * HK_M + j];
+  hk_eigen(H, V);
+  for (int i = 0; i < HK_M; i++)
+    for (int j = 0; j < HK_M; j++) {
+      M[i * HK_M + j] = HK_C(0);
+      for (int k = 0; k < HK_M; k++)
+        M[i * HK_M + j] += V[i * HK_M + k] * V[j * HK_M + k] / HK_FMAX(H[k * HK_M + k], HK_C(HK_CURVED));
+    }
+}
+
+/* The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step. */
+static hk_t hk_room(const hk_t *q, const hk_t *begin, const hk_t *step) {
+  hk_t room = HK_INF;
+  for (int i = 0; i < HK_N; i++) room = HK_FMIN(step[i] / HK_FMAX(HK_FABS(q[i] - begin[i]), HK_C(1e-300)), room);
+  return room;
+}
+
+/* Along a motion of the tool as far as no joint goes farther from its beginning than a step. */
+static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, const hk_t *begin,
+                    const hk_t *step, hk_look *there) {
+  for (int tried = 0; tried < HK_HALVINGS; tried++) {
+    hk_t room = HK_C(0);
+    if (hk_moved(edge, at, z, share, goal, there) && hk_inside(edge, there, goal)) room = hk_room(there->q, begin, step);
+    if (room >= HK_C(1)) return;
+    share *= room > HK_C(0) ? HK_FMIN(HK_C(0.5), HK_C(0.99) * room) : HK_C(0.5);
+  }
+  *there = *at;
+}
+
+/* Leads a look within the constraints down to the end of its way. With a step, 1 where that takes more than one, and
+   `cut` is how far one leads. */
+static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, const hk_t *step, hk_look *cut) {
+  hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD], begin[HK_N];
+  hk_t trust = HK_C(HK_TRUST);
+  int fresh = 0, is_cut = 0, curved = 0;
+  hk_look there;
+  for (int i = 0; i < HK_N; i++) begin[i] = at->q[i];
+  hk_project(at, at->e, 0, z, force);
+  for (int done = 0; done < HK_STEPS; done++) {
+    hk_t most = -HK_INF, weight = HK_C(0);
+    if (!fresh) {
+      for (int k = 0; k < at->count; k++)
+        if (force[k] > HK_C(0)) most = HK_FMAX(at->c[k], most);
+      curved = fresh = most > -HK_INF && most <= HK_C(HK_TIGHT);
+      if (curved) hk_stiffness(edge, at, force, goal, M);
+      hk_project(at, at->e, curved ? M : 0, z, force);
+    }
+    const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
+    if (!(size > HK_C(HK_DONE))) break;
+    for (int k = 0; k < at->count; k++) weight += HK_C(2) * force[k];
+    const hk_t *along = weight > HK_C(0) ? z : 0;
+    hk_t share = HK_FMIN(HK_C(1), trust / size), ratio = HK_C(0);
+    int good = 0;
+    for (; share * size > HK_C(HK_DONE); share /= HK_C(2)) {
+      const hk_t hoped = HK_C(HK_DESCENT) * share * hk_times(at->e, z, HK_M), before = hk_merit(at, weight);
+      if (!hk_moved(edge, at, along, share, goal, &there)) continue;
+      if (hk_excess(&there) > HK_C(HK_NEAR) || before - hk_merit(&there, weight) < hoped) {
+        const int little = size <= HK_C(HK_SMALL) && hk_excess(&there) <= HK_C(HK_NEAR);
+        if (!little && !hk_inside(edge, &there, goal)) continue;
+      }
+      hk_project(&there, there.e, curved ? M : 0, further, forces);
+      ratio = HK_SQRT(hk_times(further, further, HK_M)) / size;
+      good = before - hk_merit(&there, weight) >= hoped ||
+             (size <= HK_C(HK_SMALL) && share == HK_C(1) && ratio <= HK_C(HK_CONTRACTION));
+      if (good) break;
+    }
+    if (!good) break;
+    if (step && !is_cut && hk_room(there.q, begin, step) < HK_C(1)) {
+      hk_part(edge, at, along, share, goal, begin, step, cut);
+      is_cut = 1;
+    }
+    *at = there;
+    for (int i = 0; i < HK_M; i++) z[i] = further[i];
+    for (int k = 0; k < at->count; k++) force[k] = forces[k];
+    fresh = fresh && ratio <= HK_C(HK_FAST) && share == HK_C(1);
+    trust = HK_C(2) * HK_FMAX(share * size, HK_C(HK_TRUST) / HK_C(4));
+  }
+  return is_cut;
+}
+
+/* The look where the straight way from the start to a goal ends; 1 where that is its end, within the constraints. */
+static int hk_from_start(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+  hk_t q[HK_N], v[3], turn[3];
+  for (int i = 0; i < HK_N; i++) q[i] = edge->start[i];
+  for (int i = 0; i < 3; i++) v[i] = goal[i] - edge->tool[i];
+  hk_turn(goal + 3, edge->tool + 3, turn);
+  const int reached = hk_straight(edge, q, edge->tool, v, turn, goal, edge->leaf.tries);
+  hk_look_at(edge, q, goal, 0, at);
+  return reached && hk_excess(at) <= HK_C(HK_WITHIN);
+}
+
+static hk_t hk_distance(const hk_look *at) { return HK_SQRT(hk_times(at->e, at->e, HK_M)); }
+
+/* From the start alone. */
+static void hk_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+  if (hk_from_start(edge, goal, at)) return;
+  if (!hk_inside(edge, at, goal)) hk_look_at(edge, edge->start, goal, 0, at);
+  hk_descend(edge, at, goal, 0, 0);
+}
+
+/* From q, each joint by at most a step where one is given: 1 where that cut it short, -1 where q leads nowhere. */
+static int hk_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
+  hk_look cut, other;
+  hk_look_at(edge, q, goal, 0, at);
+  if (!hk_inside(edge, at, goal)) return -1;
+  hk_look begin = *at;
+  int moving = hk_descend(edge, at, goal, step, &cut);
+  if (hk_distance(at) > HK_C(HK_REACHED) && hk_from_start(edge, goal, &other)) {
+    if (!step) {
+      *at = other;
+      return 0;
+    }
+    hk_look_at(edge, begin.q, edge->tool, 0, at); /* the way there leads by the start at the latest */
+    moving = hk_descend(edge, at, edge->tool, step, &cut);
+    hk_look_at(edge, moving ? cut.q : at->q, goal, 0, at);
+    return 1;
+  }
+  if (moving) *at = cut;
+  return moving;
+}
+
+/* The posture nearest to a goal (p, R), from the start, or from q where there is one. out: (q, e, rcond, p, R, how far
+   each constraint is). As hk_warm. */
+HK_API int hk_nearest_to(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_t *out) {
+  hk_look at;
+  int moving = 0;
+  if (q)
+    moving = hk_warm(edge, goal, q, step, &at);
+  else
+    hk_cold(edge, goal, &at);
+  for (int i = 0; i < HK_N; i++) *out++ = at.q[i];
+  for (int i = 0; i < HK_M; i++) *out++ = at.e[i];
+  *out++ = at.rcond;
+  for (int i = 0; i < 12; i++) *out++ = at.tool[i];
+  for (int i = 0; i < HK_MOST_HELD; i++) out[i] = HK_INF;
+  for (int k = 0; k < at.count; k++) out[at.which[k]] = at.c[k];
+  return moving;
+}
