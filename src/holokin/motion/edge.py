@@ -18,15 +18,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-
 import numpy as np
 
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
+from ..tolerances import TOLERANCES
 from ..types import Indices, Matrix, Vector, kept
 from .branch import _turning
-from .leaf import Way, WayEnd, leaf_value, leaf_walk
-
+from .leaf import ALMOST, NEWTONS, Way, WayEnd, leaf_step, leaf_value, leaf_walk
+from .leaf import DONE as DONE_Q
 
 Goal = tuple[Vector, Matrix]
 """A pose of the tool: position (3,), rotation (3, 3)."""
@@ -77,6 +77,12 @@ SPREAD = 1e-6
 
 CURVED = 0.05
 """Least curvature of the model: behind a hollow edge that of the distance may be negative."""
+
+SAME = 1e-7
+"""Difference of two postures [joint units] that are the same, found in two ways; branches lie far apart."""
+
+NARROW = 2.0**-12
+"""Share of a way below which a glance at it gives up: 0.2 mm of a metre."""
 
 PIECES = 200
 """Pieces of one step of the tool, at most: near a fold they are short."""
@@ -192,7 +198,28 @@ class Edge:
         self.strategy, self.start, self.length, self.margin = strategy, start, length, margin
         self.lower, self.upper, self.leaf = lower, upper, leaf_value(strategy, start)
         self._function = edge_function(strategy)
+        self._step = leaf_step(strategy)
+        self.side = float(self._step(start, *self.tool(start), self.leaf)[3])
         self._given = np.concatenate([[True], np.isfinite(lower), np.isfinite(upper)])
+
+    def _newton(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
+        """The posture at a target to which Newton contracts from q; None where it does not."""
+        before = np.inf
+        for _ in range(NEWTONS):
+            dq, rcond, margin, side = self._step(q, p, R, c)
+            size = float(np.abs(dq).max())
+            if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation and side == self.side):
+                return None
+            last = before <= ALMOST
+            if last and not size <= before:
+                return q
+            if not (last or size <= max(TOLERANCES.contraction * before, DONE_Q)):
+                return None
+            q = q + dq
+            if last or size <= DONE_Q:
+                return q
+            before = size
+        return None
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
@@ -216,52 +243,79 @@ class Edge:
             which, c[which] / sizes, A[which] / sizes[:, None], sizes,
         )  # fmt: skip
 
-    def straight(self, q: Vector, begin: Goal, goal: Goal, tries: int) -> tuple[Vector, bool]:
-        """(how far the straight way of the tool leads, True where that is its end); q is where it begins."""
-        (p0, R0), (p, R) = begin, goal
-        return self._along(q, begin, p - p0, rotation_vector(R @ R0.T), goal, tries)
+    def walk(self, q: Vector, way: Way, tries: int) -> tuple[Vector, bool]:
+        """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""
+        q, ended = leaf_walk(self.strategy, q, tries)(
+            q, way
+        )  # a new one: what it knows of the branch is of where it was
+        return q, ended is WayEnd.REACHED
 
-    def _along(
-        self, q: Vector, begin: Goal, v: Vector, turn: Vector, goal: Goal | None, tries: int
-    ) -> tuple[Vector, bool]:
-        """The same along v, turning by `turn`; to a goal to the last bit, where there is one."""
+    def glance(self, q: Vector, way: Way) -> tuple[Vector, bool]:
+        """The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts."""
+        rate, share, width = np.zeros(len(q)), 0.0, 1.0
+        while width >= NARROW:
+            end = min(1.0, share + width)
+            found = self._newton(q + (end - share) * rate, *way.at(end))
+            if found is None:
+                width = (end - share) / 2
+                continue
+            rate, q = (found - q) / (end - share), found
+            if end == 1.0:
+                return q, True
+            share, width = end, 2 * (end - share)
+        return q, False
+
+    def way(self, begin: Goal, v: Vector, turn: Vector, goal: Goal | None) -> Way:
+        """From where the tool is along v, turning by `turn`; to a goal to the last bit, where there is one."""
 
         def at(share: float) -> tuple[Vector, Matrix, Vector]:
             if share == 1.0 and goal is not None:
                 return *goal, self.leaf
             return begin[0] + share * v, rotation_matrix(share * turn) @ begin[1], self.leaf
 
-        walk = leaf_walk(self.strategy, q, tries)  # a new one: what it knows of the branch is of where it was
-        q, ended = walk(q, Way(at, turn=float(np.linalg.norm(turn))))
-        return q, ended is WayEnd.REACHED
+        return Way(at, turn=float(np.linalg.norm(turn)))
 
-    def moved(self, at: Look, z: Vector | None, share: float, goal: Goal) -> Look | None:
+    def straight(self, begin: Goal, goal: Goal) -> Way:
+        """The straight way of the tool."""
+        return self.way(begin, goal[0] - begin[0], rotation_vector(goal[1] @ begin[1].T), goal)
+
+    def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
+        """True where the straight way of the tool between two postures is shown to lead from one to the other."""
+        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), PIECES)
+        return reached and float(np.abs(found - end.q).max()) <= SAME
+
+    def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
         """The look after a share of a motion z of the tool, or, without z, of the straight way to the goal.
 
-        None where that does not keep to the branch.
+        None where that leads nowhere. careful: only where it is shown to keep to the branch.
         """
         if z is None:
             twist = np.concatenate([goal[0] - at.position, rotation_vector(goal[1] @ at.rotation.T)])
         else:
             twist = at.twist @ z
         end = goal if z is None and share == 1.0 else None
-        begin = at.position, at.rotation
-        q, reached = self._along(at.q, begin, share * twist[:3], share * twist[3:], end, PIECES)
-        return self.look(q, goal) if reached else None
+        way = self.way((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
+        if careful:
+            q, reached = self.walk(at.q, way, PIECES)
+            return self.look(q, goal) if reached else None
+        found = self._newton(at.q + share * (at.S @ (at.e if z is None else z)), *way.at(1.0))
+        return None if found is None else self.look(found, goal)
 
-    def inside(self, at: Look | None, goal: Goal) -> Look | None:
+    def inside(self, at: Look | None, goal: Goal, careful: bool) -> Look | None:
         """The nearest posture within the constraints, if a few steps lead to it."""
         for _ in range(RETURNS):
             if at is None or at.excess <= WITHIN:
                 return at
             z, _ = projection(at, np.zeros(len(at.e)), None)
-            at = self.moved(at, z, min(1.0, TRUST / max(float(np.linalg.norm(z)), 1e-300)), goal)
+            at = self.moved(at, z, min(1.0, TRUST / max(float(np.linalg.norm(z)), 1e-300)), goal, careful)
         return at if at is not None and at.excess <= WITHIN else None
 
-    def descend(self, at: Look, goal: Goal, step: Vector | None = None) -> tuple[Look, Look | None]:
+    def descend(
+        self, at: Look, goal: Goal, careful: bool, begin: Vector, step: Vector | None = None
+    ) -> tuple[Look, Look | None]:
         """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
-        by more than a step (n,), None where that is its end."""
-        begin, cut, trust, M, fresh = at.q, None, TRUST, None, False
+        by more than a step (n,) from its beginning, None where that is its end."""
+        cut, trust, M, fresh = None, TRUST, None, False
         z, forces = projection(at, at.e, None)
         for _ in range(STEPS):
             if not fresh:
@@ -274,10 +328,10 @@ class Edge:
                 break
             along, share = z if weight > 0 else None, min(1.0, trust / size)
             while share * size > DONE:
-                there, hoped = self.moved(at, along, share, goal), DESCENT * share * float(at.e @ z)
+                there, hoped = self.moved(at, along, share, goal, careful), DESCENT * share * float(at.e @ z)
                 if there is not None and (there.excess > NEAR or at.merit(weight) - there.merit(weight) < hoped):
                     small = size <= SMALL and there.excess <= NEAR
-                    there = there if small else self.inside(there, goal)
+                    there = there if small else self.inside(there, goal, careful)
                 if there is not None:
                     further, forces = projection(there, there.e, M)
                     ratio = float(np.linalg.norm(further)) / size
@@ -287,17 +341,19 @@ class Edge:
                 share /= 2
             else:
                 break
-            if step is not None and cut is None and room(there.q, begin, step) < 1.0:
-                cut = self.part(at, along, share, goal, begin, step)
+            if step is not None and cut is None and least_ratio(there.q, begin, step) < 1.0:
+                cut = self.part(at, along, share, goal, careful, begin, step)
             at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
             trust = 2 * max(share * size, TRUST / 4)
         return at, cut
 
-    def part(self, at: Look, z: Vector | None, share: float, goal: Goal, begin: Vector, step: Vector) -> Look:
+    def part(
+        self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, begin: Vector, step: Vector
+    ) -> Look:
         """Along a motion of the tool as far as no joint goes farther from its beginning than a step."""
         for _ in range(HALVINGS):
-            there = self.inside(self.moved(at, z, share, goal), goal)
-            ratio = 0.0 if there is None else room(there.q, begin, step)
+            there = self.inside(self.moved(at, z, share, goal, careful), goal, careful)
+            ratio = 0.0 if there is None else least_ratio(there.q, begin, step)
             if there is not None and ratio >= 1.0:
                 return there
             share *= min(0.5, 0.99 * ratio) if ratio > 0 else 0.5
@@ -317,7 +373,7 @@ class Edge:
         return vectors / np.maximum(values, CURVED) @ vectors.T
 
 
-def room(q: Vector, begin: Vector, step: Vector) -> float:
+def least_ratio(q: Vector, begin: Vector, step: Vector) -> float:
     """The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step."""
     return float(np.min(step / np.maximum(np.abs(q - begin), 1e-300)))
 

@@ -64,19 +64,46 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
     return edge
 
 
-def from_start(edge: Edge, goal: Goal) -> tuple[Look, bool]:
-    """The look where the straight way from the start to a goal ends; True where that is its end, within constraints."""
-    q, reached = edge.straight(edge.start, edge.tool(edge.start), goal, TRIES)
+def down(
+    edge: Edge, at: Look, goal: Goal, careful: bool, q: Vector, tool: Goal, step: Vector | None = None
+) -> tuple[Look, Look | None] | None:
+    """The end of the way down from a look, which may be outside; and how far a step leads, where that is not its end.
+
+    None where it is not shown to be on the branch of a posture q. careful: each piece is shown to keep to the branch;
+    else Newton steps alone lead down, and the straight way from q to the end is.
+    """
+    inside = edge.inside(at, goal, careful)
+    if inside is None:
+        return None
+    end, cut = edge.descend(inside, goal, careful, q, step)
+    return (end, cut) if careful or edge.joined(q, tool, cut or end) else None
+
+
+def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
+    """The look where the straight way from the start ends; True where at the goal, within the constraints."""
+    way = edge.straight(edge.tool(edge.start), goal)
+    q, reached = edge.walk(edge.start, way, TRIES) if careful else edge.glance(edge.start, way)
     at = edge.look(q, goal)
     return at, reached and at.excess <= WITHIN
 
 
+def reached_from_start(edge: Edge, goal: Goal) -> tuple[Look, bool]:
+    """The same: what a glance does not reach is not reached."""
+    at, reached = from_start(edge, goal, False)
+    return from_start(edge, goal, True) if reached else (at, False)
+
+
 def cold(edge: Edge, goal: Goal) -> Look:
     """The look at the posture nearest to a goal, found from the start alone."""
-    at, reached = from_start(edge, goal)
-    if reached:
-        return at
-    return edge.descend(edge.inside(at, goal) or edge.look(edge.start, goal), goal)[0]
+    begin = edge.start, edge.tool(edge.start)
+    for careful in (False, True):
+        at, reached = from_start(edge, goal, True) if careful else reached_from_start(edge, goal)
+        if reached:
+            return at
+        found = down(edge, at, goal, careful, *begin)
+        if found is not None:
+            return found[0]
+    return edge.descend(edge.look(edge.start, goal), goal, True, edge.start)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool] | None:
@@ -84,18 +111,20 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
 
     None where it leads nowhere.
     """
-    at = edge.inside(edge.look(q, goal), goal)
-    if at is None:
+    begin = edge.look(q, goal)
+    tool = begin.position, begin.rotation
+    found = down(edge, begin, goal, False, q, tool, step) or down(edge, begin, goal, True, q, tool, step)
+    if found is None:
         return None
-    end, cut = edge.descend(at, goal, step)
+    end, cut = found
     if end.distance > REACHED:
-        other, reached = from_start(edge, goal)
+        other, reached = reached_from_start(edge, goal)
         if reached and step is None:
             return other, False
         if reached:  # the way there leads by the start at the latest
             back = edge.tool(edge.start)
-            end, cut = edge.descend(edge.look(at.q, back), back, step)
-            return edge.look((cut or end).q, goal), True
+            found = down(edge, edge.look(q, back), back, True, q, tool, step)
+            return None if found is None else (edge.look((found[1] or found[0]).q, goal), True)
     return (end, False) if cut is None else (cut, True)
 
 

@@ -173,27 +173,43 @@ static void hk_turn(const hk_t *R, const hk_t *R0, hk_t *turn) {
   for (int i = 0; i < 3; i++) turn[i] = norm > HK_C(0) ? sign * angle / norm * v[i] : HK_C(0);
 }
 
-/* From q, where the tool is, along v and turning by `turn`, to a share of it; `goal`: its end, or 0 where the end is
-   what v and turn say. 1 where it is gone to its end; q is how far it got. */
-static HK_CALL int hk_straight(const hk_edge *edge, hk_t *q, const hk_t *tool, const hk_t *v, const hk_t *turn, const hk_t *goal,
-                               int tries) {
-  hk_segment way;
+/* A way of the tool: from where it is along v, turning by `turn`. */
+static void hk_lay_way(const hk_t *tool, const hk_t *v, const hk_t *turn, hk_segment *way) {
+  for (int i = 0; i < 3; i++) {
+    way->center[i] = tool[i], way->v[i] = v[i], way->turn[i] = turn[i];
+    way->x[i] = way->y[i] = HK_C(0);
+  }
+  for (int i = 0; i < 9; i++) way->rotation[i] = tool[3 + i];
+  way->angle = HK_C(0);
+}
+
+static void hk_lay_straight(const hk_t *from, const hk_t *to, hk_segment *way) {
+  hk_t v[3], turn[3];
+  for (int i = 0; i < 3; i++) v[i] = to[i] - from[i];
+  hk_turn(to + 3, from + 3, turn);
+  hk_lay_way(from, v, turn, way);
+}
+
+/* The target (p, R, c) at a share of a way, into x; at its end the goal to the last bit, where there is one. */
+static void hk_aim(const hk_edge *edge, const hk_segment *way, hk_t share, const hk_t *goal, hk_t *x) {
+  if (share == HK_C(1) && goal)
+    for (int i = 0; i < 12; i++) x[HK_N + i] = goal[i];
+  else
+    hk_target(way, share, x + HK_N, x + HK_N + 3);
+  for (int i = 0; i < HK_N - HK_M; i++) x[HK_N + 12 + i] = edge->level[i];
+}
+
+/* From q along a way, in pieces shown to keep to the branch. 1 where it is gone to its end; q is how far it got. */
+static HK_CALL int hk_walk(const hk_edge *edge, hk_t *q, const hk_segment *way, const hk_t *goal, int tries) {
   hk_branch branch;
   hk_t x[HK_STATE], before[HK_N], rate[HK_N], share = HK_C(0), width = HK_C(1);
-  for (int i = 0; i < 3; i++) way.center[i] = tool[i], way.x[i] = way.y[i] = HK_C(0), way.v[i] = v[i], way.turn[i] = turn[i];
-  for (int i = 0; i < 9; i++) way.rotation[i] = tool[3 + i];
-  way.angle = HK_C(0);
-  for (int i = 0; i < HK_N - HK_M; i++) x[HK_N + 12 + i] = edge->level[i];
+  const hk_t size = HK_SQRT(hk_square(way->turn));
   for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
   branch.laid = 0;
   branch.length = HK_LONGEST;
-  const hk_t size = HK_SQRT(hk_square(turn));
   for (int tried = 0; tried < tries; tried++) {
     const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
-    if (end == HK_C(1) && goal)
-      for (int i = 0; i < 12; i++) x[HK_N + i] = goal[i];
-    else
-      hk_target(&way, end, x + HK_N, x + HK_N + 3);
+    hk_aim(edge, way, end, goal, x);
     for (int i = 0; i < HK_N; i++) before[i] = q[i];
     const hk_t fits = hk_piece(x, q, rate, end - share, HK_C(0), size, &branch, &edge->leaf);
     width = fits * (end - share);
@@ -209,26 +225,57 @@ static HK_CALL int hk_straight(const hk_edge *edge, hk_t *q, const hk_t *tool, c
   return 0;
 }
 
-/* The look after a share of a motion z of the tool, or, without z, of the straight way to the goal; 0 where that does
-   not keep to the branch. */
-static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, hk_look *there) {
-  hk_t q[HK_N], twist[6];
-  for (int i = 0; i < HK_N; i++) q[i] = at->q[i];
-  if (z)
-    for (int i = 0; i < 6; i++) twist[i] = hk_times(at->twist + i * HK_M, z, HK_M);
-  else {
-    for (int i = 0; i < 3; i++) twist[i] = goal[i] - at->tool[i];
-    hk_turn(goal + 3, at->tool + 3, twist + 3);
+/* The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts. */
+static HK_CALL int hk_glance(const hk_edge *edge, hk_t *q, const hk_segment *way, const hk_t *goal) {
+  hk_t x[HK_STATE], rate[HK_N], margin, share = HK_C(0), width = HK_C(1);
+  for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
+  while (width >= HK_C(HK_NARROW)) {
+    const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
+    hk_aim(edge, way, end, goal, x);
+    for (int i = 0; i < HK_N; i++) x[i] = q[i] + (end - share) * rate[i];
+    if (!hk_newton(x, &edge->leaf, &margin)) {
+      width = (end - share) / HK_C(2);
+      continue;
+    }
+    for (int i = 0; i < HK_N; i++) {
+      rate[i] = (x[i] - q[i]) / (end - share);
+      q[i] = x[i];
+    }
+    if (end == HK_C(1)) return 1;
+    width = HK_C(2) * (end - share);
+    share = end;
   }
-  for (int i = 0; i < 6; i++) twist[i] *= share;
-  const int whole = !z && share == HK_C(1);
-  if (!hk_straight(edge, q, at->tool, twist, twist + 3, whole ? goal : 0, HK_PIECES)) return 0;
-  hk_look_at(edge, q, goal, 0, there);
+  return 0;
+}
+
+/* The look after a share of a motion z of the tool, or, without z, of the straight way to the goal; 0 where that leads
+   nowhere. careful: only where it is shown to keep to the branch. */
+static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
+                    hk_look *there) {
+  hk_t x[HK_STATE], twist[6], margin;
+  hk_segment way;
+  if (z) {
+    for (int i = 0; i < 6; i++) twist[i] = share * hk_times(at->twist + i * HK_M, z, HK_M);
+  } else {
+    for (int i = 0; i < 3; i++) twist[i] = share * (goal[i] - at->tool[i]);
+    hk_turn(goal + 3, at->tool + 3, twist + 3);
+    for (int i = 3; i < 6; i++) twist[i] *= share;
+  }
+  const hk_t *end = !z && share == HK_C(1) ? goal : 0;
+  hk_lay_way(at->tool, twist, twist + 3, &way);
+  for (int i = 0; i < HK_N; i++) x[i] = at->q[i] + (careful ? HK_C(0) : share * hk_times(at->S + i * HK_M, z ? z : at->e, HK_M));
+  if (careful) {
+    if (!hk_walk(edge, x, &way, end, HK_PIECES)) return 0;
+  } else {
+    hk_aim(edge, &way, HK_C(1), end, x);
+    if (!hk_newton(x, &edge->leaf, &margin)) return 0;
+  }
+  hk_look_at(edge, x, goal, 0, there);
   return 1;
 }
 
 /* Leads a look to the nearest posture within the constraints, if a few steps do. */
-static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal) {
+static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful) {
   const hk_t none[HK_M] = {HK_C(0)};
   hk_t z[HK_M], force[HK_MOST_HELD];
   hk_look there;
@@ -236,7 +283,8 @@ static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal) {
     if (hk_excess(at) <= HK_C(HK_WITHIN)) return 1;
     hk_project(at, none, 0, z, force);
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
-    if (!hk_moved(edge, at, z, HK_FMIN(HK_C(1), HK_C(HK_TRUST) / HK_FMAX(size, HK_C(1e-300))), goal, &there)) return 0;
+    const hk_t share = HK_FMIN(HK_C(1), HK_C(HK_TRUST) / HK_FMAX(size, HK_C(1e-300)));
+    if (!hk_moved(edge, at, z, share, goal, careful, &there)) return 0;
     *at = there;
   }
   return hk_excess(at) <= HK_C(HK_WITHIN);
@@ -313,32 +361,33 @@ static HK_CALL void hk_stiffness(const hk_edge *edge, const hk_look *at, const h
 }
 
 /* The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step. */
-static hk_t hk_room(const hk_t *q, const hk_t *begin, const hk_t *step) {
+static hk_t hk_least_ratio(const hk_t *q, const hk_t *begin, const hk_t *step) {
   hk_t room = HK_INF;
   for (int i = 0; i < HK_N; i++) room = HK_FMIN(step[i] / HK_FMAX(HK_FABS(q[i] - begin[i]), HK_C(1e-300)), room);
   return room;
 }
 
 /* Along a motion of the tool as far as no joint goes farther from its beginning than a step. */
-static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, const hk_t *begin,
-                    const hk_t *step, hk_look *there) {
+static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
+                    const hk_t *begin, const hk_t *step, hk_look *there) {
   for (int tried = 0; tried < HK_HALVINGS; tried++) {
-    hk_t room = HK_C(0);
-    if (hk_moved(edge, at, z, share, goal, there) && hk_inside(edge, there, goal)) room = hk_room(there->q, begin, step);
-    if (room >= HK_C(1)) return;
-    share *= room > HK_C(0) ? HK_FMIN(HK_C(0.5), HK_C(0.99) * room) : HK_C(0.5);
+    hk_t ratio = HK_C(0);
+    if (hk_moved(edge, at, z, share, goal, careful, there) && hk_inside(edge, there, goal, careful))
+      ratio = hk_least_ratio(there->q, begin, step);
+    if (ratio >= HK_C(1)) return;
+    share *= ratio > HK_C(0) ? HK_FMIN(HK_C(0.5), HK_C(0.99) * ratio) : HK_C(0.5);
   }
   *there = *at;
 }
 
-/* Leads a look within the constraints down to the end of its way. With a step, 1 where that takes more than one, and
-   `cut` is how far one leads. */
-static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, const hk_t *step, hk_look *cut) {
-  hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD], begin[HK_N];
+/* Leads a look within the constraints down to the end of its way. With a step, 1 where that takes more than one from
+   its beginning, and `cut` is how far one leads. */
+static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful, const hk_t *begin, const hk_t *step,
+                      hk_look *cut) {
+  hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD];
   hk_t trust = HK_C(HK_TRUST);
   int fresh = 0, is_cut = 0, curved = 0;
   hk_look there;
-  for (int i = 0; i < HK_N; i++) begin[i] = at->q[i];
   hk_project(at, at->e, 0, z, force);
   for (int done = 0; done < HK_STEPS; done++) {
     hk_t most = -HK_INF, weight = HK_C(0);
@@ -357,10 +406,10 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, const 
     int good = 0;
     for (; share * size > HK_C(HK_DONE); share /= HK_C(2)) {
       const hk_t hoped = HK_C(HK_DESCENT) * share * hk_times(at->e, z, HK_M), before = hk_merit(at, weight);
-      if (!hk_moved(edge, at, along, share, goal, &there)) continue;
+      if (!hk_moved(edge, at, along, share, goal, careful, &there)) continue;
       if (hk_excess(&there) > HK_C(HK_NEAR) || before - hk_merit(&there, weight) < hoped) {
         const int little = size <= HK_C(HK_SMALL) && hk_excess(&there) <= HK_C(HK_NEAR);
-        if (!little && !hk_inside(edge, &there, goal)) continue;
+        if (!little && !hk_inside(edge, &there, goal, careful)) continue;
       }
       hk_project(&there, there.e, curved ? M : 0, further, forces);
       ratio = HK_SQRT(hk_times(further, further, HK_M)) / size;
@@ -369,8 +418,8 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, const 
       if (good) break;
     }
     if (!good) break;
-    if (step && !is_cut && hk_room(there.q, begin, step) < HK_C(1)) {
-      hk_part(edge, at, along, share, goal, begin, step, cut);
+    if (step && !is_cut && hk_least_ratio(there.q, begin, step) < HK_C(1)) {
+      hk_part(edge, at, along, share, goal, careful, begin, step, cut);
       is_cut = 1;
     }
     *at = there;
@@ -382,44 +431,72 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, const 
   return is_cut;
 }
 
-/* The look where the straight way from the start to a goal ends; 1 where that is its end, within the constraints. */
-static int hk_from_start(const hk_edge *edge, const hk_t *goal, hk_look *at) {
-  hk_t q[HK_N], v[3], turn[3];
+/* 1 where the straight way of the tool between two postures is shown to lead from one to the other on the branch. */
+static int hk_joined(const hk_edge *edge, const hk_t *q, const hk_t *tool, const hk_look *end) {
+  hk_segment way;
+  hk_t x[HK_N], most = HK_C(0);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  hk_lay_straight(tool, end->tool, &way);
+  if (!hk_walk(edge, x, &way, end->tool, HK_PIECES)) return 0;
+  for (int i = 0; i < HK_N; i++) most = HK_FMAX(HK_FABS(x[i] - end->q[i]), most);
+  return most <= HK_C(HK_SAME);
+}
+
+/* Down from a look, which may be outside, to the posture nearest to a goal, or as far as a step leads: 0, or 1 where the
+   step cut it short; -1 where it is not shown to be on the branch of a posture q. careful: each piece is shown to keep to
+   the branch; else Newton steps alone lead down, and the straight way from q to the end is. */
+static int hk_down(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful, const hk_t *q, const hk_t *tool,
+                   const hk_t *step, hk_look *cut) {
+  if (!hk_inside(edge, at, goal, careful)) return -1;
+  const int is_cut = hk_descend(edge, at, goal, careful, q, step, cut);
+  return careful || hk_joined(edge, q, tool, is_cut ? cut : at) ? is_cut : -1;
+}
+
+/* The straight way from the start to a goal; 1 where it is gone to its end, within the constraints. */
+static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_look *at) {
+  hk_t q[HK_N];
+  hk_segment way;
+  hk_lay_straight(edge->tool, goal, &way);
   for (int i = 0; i < HK_N; i++) q[i] = edge->start[i];
-  for (int i = 0; i < 3; i++) v[i] = goal[i] - edge->tool[i];
-  hk_turn(goal + 3, edge->tool + 3, turn);
-  const int reached = hk_straight(edge, q, edge->tool, v, turn, goal, edge->leaf.tries);
+  const int reached = careful ? hk_walk(edge, q, &way, goal, edge->leaf.tries) : hk_glance(edge, q, &way, goal);
   hk_look_at(edge, q, goal, 0, at);
   return reached && hk_excess(at) <= HK_C(HK_WITHIN);
 }
 
-static hk_t hk_distance(const hk_look *at) { return HK_SQRT(hk_times(at->e, at->e, HK_M)); }
+/* The same, both: what a glance does not reach is not reached. */
+static int hk_reached(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+  return hk_from_start(edge, goal, 0, at) && hk_from_start(edge, goal, 1, at);
+}
 
 /* From the start alone. */
 static void hk_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
-  if (hk_from_start(edge, goal, at)) return;
-  if (!hk_inside(edge, at, goal)) hk_look_at(edge, edge->start, goal, 0, at);
-  hk_descend(edge, at, goal, 0, 0);
+  if (hk_reached(edge, goal, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
+  if (hk_from_start(edge, goal, 1, at) || hk_down(edge, at, goal, 1, edge->start, edge->tool, 0, 0) >= 0) return;
+  hk_look_at(edge, edge->start, goal, 0, at);
+  hk_descend(edge, at, goal, 1, edge->start, 0, 0);
 }
 
 /* From q, each joint by at most a step where one is given: 1 where that cut it short, -1 where q leads nowhere. */
 static int hk_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
-  hk_look cut, other;
-  hk_look_at(edge, q, goal, 0, at);
-  if (!hk_inside(edge, at, goal)) return -1;
-  hk_look begin = *at;
-  int moving = hk_descend(edge, at, goal, step, &cut);
-  if (hk_distance(at) > HK_C(HK_REACHED) && hk_from_start(edge, goal, &other)) {
+  hk_look begin, cut, other;
+  int moving = -1;
+  hk_look_at(edge, q, goal, 0, &begin);
+  for (int careful = 0; careful < 2 && moving < 0; careful++) {
+    *at = begin;
+    moving = hk_down(edge, at, goal, careful, q, begin.tool, step, &cut);
+  }
+  if (moving < 0) return moving;
+  if (hk_times(at->e, at->e, HK_M) > HK_C(HK_REACHED) * HK_C(HK_REACHED) && hk_reached(edge, goal, &other)) {
     if (!step) {
       *at = other;
       return 0;
     }
-    hk_look_at(edge, begin.q, edge->tool, 0, at); /* the way there leads by the start at the latest */
-    moving = hk_descend(edge, at, edge->tool, step, &cut);
-    hk_look_at(edge, moving ? cut.q : at->q, goal, 0, at);
-    return 1;
+    hk_look_at(edge, q, edge->tool, 0, at); /* the way there leads by the start at the latest */
+    moving = hk_down(edge, at, edge->tool, 1, q, begin.tool, step, &cut);
+    hk_look_at(edge, moving > 0 ? cut.q : at->q, goal, 0, at);
+    return moving < 0 ? moving : 1;
   }
-  if (moving) *at = cut;
+  if (moving > 0) *at = cut;
   return moving;
 }
 
