@@ -8,53 +8,43 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Array
-from .emit import SCALAR
-from .kernel import LONG, LeafRules
+from ..types import Array, Vector
+from .emit import SCALAR, prelude
+from .kernel import LONG
 from .native import library
 from .source import source
 
 
 class EdgeKernel:
-    """hk_nearest_to of one strategy: the rules of motion/edge.py and motion/nearest_pose.py.
+    """hk_nearest_to of nearest.c: the rules of motion/edge.py and motion/nearest_pose.py.
 
     Args:
-        joints, rows, code: n, m, and the C that the drivers need: hk_leaf_body, hk_edge_body and that of branch.c.
+        joints, rows: n, m.
+        code: C that inverse.c needs, with hk_leaf_body, and hk_edge_body. stretches: C that stretch.c needs, or none.
         constants: of the rules, by their names.
         operations: of the longest function in the code.
     """
 
-    def __init__(self, joints: int, rows: int, code: str, constants: Mapping[str, float], operations: int) -> None:
+    def __init__(
+        self, joints: int, rows: int, code: str, stretches: str, constants: Mapping[str, float], operations: int
+    ) -> None:
         self._joints, self._rows = joints, rows
-        state = 2 * joints - rows + 12
-        sizes = {"N": joints, "STATE": state, **constants}
-        head = "".join(f"#define HK_{key} {value!r}\n" for key, value in sizes.items())
-        self._library = library(
-            source(SCALAR, head, code, "path.c", "branch.c", "newton.c", "nearest.c"),
-            long=operations > LONG, interleaved=True, needs=("hk_nearest_to",),
-        )  # fmt: skip
+        head = f"#define HK_N {joints}\n"
+        head += "".join(f"#define HK_EDGE_{key} {value!r}\n" for key, value in constants.items())
+        parts = [*map(prelude, ("branch.c", "newton.c", "path.c"))]
+        if stretches:
+            parts += [prelude("model.c"), stretches, prelude("stretch.c")]
+        parts += [*map(prelude, ("inverse.c", "nearest.c"))]
+        whole = source(SCALAR, head, code + "".join(parts))
+        self._library = library(whole, long=operations > LONG, interleaved=True, needs=("hk_nearest_to",))
         self._run: Any = self._library.hk_nearest_to
         self._run.argtypes = [ctypes.c_void_p] * 5
         self._run.restype = ctypes.c_int
 
-    def numbers(
-        self, start: Array, tool: Array, lower: Array, upper: Array, length: float, margin: float, level: Array,
-        leaf: LeafRules,
-    ) -> ctypes.Structure:  # fmt: skip
-        """The hk_edge of a leaf and its edge."""
-        n = self._joints
-        one, kinds = ctypes.c_double, {"start": n, "tool": 12, "lower": n, "upper": n, "length": 1, "margin": 1}
-        fields = [*((name, one * size) for name, size in kinds.items()), ("level", one * (n - self._rows + 1))]
-        made = type("Edge", (ctypes.Structure,), {"_fields_": [*fields, ("leaf", LeafRules)]})
-        values = start, tool, lower, upper, [length], [margin], [*level, 0.0]
-        return made(*((one * len(list(v)))(*map(float, v)) for v in values), leaf)
-
-    def __call__(
-        self, edge: ctypes.Structure, goal: Array, q: Array | None, step: Array | None
-    ) -> tuple[int, Array, Array, float, Array, Array]:
-        """(1 where a step cut the way short, -1 where q leads nowhere; q, e, rcond, p and R, the constraints)."""
+    def __call__(self, context: Vector, goal: Vector, q: Vector | None, step: Vector | None) -> tuple[int, list[Array]]:
+        """(1 where a step cut the way short, -1 where q leads nowhere; [q, e, rcond, p and R, the constraints])."""
         n, m = self._joints, self._rows
         out = np.empty(n + m + 1 + 12 + 2 * n + 1)
         places = (None if array is None else array.ctypes.data for array in (q, step))
-        moving = self._run(ctypes.addressof(edge), goal.ctypes.data, *places, out.ctypes.data)
-        return moving, out[:n], out[n : n + m], float(out[n + m]), out[n + m + 1 : n + m + 13], out[n + m + 13 :]
+        moving = self._run(context.ctypes.data, goal.ctypes.data, *places, out.ctypes.data)
+        return moving, np.split(out, [n, n + m, n + m + 1, n + m + 13])

@@ -1,11 +1,12 @@
 /* The pose of a leaf that is nearest to a wanted one: the rules of motion/edge.py and motion/nearest_pose.py.
    hk_edge_body takes (q, p, R, length) and gives (e, S, rcond^2, its slope, twist, p, R). HK_ROWS: m. */
-enum { HK_M = HK_ROWS, HK_MOST_HELD = 2 * HK_N + 1 };
+enum { HK_M = HK_ROWS, HK_MOST_HELD = 2 * HK_N + 1, HK_STATE = HK_N + 12 + HK_R };
 
-/* What a leaf and its edge are: a start, the tool there, limits, the level, how far it may go. */
+/* A leaf and how far it may be gone: a start, the tool there (p, R), the level, limits, lengths. */
 typedef struct {
-  hk_t start[HK_N], tool[12], lower[HK_N], upper[HK_N], length, margin, level[HK_N - HK_M + 1];
-  hk_rules leaf;
+  const hk_t *start, *tool, *level, *lower, *upper;
+  hk_t length, margin;
+  hk_rules rules;
 } hk_edge;
 
 /* What the edge function says of a posture q, with count constraints c [m], their slopes A by z, and their sizes. */
@@ -65,7 +66,7 @@ static HK_CALL void hk_look_at(const hk_edge *edge, const hk_t *q, const hk_t *g
   for (int k = 0; k < (scaled ? scaled->count : HK_MOST_HELD); k++) {
     const int one = scaled ? scaled->which[k] : k;
     const hk_t size = scaled ? scaled->sizes[k] : sizes[k];
-    if (!scaled && !(size > HK_C(HK_UNMOVED) * most)) continue; /* the tool does not move it */
+    if (!scaled && !(size > HK_C(HK_EDGE_UNMOVED) * most)) continue; /* the tool does not move it */
     at->which[count] = one;
     at->sizes[count] = size;
     at->c[count] = c[one] / size;
@@ -122,7 +123,7 @@ static HK_CALL void hk_project(const hk_look *at, const hk_t *e, const hk_t *M, 
     if (worst < 0 || !(least < HK_C(-1e-14) * (HK_C(1) + HK_FABS(b[worst])))) break;
     for (int k = 0; k < count; k++) /* the rows of H that are wanted */
       H[k * K + worst] = H[worst * K + k] = hk_times(at->A + k * HK_M, MA + worst * HK_M, HK_M);
-    H[worst * K + worst] *= HK_C(1) + HK_C(HK_DEPENDENT);
+    H[worst * K + worst] *= HK_C(1) + HK_C(HK_EDGE_DEPENDENT);
     held[holds++] = worst;
     is[worst] = 1;
     while (holds > 0) {
@@ -149,91 +150,28 @@ static HK_CALL void hk_project(const hk_look *at, const hk_t *e, const hk_t *M, 
   }
 }
 
-/* The rotation vector of R R0^T. */
-static void hk_turn(const hk_t *R, const hk_t *R0, hk_t *turn) {
-  hk_t E[9], v[4], most = HK_C(-1);
-  int best = 0;
-  for (int i = 0; i < 3; i++)
-    for (int j = 0; j < 3; j++) E[3 * i + j] = hk_times(R + 3 * i, R0 + 3 * j, 3);
-  const hk_t trace = E[0] + E[4] + E[8];
-  const hk_t size[4] = {E[0], E[4], E[8], trace};
-  for (int i = 0; i < 4; i++)
-    if (size[i] > most) most = size[i], best = i;
-  if (best == 3) { /* the quaternion, by its largest part */
-    v[0] = E[7] - E[5], v[1] = E[2] - E[6], v[2] = E[3] - E[1], v[3] = HK_C(1) + trace;
-  } else {
-    const int i = best, j = (i + 1) % 3, k = (i + 2) % 3;
-    v[i] = HK_C(1) - trace + HK_C(2) * E[4 * i];
-    v[j] = E[3 * j + i] + E[3 * i + j];
-    v[k] = E[3 * k + i] + E[3 * i + k];
-    v[3] = E[3 * k + j] - E[3 * j + k];
-  }
-  const hk_t norm = HK_SQRT(hk_times(v, v, 3)), sign = v[3] < HK_C(0) ? HK_C(-1) : HK_C(1);
-  const hk_t angle = HK_C(2) * HK_ATAN2(norm, sign * v[3]);
-  for (int i = 0; i < 3; i++) turn[i] = norm > HK_C(0) ? sign * angle / norm * v[i] : HK_C(0);
+/* The straight way of the tool from one pose (p, R) to another, on the leaf. */
+static void hk_straight(const hk_edge *edge, const hk_t *from, const hk_t *to, hk_way *way) {
+  hk_way_to(from, edge->level, to, edge->level, way);
 }
 
-/* A way of the tool: from where it is along v, turning by `turn`. */
-static void hk_lay_way(const hk_t *tool, const hk_t *v, const hk_t *turn, hk_segment *way) {
-  for (int i = 0; i < 3; i++) {
-    way->center[i] = tool[i], way->v[i] = v[i], way->turn[i] = turn[i];
-    way->x[i] = way->y[i] = HK_C(0);
-  }
-  for (int i = 0; i < 9; i++) way->rotation[i] = tool[3 + i];
-  way->angle = HK_C(0);
-}
-
-static void hk_lay_straight(const hk_t *from, const hk_t *to, hk_segment *way) {
-  hk_t v[3], turn[3];
-  for (int i = 0; i < 3; i++) v[i] = to[i] - from[i];
-  hk_turn(to + 3, from + 3, turn);
-  hk_lay_way(from, v, turn, way);
-}
-
-/* The target (p, R, c) at a share of a way, into x; at its end the goal to the last bit, where there is one. */
-static void hk_aim(const hk_edge *edge, const hk_segment *way, hk_t share, const hk_t *goal, hk_t *x) {
-  if (share == HK_C(1) && goal)
-    for (int i = 0; i < 12; i++) x[HK_N + i] = goal[i];
-  else
-    hk_target(way, share, x + HK_N, x + HK_N + 3);
-  for (int i = 0; i < HK_N - HK_M; i++) x[HK_N + 12 + i] = edge->level[i];
-}
-
-/* From q along a way, in pieces shown to keep to the branch. 1 where it is gone to its end; q is how far it got. */
-static HK_CALL int hk_walk(const hk_edge *edge, hk_t *q, const hk_segment *way, const hk_t *goal, int tries) {
-  hk_branch branch;
-  hk_t x[HK_STATE], before[HK_N], rate[HK_N], share = HK_C(0), width = HK_C(1);
-  const hk_t size = HK_SQRT(hk_square(way->turn));
-  for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
-  branch.laid = 0;
-  branch.length = HK_LONGEST;
-  for (int tried = 0; tried < tries; tried++) {
-    const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
-    hk_aim(edge, way, end, goal, x);
-    for (int i = 0; i < HK_N; i++) before[i] = q[i];
-    const hk_t fits = hk_piece(x, q, rate, end - share, HK_C(0), size, &branch, &edge->leaf);
-    width = fits * (end - share);
-    if (fits >= HK_C(1) || (fits < HK_C(0) && end == HK_C(1))) {
-      share = end;
-      if (end == HK_C(1)) return 1;
-    } else if (fits < HK_C(0)) { /* at a fold */
-      for (int i = 0; i < HK_N; i++) q[i] = before[i];
-      return 0;
-    } else if (!(width >= edge->leaf.smallest))
-      return 0;
-  }
-  return 0;
+/* From q along a way, in stretches shown to keep to the branch: 1 where it is gone to its end; q is how far it got. */
+static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way, int tries) {
+  hk_t x[HK_STATE];
+  hk_rules rules = edge->rules;
+  rules.tries = tries;
+  return hk_go(way, &rules, q, x) == 0;
 }
 
 /* The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts. */
-static HK_CALL int hk_glance(const hk_edge *edge, hk_t *q, const hk_segment *way, const hk_t *goal) {
+static HK_CALL int hk_glance(const hk_edge *edge, hk_t *q, const hk_way *way) {
   hk_t x[HK_STATE], rate[HK_N], margin, share = HK_C(0), width = HK_C(1);
   for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
-  while (width >= HK_C(HK_NARROW)) {
+  while (width >= HK_C(HK_EDGE_NARROW)) {
     const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
-    hk_aim(edge, way, end, goal, x);
+    hk_aim(way, end, x);
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + (end - share) * rate[i];
-    if (!hk_newton(x, &edge->leaf, &margin)) {
+    if (!hk_newton(x, &edge->rules, &margin)) {
       width = (end - share) / HK_C(2);
       continue;
     }
@@ -252,23 +190,25 @@ static HK_CALL int hk_glance(const hk_edge *edge, hk_t *q, const hk_segment *way
    nowhere. careful: only where it is shown to keep to the branch. */
 static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
                     hk_look *there) {
-  hk_t x[HK_STATE], twist[6], margin;
-  hk_segment way;
-  if (z) {
-    for (int i = 0; i < 6; i++) twist[i] = share * hk_times(at->twist + i * HK_M, z, HK_M);
-  } else {
-    for (int i = 0; i < 3; i++) twist[i] = share * (goal[i] - at->tool[i]);
-    hk_turn(goal + 3, at->tool + 3, twist + 3);
-    for (int i = 3; i < 6; i++) twist[i] *= share;
+  hk_t x[HK_STATE], margin;
+  hk_way way;
+  hk_straight(edge, at->tool, goal, &way);
+  for (int i = 0; z && i < 3; i++) {
+    way.line.v[i] = hk_times(at->twist + i * HK_M, z, HK_M);
+    way.line.turn[i] = hk_times(at->twist + (3 + i) * HK_M, z, HK_M);
   }
-  const hk_t *end = !z && share == HK_C(1) ? goal : 0;
-  hk_lay_way(at->tool, twist, twist + 3, &way);
-  for (int i = 0; i < HK_N; i++) x[i] = at->q[i] + (careful ? HK_C(0) : share * hk_times(at->S + i * HK_M, z ? z : at->e, HK_M));
+  if (z)
+    hk_target(&way.line, share, x + HK_N, x + HK_N + 3);
+  else
+    hk_aim(&way, share, x);
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = edge->level[i];
+  for (int i = 0; i < HK_N; i++) x[i] = at->q[i];
   if (careful) {
-    if (!hk_walk(edge, x, &way, end, HK_PIECES)) return 0;
+    hk_straight(edge, at->tool, x + HK_N, &way);
+    if (!hk_walked(edge, x, &way, HK_EDGE_PIECES)) return 0;
   } else {
-    hk_aim(edge, &way, HK_C(1), end, x);
-    if (!hk_newton(x, &edge->leaf, &margin)) return 0;
+    for (int i = 0; i < HK_N; i++) x[i] += share * hk_times(at->S + i * HK_M, z ? z : at->e, HK_M);
+    if (!hk_newton(x, &edge->rules, &margin)) return 0;
   }
   hk_look_at(edge, x, goal, 0, there);
   return 1;
@@ -279,15 +219,15 @@ static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal, int car
   const hk_t none[HK_M] = {HK_C(0)};
   hk_t z[HK_M], force[HK_MOST_HELD];
   hk_look there;
-  for (int tried = 0; tried < HK_RETURNS; tried++) {
-    if (hk_excess(at) <= HK_C(HK_WITHIN)) return 1;
+  for (int tried = 0; tried < HK_EDGE_RETURNS; tried++) {
+    if (hk_excess(at) <= HK_C(HK_EDGE_WITHIN)) return 1;
     hk_project(at, none, 0, z, force);
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
-    const hk_t share = HK_FMIN(HK_C(1), HK_C(HK_TRUST) / HK_FMAX(size, HK_C(1e-300)));
+    const hk_t share = HK_FMIN(HK_C(1), HK_C(HK_EDGE_TRUST) / HK_FMAX(size, HK_C(1e-300)));
     if (!hk_moved(edge, at, z, share, goal, careful, &there)) return 0;
     *at = there;
   }
-  return hk_excess(at) <= HK_C(HK_WITHIN);
+  return hk_excess(at) <= HK_C(HK_EDGE_WITHIN);
 }
 
 /* The eigenvalues of a symmetric H and its eigenvectors, the columns of V, by Jacobi's rotations. [GVL13, section 8.5] */
@@ -334,12 +274,12 @@ static HK_CALL void hk_stiffness(const hk_edge *edge, const hk_look *at, const h
   }
   for (int j = 0; j < HK_M; j++) {
     hk_t q[HK_N];
-    for (int i = 0; i < HK_N; i++) q[i] = at->q[i] + HK_C(HK_SPREAD) * at->S[i * HK_M + j];
+    for (int i = 0; i < HK_N; i++) q[i] = at->q[i] + HK_C(HK_EDGE_SPREAD) * at->S[i * HK_M + j];
     hk_look_at(edge, q, goal, at, &there);
     for (int i = 0; i < HK_M; i++) {
       hk_t more = pull[i] - there.e[i];
       for (int k = 0; k < at->count; k++) more -= force[k] * there.A[k * HK_M + i];
-      V[i * HK_M + j] = more / HK_C(HK_SPREAD);
+      V[i * HK_M + j] = more / HK_C(HK_EDGE_SPREAD);
     }
   }
   for (int i = 0; i < HK_M; i++)
@@ -356,7 +296,7 @@ static HK_CALL void hk_stiffness(const hk_edge *edge, const hk_look *at, const h
     for (int j = 0; j < HK_M; j++) {
       M[i * HK_M + j] = HK_C(0);
       for (int k = 0; k < HK_M; k++)
-        M[i * HK_M + j] += V[i * HK_M + k] * V[j * HK_M + k] / HK_FMAX(H[k * HK_M + k], HK_C(HK_CURVED));
+        M[i * HK_M + j] += V[i * HK_M + k] * V[j * HK_M + k] / HK_FMAX(H[k * HK_M + k], HK_C(HK_EDGE_CURVED));
     }
 }
 
@@ -370,7 +310,7 @@ static hk_t hk_least_ratio(const hk_t *q, const hk_t *begin, const hk_t *step) {
 /* Along a motion of the tool as far as no joint goes farther from its beginning than a step. */
 static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
                     const hk_t *begin, const hk_t *step, hk_look *there) {
-  for (int tried = 0; tried < HK_HALVINGS; tried++) {
+  for (int tried = 0; tried < HK_EDGE_HALVINGS; tried++) {
     hk_t ratio = HK_C(0);
     if (hk_moved(edge, at, z, share, goal, careful, there) && hk_inside(edge, there, goal, careful))
       ratio = hk_least_ratio(there->q, begin, step);
@@ -385,36 +325,36 @@ static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t 
 static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful, const hk_t *begin, const hk_t *step,
                       hk_look *cut) {
   hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD];
-  hk_t trust = HK_C(HK_TRUST);
+  hk_t trust = HK_C(HK_EDGE_TRUST);
   int fresh = 0, is_cut = 0, curved = 0;
   hk_look there;
   hk_project(at, at->e, 0, z, force);
-  for (int done = 0; done < HK_STEPS; done++) {
+  for (int done = 0; done < HK_EDGE_STEPS; done++) {
     hk_t most = -HK_INF, weight = HK_C(0);
     if (!fresh) {
       for (int k = 0; k < at->count; k++)
         if (force[k] > HK_C(0)) most = HK_FMAX(at->c[k], most);
-      curved = fresh = most > -HK_INF && most <= HK_C(HK_TIGHT);
+      curved = fresh = most > -HK_INF && most <= HK_C(HK_EDGE_TIGHT);
       if (curved) hk_stiffness(edge, at, force, goal, M);
       hk_project(at, at->e, curved ? M : 0, z, force);
     }
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
-    if (!(size > HK_C(HK_DONE))) break;
+    if (!(size > HK_C(HK_EDGE_DONE))) break;
     for (int k = 0; k < at->count; k++) weight += HK_C(2) * force[k];
     const hk_t *along = weight > HK_C(0) ? z : 0;
     hk_t share = HK_FMIN(HK_C(1), trust / size), ratio = HK_C(0);
     int good = 0;
-    for (; share * size > HK_C(HK_DONE); share /= HK_C(2)) {
-      const hk_t hoped = HK_C(HK_DESCENT) * share * hk_times(at->e, z, HK_M), before = hk_merit(at, weight);
+    for (; share * size > HK_C(HK_EDGE_DONE); share /= HK_C(2)) {
+      const hk_t hoped = HK_C(HK_EDGE_DESCENT) * share * hk_times(at->e, z, HK_M), before = hk_merit(at, weight);
       if (!hk_moved(edge, at, along, share, goal, careful, &there)) continue;
-      if (hk_excess(&there) > HK_C(HK_NEAR) || before - hk_merit(&there, weight) < hoped) {
-        const int little = size <= HK_C(HK_SMALL) && hk_excess(&there) <= HK_C(HK_NEAR);
+      if (hk_excess(&there) > HK_C(HK_EDGE_NEAR) || before - hk_merit(&there, weight) < hoped) {
+        const int little = size <= HK_C(HK_EDGE_SMALL) && hk_excess(&there) <= HK_C(HK_EDGE_NEAR);
         if (!little && !hk_inside(edge, &there, goal, careful)) continue;
       }
       hk_project(&there, there.e, curved ? M : 0, further, forces);
       ratio = HK_SQRT(hk_times(further, further, HK_M)) / size;
       good = before - hk_merit(&there, weight) >= hoped ||
-             (size <= HK_C(HK_SMALL) && share == HK_C(1) && ratio <= HK_C(HK_CONTRACTION));
+             (size <= HK_C(HK_EDGE_SMALL) && share == HK_C(1) && ratio <= HK_C(HK_EDGE_CONTRACTION));
       if (good) break;
     }
     if (!good) break;
@@ -425,21 +365,22 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
     *at = there;
     for (int i = 0; i < HK_M; i++) z[i] = further[i];
     for (int k = 0; k < at->count; k++) force[k] = forces[k];
-    fresh = fresh && ratio <= HK_C(HK_FAST) && share == HK_C(1);
-    trust = HK_C(2) * HK_FMAX(share * size, HK_C(HK_TRUST) / HK_C(4));
+    fresh = fresh && ratio <= HK_C(HK_EDGE_FAST) && share == HK_C(1);
+    trust = HK_C(2) * HK_FMAX(share * size, HK_C(HK_EDGE_TRUST) / HK_C(4));
   }
   return is_cut;
 }
 
 /* 1 where the straight way of the tool between two postures is shown to lead from one to the other on the branch. */
 static int hk_joined(const hk_edge *edge, const hk_t *q, const hk_t *tool, const hk_look *end) {
-  hk_segment way;
-  hk_t x[HK_N], most = HK_C(0);
+  hk_way way;
+  hk_t x[HK_N];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  hk_lay_straight(tool, end->tool, &way);
-  if (!hk_walk(edge, x, &way, end->tool, HK_PIECES)) return 0;
-  for (int i = 0; i < HK_N; i++) most = HK_FMAX(HK_FABS(x[i] - end->q[i]), most);
-  return most <= HK_C(HK_SAME);
+  hk_straight(edge, tool, end->tool, &way);
+  if (!hk_walked(edge, x, &way, HK_EDGE_PIECES)) return 0;
+  for (int i = 0; i < HK_N; i++)
+    if (!(HK_FABS(x[i] - end->q[i]) <= HK_C(HK_EDGE_SAME))) return 0;
+  return 1;
 }
 
 /* Down from a look, which may be outside, to the posture nearest to a goal, or as far as a step leads: 0, or 1 where the
@@ -455,29 +396,29 @@ static int hk_down(const hk_edge *edge, hk_look *at, const hk_t *goal, int caref
 /* The straight way from the start to a goal; 1 where it is gone to its end, within the constraints. */
 static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_look *at) {
   hk_t q[HK_N];
-  hk_segment way;
-  hk_lay_straight(edge->tool, goal, &way);
+  hk_way way;
+  hk_straight(edge, edge->tool, goal, &way);
   for (int i = 0; i < HK_N; i++) q[i] = edge->start[i];
-  const int reached = careful ? hk_walk(edge, q, &way, goal, edge->leaf.tries) : hk_glance(edge, q, &way, goal);
+  const int reached = careful ? hk_walked(edge, q, &way, edge->rules.tries) : hk_glance(edge, q, &way);
   hk_look_at(edge, q, goal, 0, at);
-  return reached && hk_excess(at) <= HK_C(HK_WITHIN);
+  return reached && hk_excess(at) <= HK_C(HK_EDGE_WITHIN);
 }
 
 /* The same, both: what a glance does not reach is not reached. */
-static int hk_reached(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+static int hk_reaches(const hk_edge *edge, const hk_t *goal, hk_look *at) {
   return hk_from_start(edge, goal, 0, at) && hk_from_start(edge, goal, 1, at);
 }
 
 /* From the start alone. */
-static void hk_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
-  if (hk_reached(edge, goal, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
+static void hk_nearest_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+  if (hk_reaches(edge, goal, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
   if (hk_from_start(edge, goal, 1, at) || hk_down(edge, at, goal, 1, edge->start, edge->tool, 0, 0) >= 0) return;
   hk_look_at(edge, edge->start, goal, 0, at);
   hk_descend(edge, at, goal, 1, edge->start, 0, 0);
 }
 
 /* From q, each joint by at most a step where one is given: 1 where that cut it short, -1 where q leads nowhere. */
-static int hk_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
+static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
   hk_look begin, cut, other;
   int moving = -1;
   hk_look_at(edge, q, goal, 0, &begin);
@@ -486,7 +427,7 @@ static int hk_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const h
     moving = hk_down(edge, at, goal, careful, q, begin.tool, step, &cut);
   }
   if (moving < 0) return moving;
-  if (hk_times(at->e, at->e, HK_M) > HK_C(HK_REACHED) * HK_C(HK_REACHED) && hk_reached(edge, goal, &other)) {
+  if (hk_times(at->e, at->e, HK_M) > HK_C(HK_EDGE_REACHED) * HK_C(HK_EDGE_REACHED) && hk_reaches(edge, goal, &other)) {
     if (!step) {
       *at = other;
       return 0;
@@ -500,15 +441,19 @@ static int hk_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const h
   return moving;
 }
 
-/* The posture nearest to a goal (p, R), from the start, or from q where there is one. out: (q, e, rcond, p, R, how far
-   each constraint is). As hk_warm. */
-HK_API int hk_nearest_to(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_t *out) {
+/* The posture nearest to a goal (p, R), from the start, or from q where there is one. context: as of poses.c, then the
+   length and the margin. out: (q, e, rcond, p, R, how far each constraint is). As hk_nearest_warm. */
+HK_API int hk_nearest_to(const hk_t *context, const hk_t *goal, const hk_t *q, const hk_t *step, hk_t *out) {
+  static const hk_rules ours = HK_RULES;
+  const hk_t *level = context + HK_N + 12, *lower = level + HK_R, *upper = lower + HK_N, *rest = upper + HK_N;
+  hk_edge edge = {context, context + HK_N, level, lower, upper, rest[1], rest[2], ours};
   hk_look at;
   int moving = 0;
+  edge.rules.side = rest[0];
   if (q)
-    moving = hk_warm(edge, goal, q, step, &at);
+    moving = hk_nearest_warm(&edge, goal, q, step, &at);
   else
-    hk_cold(edge, goal, &at);
+    hk_nearest_cold(&edge, goal, &at);
   for (int i = 0; i < HK_N; i++) *out++ = at.q[i];
   for (int i = 0; i < HK_M; i++) *out++ = at.e[i];
   *out++ = at.rcond;
