@@ -7,7 +7,9 @@ single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1
 and result whether it is there, and keeps its numbers in one array.
 """
 
+from .edge_kernel import EdgeKernel
 from .emit import prelude as code_file
+from .evaluator import weak
 from .inverse_kernel import InverseKernel
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
 from .native import compiler, enabled, engine, tell
@@ -15,6 +17,7 @@ from .program import Port
 
 __all__ = [
     "LARGEST",
+    "EdgeKernel",
     "FollowKernel",
     "InverseKernel",
     "LeafRules",
@@ -27,4 +30,5 @@ __all__ = [
     "enabled",
     "engine",
     "tell",
+    "weak",
 ]

@@ -41,10 +41,12 @@ class EdgeKernel:
         self._run.argtypes = [ctypes.c_void_p] * 5
         self._run.restype = ctypes.c_int
 
-    def __call__(self, context: Vector, goal: Vector, q: Vector | None, step: Vector | None) -> tuple[int, list[Array]]:
-        """(1 where a step cut the way short, -1 where q leads nowhere; [q, e, rcond, p and R, the constraints])."""
+    def __call__(
+        self, context: Vector, goal: Vector, q: Vector | None, step: Vector | None
+    ) -> tuple[list[Array], bool] | None:
+        """([q, e, rcond, p and R, the constraints], True where a step cut it short); None where q leads nowhere."""
         n, m = self._joints, self._rows
         out = np.empty(n + m + 1 + 12 + 2 * n + 1)
         places = (None if array is None else array.ctypes.data for array in (q, step))
         moving = self._run(context.ctypes.data, goal.ctypes.data, *places, out.ctypes.data)
-        return moving, np.split(out, [n, n + m, n + m + 1, n + m + 13])
+        return None if moving < 0 else (np.split(out, [n, n + m, n + m + 1, n + m + 13]), moving > 0)

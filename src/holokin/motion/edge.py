@@ -27,6 +27,7 @@ from ..types import Indices, Matrix, Vector, kept
 from .branch import _turning
 from .leaf import ALMOST, NEWTONS, Way, WayEnd, leaf_step, leaf_value, leaf_walk
 from .leaf import DONE as DONE_Q
+from .stretch import TRIES
 
 Goal = tuple[Vector, Matrix]
 """A pose of the tool: position (3,), rotation (3, 3)."""
@@ -84,8 +85,12 @@ SAME = 1e-7
 NARROW = 2.0**-12
 """Share of a way below which a glance at it gives up: 0.2 mm of a metre."""
 
-PIECES = 200
-"""Pieces of one step of the tool, at most: near a fold they are short."""
+_NAMES = (
+    "TRUST DONE WITHIN NEAR STEPS HALVINGS RETURNS DESCENT SMALL CONTRACTION FAST TIGHT DEPENDENT UNMOVED SPREAD CURVED "
+    "SAME NARROW"
+)
+CONSTANTS = {name: globals()[name] for name in _NAMES.split()}
+"""All of them, for native code."""
 
 
 @kept
@@ -144,6 +149,13 @@ class Look:
     sizes: Vector
 
     @property
+    def numbers(self) -> tuple[Vector, Vector, Vector, Vector, Vector]:
+        """(q, e, rcond, position and rotation, the distance from each constraint), as native code gives them."""
+        slack = np.full(2 * len(self.q) + 1, np.inf)
+        slack[self.which] = self.c
+        return self.q, self.e, np.array([self.rcond]), np.concatenate([self.position, self.rotation.ravel()]), slack
+
+    @property
     def excess(self) -> float:
         """How far outside the constraints q is [m]."""
         return max(0.0, -float(self.c.min()))
@@ -200,6 +212,8 @@ class Edge:
         self._function = edge_function(strategy)
         self._step = leaf_step(strategy)
         self.side = float(self._step(start, *self.tool(start), self.leaf)[3])
+        place = [*self.tool(start)[0], *self.tool(start)[1].ravel()]
+        self.context = np.array([*start, *place, *self.leaf, *lower, *upper, self.side, length, margin])
         self._given = np.concatenate([[True], np.isfinite(lower), np.isfinite(upper)])
 
     def _newton(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
@@ -251,7 +265,7 @@ class Edge:
         return q, ended is WayEnd.REACHED
 
     def glance(self, q: Vector, way: Way) -> tuple[Vector, bool]:
-        """The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts."""
+        """The same by Newton steps alone: quick, and not shown to keep to the branch."""
         rate, share, width = np.zeros(len(q)), 0.0, 1.0
         while width >= NARROW:
             end = min(1.0, share + width)
@@ -281,7 +295,7 @@ class Edge:
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight way of the tool between two postures is shown to lead from one to the other."""
-        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), PIECES)
+        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), TRIES)
         return reached and float(np.abs(found - end.q).max()) <= SAME
 
     def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
@@ -296,7 +310,7 @@ class Edge:
         end = goal if z is None and share == 1.0 else None
         way = self.way((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
         if careful:
-            q, reached = self.walk(at.q, way, PIECES)
+            q, reached = self.walk(at.q, way, TRIES)
             return self.look(q, goal) if reached else None
         found = self._newton(at.q + share * (at.S @ (at.e if z is None else z)), *way.at(1.0))
         return None if found is None else self.look(found, goal)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..arguments import typed
+from ..codegen import InverseKernel, engine, weak
 from ..errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError, ShapeError
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
@@ -17,9 +19,7 @@ from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_wal
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
-
-ROTATION = 1e-5
-"""How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
+from .stretch import ROTATION, TRIES, inverse_code, stretch_code
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +49,7 @@ class InverseKinematics(Value):
             JointLimitError: only with limits=True: the posture is beyond them.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        p, R = self._target(pose)
-        return self._answer(p, R, self.start, self._go(p, R, self.start))
+        return self._calls[0](pose)
 
     def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
@@ -64,9 +63,7 @@ class InverseKinematics(Value):
         Raises:
             BranchError: q lies on another branch than the start, or as `ik(pose)`; the other errors, too, are its.
         """
-        p, R = self._target(pose)
-        begin = self.strategy.task.robot.checked(q, "the posture to begin from")
-        return self._answer(p, R, begin, self._go(p, R, begin))
+        return self._calls[1](pose, q)
 
     def batch(self, poses: ArrayLike, threads: int | None = None) -> Solutions:
         """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose)` finds it.
@@ -82,9 +79,13 @@ class InverseKinematics(Value):
         if given.shape[1:] not in ((4, 4), (3,), (2,)):
             raise ShapeError("tool poses", "(k, 4, 4), (k, 3) or (k, 2)", given.shape)
         p, R = self._targets(given)
-        last, status = np.full((len(given), len(self.start)), np.nan), self._refused(p, R)
-        for i in np.flatnonzero(status == InverseStatus.REACHED):
-            last[i], status[i] = self._go(p[i], R[i], self.start)
+        last = np.full((len(given), len(self.start)), np.nan)
+        if self._kernel is not None:
+            status = self._kernel(_in_rows(p, R), self._context, last, False, threads)
+        else:
+            status = self._refused(p, R)
+            for i in np.flatnonzero(status == InverseStatus.REACHED):
+                last[i], status[i] = self._walk(p[i], R[i], self.start)
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
         return Solutions(q, status, last)
@@ -93,19 +94,73 @@ class InverseKinematics(Value):
         self, pose: ArrayLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
         limits: bool | None = None, step: ArrayLike | None = None,
     ) -> Nearest:  # fmt: skip
-        """The posture of the leaf whose tool pose is nearest to one that may be out of reach; see `nearest_pose`."""
+        """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
+
+            min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, and joint limits when asked
+
+        A pose that is reached within these bounds has the joints of `ik(pose)`. Towards another the tool goes as far as
+        it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last answer,
+        `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
+
+        The answer moves continuously with the pose wherever one place of the edge is nearest. Midway between two that
+        are equally near, as in the middle of a hole of the workspace, no function of the pose can be continuous, and
+        `ik.nearest(pose)` jumps. From the last answer the tool stays on its side while there is a nearest place; where
+        that ceases, it slides along the edge to the next, and where the hand has come back to a pose that is reached
+        from the start, it goes there. Both may be far: `step` spreads them over as many calls as they take.
+
+        Args:
+            pose: (4, 4), or a position (3,) or (2,) with the orientation of the start.
+            q: the last answer (n,), to begin from; by default the start.
+            length: what a radian counts in metres [m].
+            rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
+            limits: True keeps to the joint limits; by default as `inverse` was told.
+            step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
+                period of the loop. Only with q.
+
+        Returns:
+            Nearest: joints, the tool's pose, a status, what is missing. A pose that is not finite, or whose rotation is
+            none, gives its status and nothing else: q stays as it was given, or is NaN.
+
+        Raises:
+            ShapeError, ArgumentError: what is no pose; numbers that are not positive; a start beyond the edge itself; a
+                q that is no answer. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
+        """
         given = numbers("a tool pose", pose)
         if given.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
         p, R = self._targets(given[None])
-        robot, asked = self.strategy.task.robot, self.limits if limits is None else limits
-        begin = None if q is None else robot.checked(q, "the posture to begin from")
-        most = None if step is None else np.broadcast_to(numbers("step", step), (robot.n,))
+        begin = None if q is None else self.strategy.task.robot.checked(q, "the posture to begin from")
+        most = None if step is None or q is None else np.broadcast_to(numbers("step", step), self.start.shape)
+        asked = self.limits if limits is None else limits
         key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
-        return nearest(edge_of(self.strategy, *key), (p[0], R[0]), InverseStatus(self._refused(p, R)[0]), begin, most)
+        status = InverseStatus(int(self._refused(p, R)[0]))
+        return nearest(edge_of(self.strategy, *key), (p[0], R[0]), status, begin, most)
+
+    @property
+    def engine(self) -> str:
+        """One line that says what runs."""
+        return engine() if self._kernel is not None else "CasADi's virtual machine"
+
+    def _cold(self, pose: ArrayLike) -> Vector:
+        """`ik(pose)` of any pose: the joints, or an error."""
+        p, R = self._target(pose)
+        return self._answer(p, R, *self._go(p, R, self.start))
+
+    def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
+        """`ik.near(pose, q)` of any pose."""
+        p, R = self._target(pose)
+        return self._answer(p, R, *self._go(p, R, self.strategy.task.robot.checked(q, "the posture to begin from")))
 
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""
+        if self._kernel is None:
+            return self._walk(p, R, begin)
+        q = begin[None].copy()
+        status = self._kernel(_in_rows(p[None], R[None]), self._context, q, begin is not self.start, 1)
+        return q[0], InverseStatus(int(status[0]))
+
+    def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+        """The same on the virtual machine."""
         s = self.strategy
         if begin is self.start:
             level = self._leaf
@@ -117,7 +172,7 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        last, ended = leaf_walk(s, begin)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        last, ended = leaf_walk(s, begin, TRIES)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
@@ -127,9 +182,8 @@ class InverseKinematics(Value):
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
 
-    def _answer(self, p: Vector, R: Matrix, begin: Vector, found: tuple[Vector, InverseStatus]) -> Vector:
+    def _answer(self, p: Vector, R: Matrix, q: Vector, status: InverseStatus) -> Vector:
         """The posture that was found, or the error that says why there is none."""
-        q, status = found
         if status is InverseStatus.REACHED:
             return q
         raise self._problem(p, R, q, status)
@@ -177,6 +231,27 @@ class InverseKinematics(Value):
         return status
 
     @cached_property
+    def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
+        """What serves `ik(pose)` and `ik.near(pose, q)`."""
+        cold, warm = weak(self._cold), weak(self._warm)
+        bound = None if self._kernel is None else self._kernel.calls(self._context, cold, warm)
+        return (cold, warm) if bound is None else bound
+
+    @cached_property
+    def _kernel(self) -> InverseKernel | None:
+        s = self.strategy
+        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
+
+    @cached_property
+    def _context(self) -> Vector:
+        """What the kernel reads besides: poses.c."""
+        robot, slack = self.strategy.task.robot, TOLERANCES.limit
+        beyond = np.full(robot.n, np.inf)
+        low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
+        place = self._pose[:3, 3], self._pose[:3, :3].ravel()
+        return np.concatenate([self.start, *place, self._leaf, low, high, [self._side]])
+
+    @cached_property
     def _pose(self) -> Matrix:
         return frozen(self.strategy.task.robot.pose(self.start, self.strategy.task.tip))
 
@@ -187,6 +262,11 @@ class InverseKinematics(Value):
     @cached_property
     def _side(self) -> float:
         return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+
+
+def _in_rows(p: Matrix, R: Array) -> Matrix:
+    """(k, 12): positions, and rotations by rows."""
+    return np.ascontiguousarray(np.hstack([p, R.reshape(-1, 9)]))
 
 
 def _beyond(robot: Robot, q: Vector) -> bool:

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError, posture_text
+from ..codegen import LARGEST, EdgeKernel, enabled, tell
+from ..errors import ArgumentError, NativeError, posture_text
 from ..strategies import HolonomicStrategy
 from ..types import Matrix, Value, Vector, kept
-from .edge import WITHIN, Edge, Goal, Look
-from .leaf import TRIES
+from .edge import CONSTANTS, WITHIN, Edge, Goal, Look, edge_function
+from .leaf import leaf_step
 from .solutions import InverseStatus
+from .stretch import TRIES, inverse_code, stretch_code
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it
@@ -47,6 +49,23 @@ class Nearest(Value):
     rcond: float
     held: tuple[str, ...] = ()
     moving: bool = False
+
+
+@kept
+def edge_kernel(strategy: HolonomicStrategy) -> EdgeKernel | None:
+    """All this as native code; None where there can be none."""
+    step, look = leaf_step(strategy), edge_function(strategy)
+    operations = max(step.program.instructions, look.program.instructions)
+    if operations > LARGEST or not enabled():
+        return None
+    code = inverse_code(strategy) + step.c("hk_leaf_body") + look.c("hk_edge_body")
+    constants = {**CONSTANTS, "REACHED": REACHED}
+    task = strategy.task
+    try:
+        return EdgeKernel(task.n, task.m, code, stretch_code(strategy), constants, operations)
+    except NativeError as problem:
+        tell(problem)
+        return None
 
 
 @kept
@@ -133,16 +152,23 @@ def nearest(edge: Edge, goal: Goal, status: InverseStatus, q: Vector | None, ste
     if status is not InverseStatus.REACHED:
         stays = np.full(len(edge.start), np.nan) if q is None else q
         return Nearest(stays, np.full((4, 4), np.nan), status, *4 * [np.nan])
-    found = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+    kernel = edge_kernel(edge.strategy)
+    if kernel is not None:
+        p, R = goal
+        parts = [np.concatenate([p, R.ravel()]), q, step]
+        found = kernel(edge.context, *(None if part is None else np.ascontiguousarray(part) for part in parts))
+    else:
+        found = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+        found = None if found is None else (found[0].numbers, found[1])
     if found is None:
         raise ArgumentError("the posture to begin from", posture_text(q), "give the last answer, or leave it out")
-    at, moving = found
+    (joints, e, (rcond,), tool, slack), moving = found
     task, pose = edge.strategy.task, np.eye(4)
-    pose[:3, 3], pose[:3, :3] = at.position, at.rotation
+    pose[:3, 3], pose[:3, :3] = tool[:3], tool[3:].reshape(3, 3)
     linear = np.array([row < 3 for row in task.rows])
-    missing = at.distance > REACHED
-    position, angle = (float(np.linalg.norm(at.e[rows])) for rows in (linear, ~linear))
+    distance, position, angle = (float(np.linalg.norm(part)) for part in (e, e[linear], e[~linear]))
+    missing = distance > REACHED
     names = ("rcond", *2 * task.robot.joint_names)
-    held = tuple(names[k] for k, c in zip(at.which, at.c, strict=True) if missing and c <= HELD)
+    held = tuple(names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()
     status = InverseStatus.CLAMPED if missing else InverseStatus.REACHED
-    return Nearest(at.q, pose, status, at.distance, position, angle / edge.length, at.rcond, held, moving)
+    return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond), held, moving)

@@ -35,7 +35,6 @@ from .qp import NearestPoint
 from .taylor import TaylorModel
 
 __all__ = [
-    "TaylorModel",
     "SX",
     "Enclosure",
     "Evaluator",
@@ -43,6 +42,7 @@ __all__ = [
     "Function",
     "NearestPoint",
     "Solution",
+    "TaylorModel",
     "as_expression",
     "as_map",
     "atan2",

@@ -156,11 +156,9 @@ static void hk_straight(const hk_edge *edge, const hk_t *from, const hk_t *to, h
 }
 
 /* From q along a way, in stretches shown to keep to the branch: 1 where it is gone to its end; q is how far it got. */
-static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way, int tries) {
+static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way) {
   hk_t x[HK_STATE];
-  hk_rules rules = edge->rules;
-  rules.tries = tries;
-  return hk_go(way, &rules, q, x) == 0;
+  return hk_go(way, &edge->rules, q, x) == 0;
 }
 
 /* The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts. */
@@ -205,7 +203,7 @@ static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t 
   for (int i = 0; i < HK_N; i++) x[i] = at->q[i];
   if (careful) {
     hk_straight(edge, at->tool, x + HK_N, &way);
-    if (!hk_walked(edge, x, &way, HK_EDGE_PIECES)) return 0;
+    if (!hk_walked(edge, x, &way)) return 0;
   } else {
     for (int i = 0; i < HK_N; i++) x[i] += share * hk_times(at->S + i * HK_M, z ? z : at->e, HK_M);
     if (!hk_newton(x, &edge->rules, &margin)) return 0;
@@ -377,7 +375,7 @@ static int hk_joined(const hk_edge *edge, const hk_t *q, const hk_t *tool, const
   hk_t x[HK_N];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   hk_straight(edge, tool, end->tool, &way);
-  if (!hk_walked(edge, x, &way, HK_EDGE_PIECES)) return 0;
+  if (!hk_walked(edge, x, &way)) return 0;
   for (int i = 0; i < HK_N; i++)
     if (!(HK_FABS(x[i] - end->q[i]) <= HK_C(HK_EDGE_SAME))) return 0;
   return 1;
@@ -399,7 +397,7 @@ static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_
   hk_way way;
   hk_straight(edge, edge->tool, goal, &way);
   for (int i = 0; i < HK_N; i++) q[i] = edge->start[i];
-  const int reached = careful ? hk_walked(edge, q, &way, edge->rules.tries) : hk_glance(edge, q, &way);
+  const int reached = careful ? hk_walked(edge, q, &way) : hk_glance(edge, q, &way);
   hk_look_at(edge, q, goal, 0, at);
   return reached && hk_excess(at) <= HK_C(HK_EDGE_WITHIN);
 }
