@@ -10,7 +10,8 @@ from ..codegen import LARGEST, EdgeKernel, enabled, tell
 from ..errors import ArgumentError, NativeError, posture_text
 from ..strategies import HolonomicStrategy
 from ..types import Matrix, Value, Vector, kept
-from .edge import CONSTANTS, WITHIN, Edge, Goal, Look, edge_function
+from .descent import CONSTANTS, WITHIN, descend, inside
+from .edge import Edge, Goal, Look, edge_function
 from .leaf import leaf_step
 from .solutions import InverseStatus
 from .stretch import TRIES, inverse_code, stretch_code
@@ -91,10 +92,10 @@ def down(
     None where it is not shown to be on the branch of a posture q. careful: each piece is shown to keep to the branch;
     else Newton steps alone lead down, and the straight way from q to the end is.
     """
-    inside = edge.inside(at, goal, careful)
-    if inside is None:
+    within = inside(edge, at, goal, careful)
+    if within is None:
         return None
-    end, cut = edge.descend(inside, goal, careful, q, step)
+    end, cut = descend(edge, within, goal, careful, q, step)
     return (end, cut) if careful or edge.joined(q, tool, cut or end) else None
 
 
@@ -122,7 +123,7 @@ def cold(edge: Edge, goal: Goal) -> Look:
         found = down(edge, at, goal, careful, *begin)
         if found is not None:
             return found[0]
-    return edge.descend(edge.look(edge.start, goal), goal, True, edge.start)[0]
+    return descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool] | None:
