@@ -74,6 +74,8 @@ def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
     By active sets: constraints enter one at a time, the most violated first. [LH95, section 23.3]
     """
     A, c = at.A, at.c
+    if not len(c):
+        return e if M is None else M @ e, c
     free, MA = (e, A.T) if M is None else (M @ e, M @ A.T)
     H, b = A @ MA, A @ free + c
     H[np.diag_indices(len(c))] *= 1 + DEPENDENT
@@ -114,7 +116,7 @@ def descend(
 ) -> tuple[Look, Look | None]:
     """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
     by more than a step (n,) from its beginning, None where that is its end."""
-    cut, trust, M, fresh = None, TRUST, None, False
+    cut, trust, M, fresh, safe = None, TRUST, None, False, at
     z, forces = projection(at, at.e, None)
     for _ in range(STEPS):
         if not fresh:
@@ -141,23 +143,24 @@ def descend(
         else:
             break
         if step is not None and cut is None and least_ratio(there.q, begin, step) < 1.0:
-            cut = part(edge, at, along, share, goal, careful, begin, step)
+            cut = part(edge, at, along, share, goal, careful, begin, step) or safe
         at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
         trust = 2 * max(share * size, TRUST / 4)
-    return at, cut
+        safe = at if at.excess <= WITHIN else safe
+    return inside(edge, at, goal, careful) or safe, cut
 
 
 def part(
     edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, begin: Vector, step: Vector
-) -> Look:
-    """Along a motion of the tool as far as no joint goes farther from its beginning than a step."""
+) -> Look | None:
+    """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
     for _ in range(HALVINGS):
         there = inside(edge, edge.moved(at, z, share, goal, careful), goal, careful)
         ratio = 0.0 if there is None else least_ratio(there.q, begin, step)
         if there is not None and ratio >= 1.0:
             return there
         share *= min(0.5, 0.99 * ratio) if ratio > 0 else 0.5
-    return at
+    return None
 
 
 def compliance(edge: Edge, at: Look, forces: Vector, goal: Goal) -> Matrix:

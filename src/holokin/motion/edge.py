@@ -101,7 +101,7 @@ class Look:
     @property
     def excess(self) -> float:
         """How far outside the constraints q is [m]."""
-        return max(0.0, -float(self.c.min()))
+        return max(0.0, -float(self.c.min(initial=0.0)))
 
     @property
     def distance(self) -> float:
@@ -161,7 +161,7 @@ class Edge(Value):
         c = np.concatenate([[square - 1], q - self.lower, self.upper - q])
         if scaled is None:
             sizes = np.where(self._given, np.linalg.norm(A, axis=1), 0.0)
-            which = np.flatnonzero(sizes > UNMOVED * sizes.max())
+            which = np.flatnonzero(sizes > UNMOVED * sizes.max(initial=0.0))
             sizes = sizes[which]
         else:
             which, sizes = scaled.which, scaled.sizes

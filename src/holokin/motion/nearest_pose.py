@@ -115,15 +115,11 @@ def reached_from_start(edge: Edge, goal: Goal) -> tuple[Look, bool]:
 
 def cold(edge: Edge, goal: Goal) -> Look:
     """The look at the posture nearest to a goal, found from the start alone."""
-    begin = edge.start, edge.tool(edge.start)
-    for careful in (False, True):
-        at, reached = from_start(edge, goal, True) if careful else reached_from_start(edge, goal)
-        if reached:
-            return at
-        found = down(edge, at, goal, careful, *begin)
-        if found is not None:
-            return found[0]
-    return descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
+    at, reached = reached_from_start(edge, goal)
+    if reached:
+        return at
+    found = down(edge, at, goal, False, edge.start, edge.tool(edge.start))
+    return found[0] if found is not None else descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool] | None:

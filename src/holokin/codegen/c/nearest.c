@@ -305,17 +305,17 @@ static hk_t hk_least_ratio(const hk_t *q, const hk_t *begin, const hk_t *step) {
   return room;
 }
 
-/* Along a motion of the tool as far as no joint goes farther from its beginning than a step. */
-static void hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
+/* Along a motion of the tool as far as no joint goes farther from its beginning than a step; 0 for nowhere. */
+static int hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
                     const hk_t *begin, const hk_t *step, hk_look *there) {
   for (int tried = 0; tried < HK_EDGE_HALVINGS; tried++) {
     hk_t ratio = HK_C(0);
     if (hk_moved(edge, at, z, share, goal, careful, there) && hk_inside(edge, there, goal, careful))
       ratio = hk_least_ratio(there->q, begin, step);
-    if (ratio >= HK_C(1)) return;
+    if (ratio >= HK_C(1)) return 1;
     share *= ratio > HK_C(0) ? HK_FMIN(HK_C(0.5), HK_C(0.99) * ratio) : HK_C(0.5);
   }
-  *there = *at;
+  return 0;
 }
 
 /* Leads a look within the constraints down to the end of its way. With a step, 1 where that takes more than one from
@@ -325,7 +325,7 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
   hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD];
   hk_t trust = HK_C(HK_EDGE_TRUST);
   int fresh = 0, is_cut = 0, curved = 0;
-  hk_look there;
+  hk_look there, safe = *at;
   hk_project(at, at->e, 0, z, force);
   for (int done = 0; done < HK_EDGE_STEPS; done++) {
     hk_t most = -HK_INF, weight = HK_C(0);
@@ -357,7 +357,7 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
     }
     if (!good) break;
     if (step && !is_cut && hk_least_ratio(there.q, begin, step) < HK_C(1)) {
-      hk_part(edge, at, along, share, goal, careful, begin, step, cut);
+      if (!hk_part(edge, at, along, share, goal, careful, begin, step, cut)) *cut = safe;
       is_cut = 1;
     }
     *at = there;
@@ -365,7 +365,9 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
     for (int k = 0; k < at->count; k++) force[k] = forces[k];
     fresh = fresh && ratio <= HK_C(HK_EDGE_FAST) && share == HK_C(1);
     trust = HK_C(2) * HK_FMAX(share * size, HK_C(HK_EDGE_TRUST) / HK_C(4));
+    if (hk_excess(at) <= HK_C(HK_EDGE_WITHIN)) safe = *at;
   }
+  if (!hk_inside(edge, at, goal, careful)) *at = safe;
   return is_cut;
 }
 
@@ -410,7 +412,6 @@ static int hk_reaches(const hk_edge *edge, const hk_t *goal, hk_look *at) {
 /* From the start alone. */
 static void hk_nearest_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
   if (hk_reaches(edge, goal, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
-  if (hk_from_start(edge, goal, 1, at) || hk_down(edge, at, goal, 1, edge->start, edge->tool, 0, 0) >= 0) return;
   hk_look_at(edge, edge->start, goal, 0, at);
   hk_descend(edge, at, goal, 1, edge->start, 0, 0);
 }
