@@ -36,8 +36,8 @@ STEPS = 60
 HALVINGS = 30
 """Times that one step is halved before there is none."""
 
-RETURNS = 8
-"""Steps back to the edge after one step along it, at most; two are usual."""
+RETURNS = 12
+"""Steps back to the edge after one step along it, at most; two are usual, more where a way ends at a fold."""
 
 DESCENT = 1e-4
 """Share of the expected decrease that a step must bring. [NW06, section 3.1]"""
@@ -103,11 +103,15 @@ def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
 
 def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | None:
     """The nearest posture within the constraints, if a few steps lead to it."""
+    longest = TRUST
     for _ in range(RETURNS):
         if at is None or at.excess <= WITHIN:
             return at
         z, _ = projection(at, np.zeros(len(at.e)), None)
-        at = edge.moved(at, z, min(1.0, TRUST / max(float(np.linalg.norm(z)), 1e-300)), goal, careful)
+        size = float(np.linalg.norm(z))
+        there = edge.moved(at, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
+        longest = min(size, longest) / 4 if there is None else 2 * longest
+        at = there or at
     return at if at is not None and at.excess <= WITHIN else None
 
 

@@ -215,15 +215,17 @@ static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t 
 /* Leads a look to the nearest posture within the constraints, if a few steps do. */
 static int hk_inside(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful) {
   const hk_t none[HK_M] = {HK_C(0)};
-  hk_t z[HK_M], force[HK_MOST_HELD];
+  hk_t z[HK_M], force[HK_MOST_HELD], longest = HK_C(HK_EDGE_TRUST);
   hk_look there;
   for (int tried = 0; tried < HK_EDGE_RETURNS; tried++) {
     if (hk_excess(at) <= HK_C(HK_EDGE_WITHIN)) return 1;
     hk_project(at, none, 0, z, force);
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
-    const hk_t share = HK_FMIN(HK_C(1), HK_C(HK_EDGE_TRUST) / HK_FMAX(size, HK_C(1e-300)));
-    if (!hk_moved(edge, at, z, share, goal, careful, &there)) return 0;
-    *at = there;
+    if (hk_moved(edge, at, z, HK_FMIN(HK_C(1), longest / HK_FMAX(size, HK_C(1e-300))), goal, careful, &there)) {
+      *at = there;
+      longest *= HK_C(2);
+    } else
+      longest = HK_FMIN(size, longest) / HK_C(4);
   }
   return hk_excess(at) <= HK_C(HK_EDGE_WITHIN);
 }
