@@ -5,6 +5,7 @@ from .control_step import Controller, StepStatus, controller, has_leaf, step_fun
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
+from .nearest_pose import Nearest
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
@@ -17,6 +18,7 @@ __all__ = [
     "Drift",
     "InverseKinematics",
     "InverseStatus",
+    "Nearest",
     "Solutions",
     "Spread",
     "Step",

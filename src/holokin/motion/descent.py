@@ -163,7 +163,7 @@ def part(
         ratio = 0.0 if there is None else least_ratio(there.q, begin, step)
         if there is not None and ratio >= 1.0:
             return there
-        share *= min(0.5, 0.99 * ratio) if ratio > 0 else 0.5
+        share *= 0.99 * ratio if ratio > 0 else 0.5
     return None
 
 

@@ -182,7 +182,7 @@ class Edge(Value):
         rate, share, width = np.zeros(len(q)), 0.0, 1.0
         while width >= NARROW:
             end = min(1.0, share + width)
-            found = self._solved(q + (end - share) * rate, *way.at(end))
+            found = self.solved(q + (end - share) * rate, *way.at(end))
             if found is None:
                 width = (end - share) / 2
                 continue
@@ -225,10 +225,11 @@ class Edge(Value):
         if careful:
             q, reached = self.walk(at.q, way, TRIES)
             return self.look(q, goal) if reached else None
-        found = self._solved(at.q + share * (at.S @ (at.e if z is None else z)), *way.at(1.0))
+        found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *way.at(1.0))
         return None if found is None else self.look(found, goal)
 
-    def _solved(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
+    def solved(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
+        """The posture at a tool pose on a leaf to which Newton contracts from q."""
         found = newton(leaf_step(self.strategy), q, p, R, c, self.side)
         return None if found is None else found[0]
 

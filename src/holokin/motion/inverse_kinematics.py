@@ -130,7 +130,7 @@ class InverseKinematics(Value):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
         p, R = self._targets(given[None])
         begin = None if q is None else self.strategy.task.robot.checked(q, "the posture to begin from")
-        most = None if step is None or q is None else np.broadcast_to(numbers("step", step), self.start.shape)
+        most = None if step is None else _steps(step, len(self.start))
         asked = self.limits if limits is None else limits
         key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
         status = InverseStatus(int(self._refused(p, R)[0]))
@@ -262,6 +262,16 @@ class InverseKinematics(Value):
     @cached_property
     def _side(self) -> float:
         return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+
+
+def _steps(step: ArrayLike, joints: int) -> Vector:
+    """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
+    given = numbers("step", step)
+    if given.shape not in ((), (joints,)):
+        raise ShapeError("step", f"() or ({joints},)", given.shape)
+    if not (given > 0).all():  # NaN included
+        raise ArgumentError("step", given.tolist(), "give positive numbers")
+    return np.broadcast_to(given, (joints,))
 
 
 def _in_rows(p: Matrix, R: Array) -> Matrix:

@@ -127,8 +127,11 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
 
     None where it leads nowhere.
     """
-    begin = edge.look(q, goal)
-    tool = begin.position, begin.rotation
+    tool = edge.tool(q)
+    found = edge.solved(q, *tool, edge.leaf)  # to the leaf, with its tool where it is
+    if found is None:
+        return None
+    q, begin = found, edge.look(found, goal)
     found = down(edge, begin, goal, False, q, tool, step) or down(edge, begin, goal, True, q, tool, step)
     if found is None:
         return None

@@ -315,7 +315,7 @@ static int hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t s
     if (hk_moved(edge, at, z, share, goal, careful, there) && hk_inside(edge, there, goal, careful))
       ratio = hk_least_ratio(there->q, begin, step);
     if (ratio >= HK_C(1)) return 1;
-    share *= ratio > HK_C(0) ? HK_FMIN(HK_C(0.5), HK_C(0.99) * ratio) : HK_C(0.5);
+    share *= ratio > HK_C(0) ? HK_C(0.99) * ratio : HK_C(0.5);
   }
   return 0;
 }
@@ -421,11 +421,18 @@ static void hk_nearest_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) 
 /* From q, each joint by at most a step where one is given: 1 where that cut it short, -1 where q leads nowhere. */
 static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
   hk_look begin, cut, other;
+  hk_t x[HK_STATE], margin;
   int moving = -1;
   hk_look_at(edge, q, goal, 0, &begin);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < 12; i++) x[HK_N + i] = begin.tool[i];
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = edge->level[i];
+  *at = begin;
+  if (!hk_newton(x, &edge->rules, &margin)) return -1; /* to the leaf, with its tool where it is */
+  hk_look_at(edge, x, goal, 0, &begin);
   for (int careful = 0; careful < 2 && moving < 0; careful++) {
     *at = begin;
-    moving = hk_down(edge, at, goal, careful, q, begin.tool, step, &cut);
+    moving = hk_down(edge, at, goal, careful, begin.q, begin.tool, step, &cut);
   }
   if (moving < 0) return moving;
   if (hk_times(at->e, at->e, HK_M) > HK_C(HK_EDGE_REACHED) * HK_C(HK_EDGE_REACHED) && hk_reaches(edge, goal, &other)) {
@@ -433,8 +440,8 @@ static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q,
       *at = other;
       return 0;
     }
-    hk_look_at(edge, q, edge->tool, 0, at); /* the way there leads by the start at the latest */
-    moving = hk_down(edge, at, edge->tool, 1, q, begin.tool, step, &cut);
+    hk_look_at(edge, begin.q, edge->tool, 0, at); /* the way there leads by the start at the latest */
+    moving = hk_down(edge, at, edge->tool, 1, begin.q, begin.tool, step, &cut);
     hk_look_at(edge, moving > 0 ? cut.q : at->q, goal, 0, at);
     return moving < 0 ? moving : 1;
   }
