@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,16 +16,23 @@ from holokin.motion import InverseStatus
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-def poses_of_the_box(count: int, seed: int = 0) -> np.ndarray:
-    """(count, 4, 4): the box [0.5, 0, 0.3] +- [0.25, 0.4, 0.3], tool down, tilted to 40 degrees, spun by +-90."""
+def poses_of_the_box(
+    count: int, seed: int = 0, center=(0.5, 0.0, 0.3), half=(0.25, 0.4, 0.3), tilt: float = 40, spin: float = 90
+) -> np.ndarray:
+    """(count, 4, 4): in a box, tool down, tilted by up to `tilt` and spun by +-`spin` [deg]."""
     rng = np.random.default_rng(seed)
     poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, :3, 3] = [0.5, 0.0, 0.3] + rng.uniform(-1, 1, (count, 3)) * [0.25, 0.4, 0.3]
-    axis, tilt = rng.uniform(-np.pi, np.pi, count), np.deg2rad(40) * np.sqrt(rng.uniform(size=count))
-    lean = np.stack([tilt * np.cos(axis), tilt * np.sin(axis), np.zeros(count)], axis=1)
-    spin = np.outer(rng.uniform(-np.pi / 2, np.pi / 2, count), [0, 0, 1])
-    poses[:, :3, :3] = (Rotation.from_rotvec(lean) * Rotation.from_rotvec(spin)).as_matrix() @ DOWN
+    poses[:, :3, 3] = center + rng.uniform(-1, 1, (count, 3)) * half
+    axis, lean = rng.uniform(-np.pi, np.pi, count), np.deg2rad(tilt) * np.sqrt(rng.uniform(size=count))
+    tilted = np.stack([lean * np.cos(axis), lean * np.sin(axis), np.zeros(count)], axis=1)
+    spun = np.outer(np.deg2rad(spin) * rng.uniform(-1, 1, count), [0, 0, 1])
+    poses[:, :3, :3] = (Rotation.from_rotvec(tilted) * Rotation.from_rotvec(spun)).as_matrix() @ DOWN
     return poses
+
+
+def inner(count: int, seed: int = 0) -> np.ndarray:
+    """Those of a smaller box, between any two of which the leaf of a locked joint 3 does not end."""
+    return poses_of_the_box(count, seed, (0.5, 0.0, 0.35), (0.08, 0.1, 0.1), 20, 45)
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +113,85 @@ def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.R
     rng = np.random.default_rng(0)
     for q in start + rng.uniform(-0.15, 0.15, (10, 6)):
         assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
+
+
+def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
+    """In random order, sorted, each from the last answer, and after excursions out of reach."""
+    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
+    if "native" not in ik.engine:
+        pytest.skip("a minute on the virtual machine")
+    poses = inner(20_000)
+    sorted_order = np.argsort(poses[:, 0, 3])
+    found, again = ik.batch(poses), ik.batch(poses[sorted_order], threads=1)
+    assert found.reached.all()
+    assert np.array_equal(again.q, found.q[sorted_order])
+    away, worst = poses[0].copy(), 0.0
+    away[:3, 3] = [1.4, 0.3, 0.2]
+    q = ik.start
+    for k, i in enumerate(sorted_order):
+        if k % 1000 == 999:
+            with pytest.raises(HolokinError):
+                ik.near(away, q)
+            lost = ik.batch(away[None])
+            assert not lost.reached[0]
+        q = ik.near(poses[i], q)
+        worst = max(worst, float(np.abs(q - found.q[i]).max()))
+    assert worst < 1e-12
+
+
+@pytest.mark.parametrize("law", ["lock", "arm angle", "position"])
+def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The virtual machine walks in the small pieces of `follow`: the straight way, gone otherwise."""
+    if law == "position":
+        rows = np.zeros((4, 7))
+        rows[range(4), [0, 2, 4, 6]] = 1.0
+        made = lambda: hk.holonomic(hk.position(panda), hk.linear(rows, name="four joints"))  # noqa: E731
+    else:
+        made = lambda: hk.holonomic(hk.pose(panda), hk.lock(2) if law == "lock" else hk.arm_angle())  # noqa: E731
+    poses = poses_of_the_box(16, seed=4)
+    if law == "arm angle":  # whose ways the virtual machine takes seconds for
+        near = PANDA_START + np.random.default_rng(4).uniform(-0.2, 0.2, (8, 7))
+        poses = np.array([panda.pose(q) for q in near])
+    else:
+        poses[2, :3, 3] = [0.9, 0.0, 0.9]
+    native = hk.inverse(made(), PANDA_START)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    machine = hk.inverse(made(), PANDA_START)
+    assert "virtual machine" in machine.engine
+    a, b = native.batch(poses), machine.batch(poses)
+    assert np.array_equal(a.reached, b.reached)
+    assert 3 <= a.reached.sum() < len(poses) + (law == "arm angle")
+    assert np.abs(a.q - b.q)[a.reached].max() < 1e-12
+    q = a.q[np.argmax(a.reached)]
+    pose = panda.pose(q + 0.02)
+    assert native.near(pose, q) == pytest.approx(machine.near(pose, q), abs=1e-12)
+
+
+def test_a_hand_that_goes_round_the_base_keeps_its_turn_and_a_new_one_does_not(planar_3r: hk.Robot) -> None:
+    """Where near and cold differ: round the hole that the locked arm cannot reach, by a full turn of the base joint."""
+    start = np.array([0.3, 0.9, 0.7])
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start)
+    tool, q = planar_3r.pose(start)[:2, 3], start
+    for angle in np.linspace(0, 2 * np.pi, 200)[1:]:
+        c, s = np.cos(angle), np.sin(angle)
+        q = ik.near([c * tool[0] - s * tool[1], s * tool[0] + c * tool[1]], q)
+    assert q - start == pytest.approx([2 * np.pi, 0, 0], abs=1e-11)
+    assert ik(tool) == pytest.approx(start, abs=1e-12)
+
+
+def test_threads_do_not_change_the_answers(ik) -> None:
+    poses = inner(400, seed=2)
+    one, four = ik.batch(poses, threads=1), ik.batch(poses, threads=4)
+    assert np.array_equal(one.q, four.q, equal_nan=True)
+    assert np.array_equal(one.status, four.status)
+    with pytest.raises(ArgumentError):
+        ik.batch(poses, threads=0)
+
+
+def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    q = ik([1.5, 0.5])
+    again = pickle.loads(pickle.dumps(ik))  # noqa: S301
+    assert np.array_equal(again([1.5, 0.5]), q)
+    found = pickle.loads(pickle.dumps(ik.batch([[1.5, 0.5], [9.0, 0.0]])))  # noqa: S301
+    assert found.reached.tolist() == [True, False]

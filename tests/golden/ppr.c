@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xb5e14fa9decaedd7U
+#if PPR_EXPORT != 0x440f62f85bf35c94U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1290,71 +1290,144 @@ static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
       R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
 }
 
-/* The straight way from the tool's pose at q to the target in x, turning evenly; 0 where it turns by over 3 rad. */
-static int hk_way(const hk_t *q, const hk_t *x, hk_segment *way) {
-  hk_t T[18], E[9];
-  hk_pose_body(q, T);
-  for (int i = 0; i < 3; i++) {
-    way->center[i] = T[4 * i + 3];
-    way->v[i] = x[HK_N + i] - way->center[i];
-    way->x[i] = way->y[i] = way->turn[i] = HK_C(0);
-    for (int j = 0; j < 3; j++) way->rotation[3 * i + j] = T[4 * i + j];
-  }
-  way->angle = way->duration = HK_C(0);
-  if (HK_POSE == 3) return 1;
+#define HK_ROTATION 1e-05
+/* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
+   leaf. hk_angular: rows of g that are angles. */
+typedef struct {
+  hk_segment line;
+  hk_t end[12], level[HK_R + 1], change[HK_R + 1], turn;
+} hk_way;
+
+/* The rotation vector of a rotation matrix by rows, by the quaternion's largest part. */
+static void hk_turning(const hk_t *E, hk_t *w) {
+  const hk_t trace = E[0] + E[4] + E[8];
+  hk_t s = HK_C(1) + trace, v[3] = {E[7] - E[5], E[2] - E[6], E[3] - E[1]};
+  int k = -1;
   for (int i = 0; i < 3; i++)
+    if (HK_C(1) + HK_C(2) * E[4 * i] - trace > s) s = HK_C(1) + HK_C(2) * E[4 * i] - trace, k = i;
+  if (k >= 0) {
+    const hk_t real = v[k];
+    for (int i = 0; i < 3; i++) v[i] = i == k ? s : E[3 * i + k] + E[3 * k + i];
+    for (int i = 0; i < 3; i++) v[i] = real < HK_C(0) ? -v[i] : v[i];
+    s = HK_FABS(real);
+  }
+  const hk_t size = HK_SQRT(hk_square(v)), angle = HK_C(2) * HK_ATAN2(size, s);
+  for (int i = 0; i < 3; i++) w[i] = size > HK_C(0) ? angle * (v[i] / size) : HK_C(0);
+}
+
+/* The way from the pose (p, R) of a posture on the level g to the pose `to` on the leaf c. */
+static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
+  hk_segment *line = &way->line;
+  hk_t E[9];
+  for (int i = 0; i < 12; i++) way->end[i] = to[i];
+  for (int i = 0; i < 3; i++) {
+    line->center[i] = from[i];
+    line->v[i] = to[i] - from[i];
+    line->x[i] = line->y[i] = HK_C(0);
     for (int j = 0; j < 3; j++) {
+      line->rotation[3 * i + j] = from[3 + 3 * i + j];
       E[3 * i + j] = HK_C(0);
-      for (int k = 0; k < 3; k++) E[3 * i + j] += x[HK_N + 3 + 3 * i + k] * T[4 * j + k];
+      for (int k = 0; k < 3; k++) E[3 * i + j] += to[3 + 3 * i + k] * from[3 + 3 * j + k];
     }
-  const hk_t w[3] = {(E[7] - E[5]) / HK_C(2), (E[2] - E[6]) / HK_C(2), (E[3] - E[1]) / HK_C(2)};
-  const hk_t s = HK_SQRT(hk_square(w)), angle = HK_ATAN2(s, (E[0] + E[4] + E[8] - HK_C(1)) / HK_C(2));
-  if (!(angle <= HK_C(3))) return 0;
-  for (int i = 0; i < 3; i++) way->turn[i] = s > HK_C(0) ? w[i] * (angle / s) : HK_C(0);
-  return 1;
+  }
+  line->angle = line->duration = HK_C(0);
+  hk_turning(E, line->turn);
+  way->turn = HK_SQRT(hk_square(line->turn));
+  for (int i = 0; i < HK_R; i++) {
+    const hk_t gap = c[i] - g[i];
+    way->level[i] = g[i];
+    way->change[i] = hk_angular[i] ? HK_ATAN2(HK_SIN(gap), HK_COS(gap)) : gap;
+  }
+}
+
+/* (p, R, c) of the way at a share, after q in x. */
+static void hk_aim(const hk_way *way, hk_t share, hk_t *x) {
+  hk_target(&way->line, share, x + HK_N, x + HK_N + 3);
+  for (int i = 0; i < 12 && share == HK_C(1); i++) x[HK_N + i] = way->end[i]; /* to the last bit */
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = way->level[i] + share * way->change[i];
+}
+
+/* 1 where the rows of R are perpendicular, of length 1 and right-handed. */
+static int hk_rotates(const hk_t *R) {
+  const hk_t det = R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) +
+                   R[2] * (R[3] * R[7] - R[4] * R[6]);
+  int sound = det > HK_C(0);
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j <= i; j++) {
+      const hk_t dot = R[3 * i] * R[3 * j] + R[3 * i + 1] * R[3 * j + 1] + R[3 * i + 2] * R[3 * j + 2];
+      sound &= HK_FABS(dot - (i == j ? HK_C(1) : HK_C(0))) < HK_C(HK_ROTATION);
+    }
+  return sound;
+}
+
+/* Inverse kinematics on a leaf: a way gone in stretches that are shown to keep to one branch, and in the pieces of newton.c
+   where they cannot be.
+   hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces. q becomes
+   the posture there; x is for (q, p, R, c). */
+static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
+  hk_t share = HK_C(0), width, rate[HK_N];
+  hk_branch branch;
+#ifdef HK_STRETCHES
+  share = hk_go_stretches(way, rules, q, x);
+#endif
+  branch.laid = 0;
+  branch.length = HK_C(HK_LONGEST);
+  width = HK_C(1) - share;
+  for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
+  for (int tried = 0; share < HK_C(1); tried++) {
+    const hk_t goal = HK_FMIN(HK_C(1), share + width);
+    if (tried >= rules->tries) return 2;
+    hk_aim(way, goal, x);
+    const hk_t fits = hk_piece(x, q, rate, goal - share, HK_C(0), way->turn, &branch, rules);
+    width = fits * (goal - share);
+    if (fits >= HK_C(1) || (fits < HK_C(0) && goal == HK_C(1)))
+      share = goal;
+    else if (!(width >= rules->smallest))
+      return 1;
+  }
+  return 0;
 }
 
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], end[12], at[HK_N], rate[HK_N];
-  hk_t share = HK_C(0), width = HK_C(1);
+  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], T[18], from[12], at[HK_N];
   hk_rules rules;
-  hk_branch branch;
-  hk_segment way;
+  hk_way way;
   if (!hk_gather(q, target, c, x)) return PPR_NOT_FINITE;
+  if (!hk_rotates(x + HK_N + 3)) return PPR_NOT_A_ROTATION;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);
   rules.contraction = HK_C(HK_CONTRACTION);
   rules.almost = HK_C(HK_ALMOST);
   rules.done = HK_C(HK_DONE);
+  rules.smallest = HK_C(0);
   rules.creep = HK_C(-1);
   rules.side = y[HK_N + 2];
   rules.most = 12;
+  rules.tries = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;
-  if (!hk_way(q, x, &way)) return PPR_NOT_CONVERGED;
-  hk_constraint_body(q, g);
-  branch.laid = 0;
-  branch.length = HK_C(HK_LONGEST);
-  for (int i = 0; i < 12; i++) end[i] = x[HK_N + i];
-  for (int i = 0; i < HK_N; i++) at[i] = q[i], rate[i] = HK_C(0);
-  const hk_t turn = HK_SQRT(hk_square(way.turn));
-  for (int tried = 0; share < HK_C(1); tried++) {
-    const hk_t goal = HK_FMIN(HK_C(1), share + width);
-    if (tried >= most) return PPR_NOT_CONVERGED;
-    hk_target(&way, goal, x + HK_N, x + HK_N + 3);
-    for (int i = 0; i < 12 && goal == HK_C(1); i++) x[HK_N + i] = end[i];
-    for (int i = 0; i < HK_R; i++) {
-      const hk_t gap = c[i] - g[i], near = hk_angular[i] ? HK_ATAN2(HK_SIN(gap), HK_COS(gap)) : gap;
-      x[HK_N + 12 + i] = g[i] + goal * near;
-    }
-    const hk_t fits = hk_piece(x, at, rate, goal - share, HK_C(0), turn, &branch, &rules);
-    width = fits * (goal - share);
-    if (fits < HK_C(0)) return PPR_NOT_CONVERGED;
-    if (fits >= HK_C(1)) share = goal;
+  hk_pose_body(q, T);
+  for (int i = 0; i < 3; i++) {
+    from[i] = T[4 * i + 3];
+    for (int j = 0; j < 3; j++) from[3 + 3 * i + j] = HK_POSE == 3 ? (i == j ? HK_C(1) : HK_C(0)) : T[4 * i + j];
   }
+  hk_constraint_body(q, g);
+  hk_way_to(from, g, x + HK_N, c, &way);
+  for (int i = 0; i < HK_N; i++) at[i] = q[i];
+  if (hk_go(&way, &rules, at, x)) return PPR_NOT_CONVERGED;
   for (int i = 0; i < HK_N; i++) x[i] = q[i] = at[i];
   if (hk_beyond(q)) return PPR_LIMIT;
   hk_leaf_body(x, y);
   return hk_rough(y[HK_N], y[HK_N + 1]) ? PPR_IMPRECISE : PPR_OK;
+}
+
+int ppr_solve(ppr_real q[3], const ppr_real target[3], int most) {
+  ppr_parameters parameters;
+  hk_t at[HK_N];
+  ppr_defaults(&parameters);
+  ppr_start(at);
+  const int status = ppr_inverse(at, target, parameters.leaf, most);
+  for (int i = 0; i < HK_N && status < PPR_SINGULAR; i++) q[i] = at[i];
+  return status;
 }
 

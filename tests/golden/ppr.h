@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xb5e14fa9decaedd7U
+#define PPR_EXPORT 0x440f62f85bf35c94U
 
 #ifdef __cplusplus
 extern "C" {
@@ -41,7 +41,8 @@ enum {
   PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   PPR_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
-  PPR_BAD_PARAMETERS = 6 /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  PPR_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  PPR_NOT_A_ROTATION = 7  /* the rotation of a wanted pose is scaled, skewed or left-handed; inverse kinematics asks */
 };
 
 /* The parameters of a control step. ppr_defaults gives those of the start posture, with gains of 0.1/dt: another
@@ -81,6 +82,11 @@ int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real 
    steps): 4 are plenty for targets close by, as along a path, some 20 for 0.5 rad of joint motion. A piece is accepted
    only where it cannot lead to another branch. PPR_LIMIT: q is that posture, but beyond a joint's limits. */
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most);
+
+/* Inverse kinematics as a function of the pose alone, whatever came before: the same from the start posture, on its
+   leaf. The whole way is gone at each call: 100 pieces are plenty for most of it, ppr_inverse from the last
+   answer is faster. PPR_NOT_A_ROTATION: the target's rotation is scaled, skewed or left-handed. */
+int ppr_solve(ppr_real q[3], const ppr_real target[3], int most);
 
 #ifdef __cplusplus
 }

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0xb5e14fa9decaedd7U
+#if PPR_EXPORT != 0x440f62f85bf35c94U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0xb5e14fa9decaedd7U
+#if PPR_VECTORS != 0x440f62f85bf35c94U
 #error "these files are of different exports: export again"
 #endif
 
@@ -101,6 +101,8 @@ int main(void) {
       worst[5] = compare("leaf step", k, dq, v->leaf, 3, fed_back, worst[5]);
     if (accept("inverse", k, ppr_inverse(q, target, c, 200), rough))
       worst[6] = compare("inverse", k, q, v->inverse, 3, 10 * most, worst[6]);
+    if (accept("solve", k, ppr_solve(q, target, 200), rough))
+      worst[6] = compare("solve", k, q, v->solved, 3, 10 * most, worst[6]);
   }
   const real bad[3] = {(real)NAN, (real)INFINITY, -(real)INFINITY};
   for (int b = 0; b < 3; b++) {
@@ -127,6 +129,7 @@ int main(void) {
       copy(vectors[0].c, c, 1);
       expect("leaf step to a bad target", ppr_leaf_step(q, target, c, dq), PPR_NOT_FINITE, dq, 3);
       expect("inverse of a bad target", ppr_inverse(q, target, c, 200), PPR_NOT_FINITE, dq, 0);
+      expect("solve for a bad target", ppr_solve(q, target, 200), PPR_NOT_FINITE, dq, 0);
       target[i] = good;
     }
     for (int i = 0; i < 3; i++) {

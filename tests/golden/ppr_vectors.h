@@ -1,5 +1,5 @@
 /* Test vectors of ppr, in double precision. Written by holokin 0.2.0. */
-#define PPR_VECTORS 0xb5e14fa9decaedd7U
+#define PPR_VECTORS 0x440f62f85bf35c94U
 
 typedef struct {
   double q[3];
@@ -15,6 +15,7 @@ typedef struct {
   double g[1];
   double leaf[3];
   double inverse[3];
+  double solved[3];
   int status, precise;
   double loss, terms;
 } vector;
@@ -33,6 +34,7 @@ static const vector vectors[] = {
    {1.4469833445800053},
    {-0.01946775366143111, 0.012486431705526267, 0.016510188579559267},
    {1.019916005220301, -0.5211892381707417, 0.34288188815116893},
+   {1.108720080627398, -0.7069210608079067, 0.5491172269178799},
    1,
    1,
    1.0,
@@ -50,6 +52,7 @@ static const vector vectors[] = {
    {0.46051549614614934},
    {-0.01096774677146316, 0.00480003492472446, -0.016639411449432314},
    {0.7292907008632628, -0.4069602898656069, 1.1590331196784973},
+   {0.21294298375093842, 0.10959002217837872, 0.41137092264427455},
    1,
    1,
    1.0,

@@ -19,6 +19,7 @@ from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT
 from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
+from ..motion.stretch import ROTATION
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tolerances import TOLERANCES
@@ -147,6 +148,7 @@ class Source:
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
             "done": _c(DONE), "newtons": NEWTONS,
+            "rotation": _c(ROTATION),
             "singular_float": _c(SINGULAR_FLOAT), "representation_float": _c(REPRESENTATION_FLOAT),
             "both": _c(BOTH_FLOAT), "least_float": _c(LEAST_FLOAT),
             "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
@@ -233,7 +235,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         branch = branch_code(source.holonomic) if source.holonomic else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
-    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path")}
+    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path", "way", "inverse")}
     leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""

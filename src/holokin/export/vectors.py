@@ -110,15 +110,19 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             reached = leaf_follower(holonomic, q, PIECES // 2)(
                 q, straight_way(s.task, q, position, pose[:3, :3], levels)
             )
+            solved = leaf_follower(holonomic, source.start, PIECES // 2)(
+                source.start, straight_way(s.task, source.start, position, pose[:3, :3], (source.leaf, source.leaf))
+            )
         except HolokinError:
             return None
         step = leaf_step(holonomic)(q, position, rotation, c)[0]
-        precise = precise and _is_precise(*s.gain(reached)[1:])
+        precise = precise and _is_precise(*s.gain(reached)[1:]) and _is_precise(*s.gain(solved)[1:])
         values |= {
             "c": c,
             "g": np.atleast_1d(holonomic.constraint_value(q)),
             "leaf": np.atleast_1d(step),
             "inverse": reached,
+            "solved": solved,
         }
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
@@ -241,12 +245,15 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             f'      worst[5] = compare("leaf step", k, dq, v->leaf, {n}, fed_back, worst[5]);\n'
             f'    if (accept("inverse", k, {name}_inverse(q, target, c, {PIECES}), rough))\n'
             f'      worst[6] = compare("inverse", k, q, v->inverse, {n}, 10 * most, worst[6]);\n'
+            f'    if (accept("solve", k, {name}_solve(q, target, {PIECES}), rough))\n'
+            f'      worst[6] = compare("solve", k, q, v->solved, {n}, 10 * most, worst[6]);\n'
         )
         refused = words["NAME"] + "_NOT_FINITE"
         bad = (
             f"      copy(vectors[0].c, c, {r});\n"
             f'      expect("leaf step to a bad target", {name}_leaf_step(q, target, c, dq), {refused}, dq, {n});\n'
             f'      expect("inverse of a bad target", {name}_inverse(q, target, c, {PIECES}), {refused}, dq, 0);\n'
+            f'      expect("solve for a bad target", {name}_solve(q, target, {PIECES}), {refused}, dq, 0);\n'
         )
     singular = singular_posture(source)
     at_singular = ""

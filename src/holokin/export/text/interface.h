@@ -41,7 +41,8 @@ enum {
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   ${NAME}_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
-  ${NAME}_BAD_PARAMETERS = 6 /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  ${NAME}_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
+  ${NAME}_NOT_A_ROTATION = 7  /* the rotation of a wanted pose is scaled, skewed or left-handed; inverse kinematics asks */
 };
 
 /* The parameters of a control step. ${name}_defaults gives those of the start posture, with gains of 0.1/dt: another

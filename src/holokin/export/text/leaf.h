@@ -11,3 +11,8 @@ int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$targe
    steps): 4 are plenty for targets close by, as along a path, some 20 for 0.5 rad of joint motion. A piece is accepted
    only where it cannot lead to another branch. ${NAME}_LIMIT: q is that posture, but beyond a joint's limits. */
 int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r], int most);
+
+/* Inverse kinematics as a function of the pose alone, whatever came before: the same from the start posture, on its
+   leaf. The whole way is gone at each call: 100 pieces are plenty for most of it, ${name}_inverse from the last
+   answer is faster. ${NAME}_NOT_A_ROTATION: the target's rotation is scaled, skewed or left-handed. */
+int ${name}_solve(${name}_real q[$n], const ${name}_real target[$target], int most);

@@ -1,0 +1,68 @@
+/* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
+   leaf. hk_angular: rows of g that are angles. */
+typedef struct {
+  hk_segment line;
+  hk_t end[12], level[HK_R + 1], change[HK_R + 1], turn;
+} hk_way;
+
+/* The rotation vector of a rotation matrix by rows, by the quaternion's largest part. */
+static void hk_turning(const hk_t *E, hk_t *w) {
+  const hk_t trace = E[0] + E[4] + E[8];
+  hk_t s = HK_C(1) + trace, v[3] = {E[7] - E[5], E[2] - E[6], E[3] - E[1]};
+  int k = -1;
+  for (int i = 0; i < 3; i++)
+    if (HK_C(1) + HK_C(2) * E[4 * i] - trace > s) s = HK_C(1) + HK_C(2) * E[4 * i] - trace, k = i;
+  if (k >= 0) {
+    const hk_t real = v[k];
+    for (int i = 0; i < 3; i++) v[i] = i == k ? s : E[3 * i + k] + E[3 * k + i];
+    for (int i = 0; i < 3; i++) v[i] = real < HK_C(0) ? -v[i] : v[i];
+    s = HK_FABS(real);
+  }
+  const hk_t size = HK_SQRT(hk_square(v)), angle = HK_C(2) * HK_ATAN2(size, s);
+  for (int i = 0; i < 3; i++) w[i] = size > HK_C(0) ? angle * (v[i] / size) : HK_C(0);
+}
+
+/* The way from the pose (p, R) of a posture on the level g to the pose `to` on the leaf c. */
+static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
+  hk_segment *line = &way->line;
+  hk_t E[9];
+  for (int i = 0; i < 12; i++) way->end[i] = to[i];
+  for (int i = 0; i < 3; i++) {
+    line->center[i] = from[i];
+    line->v[i] = to[i] - from[i];
+    line->x[i] = line->y[i] = HK_C(0);
+    for (int j = 0; j < 3; j++) {
+      line->rotation[3 * i + j] = from[3 + 3 * i + j];
+      E[3 * i + j] = HK_C(0);
+      for (int k = 0; k < 3; k++) E[3 * i + j] += to[3 + 3 * i + k] * from[3 + 3 * j + k];
+    }
+  }
+  line->angle = line->duration = HK_C(0);
+  hk_turning(E, line->turn);
+  way->turn = HK_SQRT(hk_square(line->turn));
+  for (int i = 0; i < HK_R; i++) {
+    const hk_t gap = c[i] - g[i];
+    way->level[i] = g[i];
+    way->change[i] = hk_angular[i] ? HK_ATAN2(HK_SIN(gap), HK_COS(gap)) : gap;
+  }
+}
+
+/* (p, R, c) of the way at a share, after q in x. */
+static void hk_aim(const hk_way *way, hk_t share, hk_t *x) {
+  hk_target(&way->line, share, x + HK_N, x + HK_N + 3);
+  for (int i = 0; i < 12 && share == HK_C(1); i++) x[HK_N + i] = way->end[i]; /* to the last bit */
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = way->level[i] + share * way->change[i];
+}
+
+/* 1 where the rows of R are perpendicular, of length 1 and right-handed. */
+static int hk_rotates(const hk_t *R) {
+  const hk_t det = R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) +
+                   R[2] * (R[3] * R[7] - R[4] * R[6]);
+  int sound = det > HK_C(0);
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j <= i; j++) {
+      const hk_t dot = R[3 * i] * R[3 * j] + R[3 * i + 1] * R[3 * j + 1] + R[3 * i + 2] * R[3 * j + 2];
+      sound &= HK_FABS(dot - (i == j ? HK_C(1) : HK_C(0))) < HK_C(HK_ROTATION);
+    }
+  return sound;
+}
