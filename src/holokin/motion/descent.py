@@ -4,9 +4,9 @@ With e, c and their slopes A of `edge`, each step solves
 
     min  z^T B z / 2 - e^T z   with   A z >= -c,
 
-where B is the second derivative of |e|^2 / 2 - lambda c, of which that of c bends the edge [NW06, section 18.1]; far from
-the edge B = 1. The tool moves by z as far as the distance falls, and goes back onto the edge, which is curved. At the end
-e = -A^T lambda with lambda >= 0: what is missing is normal to the edge, and points out of it.
+where B is the second derivative of |e|^2 / 2 - lambda c: that of c is how the edge bends [NW06, section 18.1]. Far from
+the edge B = 1. The tool moves by z as far as the distance falls, and goes back onto the edge, which is curved. At the
+end e = -A^T lambda with lambda >= 0: what is missing is normal to the edge, and points out of it.
 """
 
 from __future__ import annotations
