@@ -268,7 +268,7 @@ def _steps(step: ArrayLike, joints: int) -> Vector:
         raise ShapeError("step", f"() or ({joints},)", given.shape)
     if not (given > 0).all():  # NaN included
         raise ArgumentError("step", given.tolist(), "give positive numbers")
-    return np.broadcast_to(given, (joints,))
+    return np.ascontiguousarray(np.broadcast_to(given, (joints,)))
 
 
 def _in_rows(p: Matrix, R: Array) -> Matrix:

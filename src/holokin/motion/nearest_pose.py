@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,22 +150,33 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     return (end, False) if cut is None else (cut, True)
 
 
+def _found(edge: Edge, goal: Goal, q: Vector | None, step: Vector | None) -> tuple[Sequence[Vector], bool]:
+    """(`Look.numbers` of the nearest posture, True where a step cut the way short). Raises: ArgumentError."""
+    kernel = edge_kernel(edge.strategy)
+    found: tuple[Sequence[Vector], bool] | None
+    if kernel is not None:
+        found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
+    elif q is None:
+        return cold(edge, goal).numbers, False
+    else:
+        at = warm(edge, goal, q, step)
+        found = None if at is None else (at[0].numbers, at[1])
+    if found is None:
+        near = posture_text([] if q is None else q)
+        raise ArgumentError("the posture to begin from", near, "give the last answer, or leave it out")
+    return found
+
+
 def nearest(edge: Edge, goal: Goal, status: InverseStatus, q: Vector | None, step: Vector | None) -> Nearest:
-    """The nearest pose to a goal, from the start or from q; `status`: whether the goal is a pose at all."""
+    """The nearest pose to a goal, from the start or from q; `status`: whether the goal is a pose at all.
+
+    Raises:
+        ArgumentError: q is no posture of the leaf.
+    """
     if status is not InverseStatus.REACHED:
         stays = np.full(len(edge.start), np.nan) if q is None else q
-        return Nearest(stays, np.full((4, 4), np.nan), status, *4 * [np.nan])
-    kernel = edge_kernel(edge.strategy)
-    if kernel is not None:
-        p, R = goal
-        parts = [np.concatenate([p, R.ravel()]), q, step]
-        found = kernel(edge.context, *(None if part is None else np.ascontiguousarray(part) for part in parts))
-    else:
-        found = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
-        found = None if found is None else (found[0].numbers, found[1])
-    if found is None:
-        raise ArgumentError("the posture to begin from", posture_text(q), "give the last answer, or leave it out")
-    (joints, e, (rcond,), tool, slack), moving = found
+        return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
+    (joints, e, rcond, tool, slack), moving = _found(edge, goal, q, step)
     task, pose = edge.strategy.task, np.eye(4)
     pose[:3, 3], pose[:3, :3] = tool[:3], tool[3:].reshape(3, 3)
     linear = np.array([row < 3 for row in task.rows])
@@ -173,4 +185,4 @@ def nearest(edge: Edge, goal: Goal, status: InverseStatus, q: Vector | None, ste
     names = ("rcond", *2 * task.robot.joint_names)
     held = tuple(names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()
     status = InverseStatus.CLAMPED if missing else InverseStatus.REACHED
-    return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond), held, moving)
+    return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond[0]), held, moving)
