@@ -191,7 +191,7 @@ def test_threads_do_not_change_the_answers(ik) -> None:
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:
     ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
     q = ik([1.5, 0.5])
-    again = pickle.loads(pickle.dumps(ik))  # noqa: S301
+    again = pickle.loads(pickle.dumps(ik))
     assert np.array_equal(again([1.5, 0.5]), q)
-    found = pickle.loads(pickle.dumps(ik.batch([[1.5, 0.5], [9.0, 0.0]])))  # noqa: S301
+    found = pickle.loads(pickle.dumps(ik.batch([[1.5, 0.5], [9.0, 0.0]])))
     assert found.reached.tolist() == [True, False]

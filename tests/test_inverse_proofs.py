@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(not enabled(), reason="no compiler")
 
 
 def models(strategy: HolonomicStrategy) -> Callable[..., np.ndarray]:
-    """(c, v, w, radius) -> the models of the extended Jacobian, column by column: m, a, b, c, r0, r, s, e and an idle one."""
+    """(c, v, w, radius) -> models of the extended Jacobian, column by column: m, a, b, c, r0, r, s, e, an idle one."""
     found = along(strategy)
     assert found is not None
     probe = """
@@ -84,7 +84,7 @@ FOLDS = {
 @pytest.mark.parametrize("width", [0.0316, 1e-3])
 @pytest.mark.parametrize("kind", list(FOLDS))
 def test_a_fold_however_narrow_is_not_passed(kind: str, width: float) -> None:
-    """The PPR arm with g = h(q3) + x: h' = 0 where the leaf folds. Poses beyond are refused, those before it reached."""
+    """The PPR arm with g = h(q3) + x: h' = 0 where the leaf folds. Poses beyond are refused."""
     h = FOLDS[kind][0](width)
     strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: h(q[2]) + q[0] + ca.cos(q[2])))
     assert along(strategy) is not None

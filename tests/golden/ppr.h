@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x440f62f85bf35c94U
+#define PPR_EXPORT 0x018298767d46eeeeU
 
 #ifdef __cplusplus
 extern "C" {

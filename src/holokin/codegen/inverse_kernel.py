@@ -26,7 +26,7 @@ REGION = 4
 
 
 class InverseKernel:
-    """hk_call_cold, hk_call_warm and hk_poses of poses.c, about a Newton step (q, p, R, c) -> (dq, rcond, margin, side).
+    """The doors of poses.c, about a Newton step (q, p, R, c) -> (dq, rcond, margin, side).
 
     more: C of numbers, branches and the constraint; stretches: C of the functions that stretch.c needs, or none.
     """
@@ -40,11 +40,10 @@ class InverseKernel:
         parts += [*map(prelude, ("inverse.c", "poses.c"))]
         whole = source(SCALAR, head, code + "".join(parts))
         long = made.instructions > LONG
-        self._library: Any = library(
-            whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses")
-        )
+        self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
-        self._poses.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int] + [ctypes.c_void_p] * 2
+        places = [ctypes.c_void_p] * 2
+        self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, *places]
         self._poses.restype = None
         self._joints = inputs[0][0]
 
@@ -82,5 +81,3 @@ class InverseKernel:
             with ThreadPoolExecutor(workers) as pool:
                 list(pool.map(part, range(len(edges) - 1)))
         return status
-
-

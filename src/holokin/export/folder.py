@@ -123,7 +123,7 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
             f"| `{name}_inverse(q, target, c, most)` | inverse kinematics on the leaf c, in at most `most` pieces | "
             f"{operations['leaf']} a Newton step, {_look(source.holonomic)} for a look at a piece |"
         )
-        functions.append(f"| `{name}_solve(q, target, most)` | the same from the start posture, on its leaf | as many |")
+        functions.append(f"| `{name}_solve(q, target, most)` | the same from the start, on its leaf | as many |")
     dense = [f.program.order for f in source.functions.values() if f.program.after is not None]
     note = f"; a system of order {dense[0]} is solved besides, by loops of fixed length" if dense else ""
     return {"joint_table": "\n".join(joints), "function_table": "\n".join(functions), "dense_note": note}

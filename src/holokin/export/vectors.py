@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
 from ..motion.leaf import leaf_follower, leaf_step, straight_way
+from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
@@ -21,6 +22,9 @@ REACH = 0.5
 
 NEAR = 0.02
 """How far from a posture the wanted pose of its step lies, at most."""
+
+AWAY = 0.7
+"""How far from the start, over the number of joints, the postures are drawn whose poses are solved from it."""
 
 PIECES = 200
 """Pieces of the way to a wanted pose that the self-test allows; the vectors need at most half of them."""
@@ -110,22 +114,35 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             reached = leaf_follower(holonomic, q, PIECES // 2)(
                 q, straight_way(s.task, q, position, pose[:3, :3], levels)
             )
-            solved = leaf_follower(holonomic, source.start, PIECES // 2)(
-                source.start, straight_way(s.task, source.start, position, pose[:3, :3], (source.leaf, source.leaf))
-            )
         except HolokinError:
             return None
+        away = _solved(source, holonomic, rng)
+        if away is None:
+            return None
         step = leaf_step(holonomic)(q, position, rotation, c)[0]
-        precise = precise and _is_precise(*s.gain(reached)[1:]) and _is_precise(*s.gain(solved)[1:])
+        precise = precise and _is_precise(*s.gain(reached)[1:]) and _is_precise(*s.gain(away[1])[1:])
         values |= {
             "c": c,
             "g": np.atleast_1d(holonomic.constraint_value(q)),
             "leaf": np.atleast_1d(step),
             "inverse": reached,
-            "solved": solved,
+            "away": away[0],
+            "solved": away[1],
         }
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
+
+
+def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
+    """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
+    task, start = strategy.task, source.start
+    pose = _single(task.robot.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start)), task.tip))
+    way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (source.leaf, source.leaf))
+    try:
+        found = leaf_follower(strategy, start, PIECES // 2)(start, way)
+    except HolokinError:
+        return None
+    return np.ravel(pose[:3, 3] if task.orientation is None else pose), found
 
 
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
@@ -245,6 +262,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             f'      worst[5] = compare("leaf step", k, dq, v->leaf, {n}, fed_back, worst[5]);\n'
             f'    if (accept("inverse", k, {name}_inverse(q, target, c, {PIECES}), rough))\n'
             f'      worst[6] = compare("inverse", k, q, v->inverse, {n}, 10 * most, worst[6]);\n'
+            f"    copy(v->away, target, {words['target']});\n"
             f'    if (accept("solve", k, {name}_solve(q, target, {PIECES}), rough))\n'
             f'      worst[6] = compare("solve", k, q, v->solved, {n}, 10 * most, worst[6]);\n'
         )

@@ -14,12 +14,13 @@ from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachErro
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
+from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
 from .stretch import ROTATION, inverse_code, stretch_code
+
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
 
@@ -64,7 +65,8 @@ class InverseKinematics(Value):
         by a full turn of a joint.
 
         Raises:
-            BranchError: q lies on another branch than the start. As `ik(pose)`, but for OutOfReachError: a loop would wait.
+            BranchError: q lies on another branch than the start.
+            As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
         """
         return self._calls[1](pose, q)
 
@@ -220,9 +222,9 @@ class InverseKinematics(Value):
         missing = np.broadcast_to(self._pose[wanted.shape[1] : 3, 3], (len(wanted), 3 - wanted.shape[1]))
         return np.hstack([wanted, missing]), np.broadcast_to(self._pose[:3, :3], (len(wanted), 3, 3))
 
-    def _refused(self, p: Matrix, R: Array) -> Array:
+    def _refused(self, p: Matrix, R: Array) -> Indices:
         """The statuses of bad poses; REACHED for the others."""
-        status = np.full(len(p), int(InverseStatus.REACHED))
+        status = np.full(len(p), int(InverseStatus.REACHED), dtype=np.intp)
         status[~(_unlike_rotation(R) < ROTATION) | ~(np.linalg.det(R) > 0)] = InverseStatus.NOT_A_ROTATION
         status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
         return status

@@ -17,8 +17,6 @@ continuously. Stretches follow one another where one's posture lies within the o
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
@@ -28,7 +26,7 @@ from .branch import branch_code
 from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 
 SLENDER = 0.02
-"""Radius of a stretch over the largest joint's motion in half of it: curves are right to less, thick ones enclose more."""
+"""Radius of a stretch over the largest joint's motion in half of it: curves are right to less."""
 
 CENTRED = 0.25
 """Newton correction in the middle of a stretch that may be left, over its radius."""
@@ -43,7 +41,7 @@ SHORTEST = 2e-4
 """The same for the last one that is tried, before the pieces of `follow` take over: they get closer to a fold."""
 
 WIDEST = 0.1
-"""Half the width [joint unit] of a region about a posture that is tried for short ways: some steps of a hand at 1 m/s."""
+"""Half the width [joint unit] of a region about a posture that is tried for short ways, some steps of a loop."""
 
 ALIKE = 0.4
 """Largest |1 - Y A| in a region: a way may be 1.4 / 0.6 times as long in it as Newton's first correction."""
@@ -54,12 +52,13 @@ AHEAD = 0.7
 STRETCHES = 2_000
 """Stretches of one way tried at most, before the pieces of `follow` take over."""
 
-SHORT = 4_000
-"""Operations of the extended Jacobian up to which it has Taylor models."""
+SHORT = 1_000
+"""Operations of the extended Jacobian up to which it has Taylor models: those of longer ones, `stationary` has 2,630, are
+so wide that stretches are no longer than the pieces of `follow`, and take longer."""
 
 PIECES = 1_000
-"""Pieces of `follow` that native code tries at most after the stretches, which have come to within 1e-4 rad of a fold by
-then: inverse kinematics is asked in loops, where no answer is better than a late one."""
+"""Pieces of `follow` that native code tries at most after the stretches, which end within some 1e-4 rad of a fold:
+inverse kinematics is asked in loops, where no answer is better than a late one."""
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -83,7 +82,7 @@ def node(strategy: HolonomicStrategy) -> Function:
 
 @kept
 def along(strategy: HolonomicStrategy) -> TaylorModel | None:
-    """The Taylor models of the extended Jacobian; None where there are none, or the angles' rows are no geometric ones."""
+    """The Taylor models of the extended Jacobian; None where there are none, or its angular rows are not geometric."""
     e = strategy.expressions
     if not strategy.task.geometric:
         return None
@@ -106,10 +105,12 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
     s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
     r = task.n - task.m
-    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES if models is None else PIECES)
+    tries = TRIES if models is None else PIECES
+    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, tries)
     numbers = {
-        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
-        "REGULAR": REGULAR, "RULES": f"{{{', '.join(map(repr, rules))}}}",
+        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
+        "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
+        "RULES": f"{{{', '.join(map(repr, rules))}}}",
     }  # fmt: skip
     if models is not None:
         numbers["STRETCHES"] = STRETCHES
