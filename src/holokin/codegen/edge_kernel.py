@@ -43,10 +43,11 @@ class EdgeKernel:
 
     def __call__(
         self, context: Vector, goal: Vector, q: Vector | None, step: Vector | None
-    ) -> tuple[list[Array], bool] | None:
-        """([q, e, rcond, p and R, the constraints], True where a step cut it short); None where q leads nowhere."""
+    ) -> tuple[int, tuple[Array, Array, Array, Array, Array]]:
+        """(what became of it, as hk_nearest_to says; q, e, rcond, p and R, the constraints)."""
         n, m = self._joints, self._rows
-        out = np.empty(n + m + 1 + 12 + 2 * n + 1)
+        out = np.empty(3 * n + m + 14)
         places = (None if array is None else array.ctypes.data for array in (q, step))
-        moving = self._run(context.ctypes.data, goal.ctypes.data, *places, out.ctypes.data)
-        return None if moving < 0 else (np.split(out, [n, n + m, n + m + 1, n + m + 13]), moving > 0)
+        ended = self._run(context.ctypes.data, goal.ctypes.data, *places, out.ctypes.data)
+        k = n + m + 1
+        return ended, (out[:n], out[n : k - 1], out[k - 1 : k], out[k : k + 12], out[k + 12 :])

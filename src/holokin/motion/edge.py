@@ -145,6 +145,16 @@ class Edge(Value):
         return np.concatenate(parts)
 
     @cached_property
+    def linear(self) -> Flags:
+        """Which rows of e are positions (m,)."""
+        return np.array([row < 3 for row in self.strategy.task.rows])
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What the constraints are called: "rcond", and the joints, for their lower and for their upper limits."""
+        return "rcond", *2 * self.strategy.task.robot.joint_names
+
+    @cached_property
     def _given(self) -> Flags:
         return np.concatenate([[True], np.isfinite(self.lower), np.isfinite(self.upper)])
 

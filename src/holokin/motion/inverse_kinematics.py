@@ -25,7 +25,6 @@ FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CON
 """What becomes of a pose that is out of reach for any posture, too."""
 
 
-
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
     """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
@@ -134,12 +133,14 @@ class InverseKinematics(Value):
         if given.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
         p, R = self._targets(given[None])
-        begin = None if q is None else self.strategy.task.robot.checked(q, "the posture to begin from")
+        begin = None
+        if q is not None:
+            begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         most = None if step is None else _steps(step, len(self.start))
         asked = self.limits if limits is None else limits
         key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
-        status = InverseStatus(int(self._refused(p, R)[0]))
-        return nearest(edge_of(self.strategy, *key), (p[0], R[0]), status, begin, most)
+        edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
+        return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
 
     @property
     def engine(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,13 +23,17 @@ LENGTH = 0.3
 
 MARGIN = 0.1
 """rcond up to which the tool goes. Measured on a Panda, stretched: 2 to 5 mm of reach are left out, and its joints move
-at most five times as fast as at its ready posture. Half of it leaves out a quarter, and lets them move twice as fast."""
+at most five times as fast as at its ready posture. Half of it leaves out a quarter and lets them move twice as fast."""
 
 HELD = 1e-7
 """Distance to a constraint [m] at which it stops the tool."""
 
 REACHED = 1e-9
 """Distance [m] that counts as none."""
+
+
+_REFUSED = {2: InverseStatus.NOT_FINITE, 3: InverseStatus.NOT_A_ROTATION}
+"""What native code says of a goal that is no pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,39 +154,35 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     return (end, False) if cut is None else (cut, True)
 
 
-def _found(edge: Edge, goal: Goal, q: Vector | None, step: Vector | None) -> tuple[Sequence[Vector], bool]:
-    """(`Look.numbers` of the nearest posture, True where a step cut the way short). Raises: ArgumentError."""
-    kernel = edge_kernel(edge.strategy)
-    found: tuple[Sequence[Vector], bool] | None
-    if kernel is not None:
-        found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
-    elif q is None:
-        return cold(edge, goal).numbers, False
-    else:
-        at = warm(edge, goal, q, step)
-        found = None if at is None else (at[0].numbers, at[1])
-    if found is None:
-        near = posture_text([] if q is None else q)
-        raise ArgumentError("the posture to begin from", near, "give the last answer, or leave it out")
-    return found
-
-
-def nearest(edge: Edge, goal: Goal, status: InverseStatus, q: Vector | None, step: Vector | None) -> Nearest:
-    """The nearest pose to a goal, from the start or from q; `status`: whether the goal is a pose at all.
+def nearest(
+    edge: Edge, goal: Goal, refused: Callable[[], InverseStatus], q: Vector | None, step: Vector | None
+) -> Nearest:
+    """The nearest pose to a goal, from the start or from q; `refused` looks whether the goal is a pose at all.
 
     Raises:
         ArgumentError: q is no posture of the leaf.
     """
+    kernel, found, moving = edge_kernel(edge.strategy), None, False
+    if kernel is not None:
+        ended, found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
+        found, moving, status = found if ended >= 0 else None, ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
+    else:
+        status = refused()
     if status is not InverseStatus.REACHED:
         stays = np.full(len(edge.start), np.nan) if q is None else q
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
-    (joints, e, rcond, tool, slack), moving = _found(edge, goal, q, step)
-    task, pose = edge.strategy.task, np.eye(4)
-    pose[:3, 3], pose[:3, :3] = tool[:3], tool[3:].reshape(3, 3)
-    linear = np.array([row < 3 for row in task.rows])
-    distance, position, angle = (float(np.linalg.norm(part)) for part in (e, e[linear], e[~linear]))
+    if kernel is None and q is None:
+        found = cold(edge, goal).numbers
+    elif kernel is None and q is not None and (answer := warm(edge, goal, q, step)) is not None:
+        found, moving = answer[0].numbers, answer[1]
+    if found is None:
+        near = posture_text([] if q is None else q)
+        raise ArgumentError("the posture to begin from", near, "give the last answer, or leave it out")
+    joints, e, rcond, tool, slack = found
+    pose = np.zeros((4, 4))
+    pose[:3, 3], pose[:3, :3], pose[3, 3] = tool[:3], tool[3:].reshape(3, 3), 1.0
+    distance, position, angle = (float(part @ part) ** 0.5 for part in (e, e[edge.linear], e[~edge.linear]))
     missing = distance > REACHED
-    names = ("rcond", *2 * task.robot.joint_names)
-    held = tuple(names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()
+    held = tuple(edge.names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()
     status = InverseStatus.CLAMPED if missing else InverseStatus.REACHED
     return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond[0]), held, moving)

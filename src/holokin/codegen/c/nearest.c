@@ -450,13 +450,17 @@ static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q,
 }
 
 /* The posture nearest to a goal (p, R), from the start, or from q where there is one. context: as of poses.c, then the
-   length and the margin. out: (q, e, rcond, p, R, how far each constraint is). As hk_nearest_warm. */
+   length and the margin. out: (q, e, rcond, p, R, how far each constraint is). As hk_nearest_warm; 2 where the goal is
+   not finite, 3 where it has no rotation. */
 HK_API int hk_nearest_to(const hk_t *context, const hk_t *goal, const hk_t *q, const hk_t *step, hk_t *out) {
   static const hk_rules ours = HK_RULES;
   const hk_t *level = context + HK_N + 12, *lower = level + HK_R, *upper = lower + HK_N, *rest = upper + HK_N;
   hk_edge edge = {context, context + HK_N, level, lower, upper, rest[1], rest[2], ours};
   hk_look at;
   int moving = 0;
+  for (int i = 0; i < 12; i++)
+    if (!(goal[i] - goal[i] == HK_C(0))) return 2;
+  if (!hk_rotates(goal + 3)) return 3;
   edge.rules.side = rest[0];
   if (q)
     moving = hk_nearest_warm(&edge, goal, q, step, &at);
