@@ -53,7 +53,8 @@ STRETCHES = 2_000
 """Stretches of one way tried at most, before the pieces of `follow` take over."""
 
 SHORT = 1_000
-"""Operations of the extended Jacobian up to which it has Taylor models: those of longer ones, `stationary` has 2,630, are
+"""Operations of the extended Jacobian up to which it has Taylor models: those of longer ones, `stationary` has
+2,630, are
 so wide that stretches are no longer than the pieces of `follow`, and take longer."""
 
 PIECES = 1_000
