@@ -21,6 +21,9 @@ from holokin.output.figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.plots import PALETTE, style
 
 HERE = Path(__file__).parent
+sys.path.append(str(HERE.parent))
+from benchmarks import edge  # noqa: E402  from beside this folder
+
 OUT = HERE / "pictures"
 BLUE, RED = PALETTE[0], PALETTE[1]
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
@@ -128,6 +131,34 @@ def on_tool(x: float, y: float, angle: float) -> np.ndarray:
     """The posture of the PPR arm with its tool at (x, y) and its hinge at an angle."""
     link = np.array([hk.load("ppr").pose([0, 0, angle])[0, 3], hk.load("ppr").pose([0, 0, angle])[1, 3]])
     return np.array([x - link[0], y - link[1], angle])
+
+
+def edge_of_reach() -> None:
+    """A hand leaves the reach of a Panda: the nearest pose, damped steps, and a robot that waits."""
+    robot = hk.load("panda")
+    poses = edge.hand(robot)
+    laws, time = edge.laws(robot, poses), edge.DT * np.arange(len(poses))
+    figure, (top, joint, speed) = plt.subplots(1, 3, figsize=(12.5, 3.9), width_ratios=(1, 1.1, 1.1))
+    top.plot(*poses[:, :2, 3].T, "--", color="0.45", linewidth=1.4, label="hand")
+    lines = {
+        "`ik`, waits where the pose is out of reach": ("0.6", 1.6), "damped least squares, 0.1": (RED, 1.6),
+        "`ik.nearest`": (BLUE, 1.9),
+    }  # fmt: skip
+    for name, (colour, width) in lines.items():
+        Q = [edge.READY]
+        for pose in poses[1:]:
+            Q.append(laws[name](Q[-1], pose))
+        tool = robot.pose_batch(np.array(Q))[0]
+        top.plot(*tool[:, :2].T, color=colour, linewidth=width, label=name.replace("`", ""))
+        joint.plot(time, [q[3] for q in Q], color=colour, linewidth=width)
+        rates = np.abs(np.diff(Q, axis=0)).max(axis=1) / edge.DT
+        speed.plot(time[1:], rates, color=colour, linewidth=width)
+    top.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the tool from above")
+    joint.set(xlabel="time [s]", ylabel="elbow, joint 4 [rad]", title="a joint")
+    speed.set(xlabel="time [s]", ylabel="rad/s", yscale="log", ylim=(0.1, 1e3), title="the fastest joint")
+    figure.tight_layout(rect=(0, 0.08, 1, 1))
+    figure.legend(loc="lower center", ncols=4)
+    save(figure, "edge")
 
 
 def joints_over_cycles() -> None:
@@ -300,7 +331,9 @@ def jobs() -> None:
 
 
 if __name__ == "__main__":
-    every = (self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, jobs)
+    every = (
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, jobs,
+    )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):
         for name in sys.argv[1:] or draws:

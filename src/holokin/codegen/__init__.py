@@ -7,6 +7,7 @@ single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1
 and result whether it is there, and keeps its numbers in one array.
 """
 
+from .edge_kernel import EdgeKernel
 from .emit import prelude as code_file
 from .evaluator import weak
 from .inverse_kernel import InverseKernel
@@ -16,6 +17,7 @@ from .program import Port
 
 __all__ = [
     "LARGEST",
+    "EdgeKernel",
     "FollowKernel",
     "InverseKernel",
     "LeafRules",

@@ -5,6 +5,7 @@ from .control_step import Controller, StepStatus, controller, has_leaf, step_fun
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
+from .nearest_pose import Nearest
 from .obstructions import Directions, Obstruction, Witness, obstruction
 from .posture_search import Postures, all_postures
 from .repetition import Drift, Spread, drift, path_spread
@@ -20,6 +21,7 @@ __all__ = [
     "Drift",
     "InverseKinematics",
     "InverseStatus",
+    "Nearest",
     "Obstruction",
     "Postures",
     "Solutions",

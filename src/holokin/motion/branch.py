@@ -54,7 +54,7 @@ SHORT = 40_000
 to sample longer ones."""
 
 
-def _turning(strategy: HolonomicStrategy) -> RowExpressions:
+def turning(strategy: HolonomicStrategy) -> RowExpressions:
     """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
     e, task = strategy.expressions, strategy.task
     return replace(e, J=e.kinematics.jacobian[list(task.rows), :]) if task.turns else e
@@ -67,7 +67,7 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
     A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
     """
     strategy = strategy.looped
-    e, m, one = _turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
+    e, m, one = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
     found = e.rate(one[:m, :], one[m:, :])
     outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
     return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
@@ -82,7 +82,7 @@ def enclosed_change(strategy: HolonomicStrategy) -> Enclosure | None:
     """
     if strategy.looped is not strategy:
         return None
-    e, n = _turning(strategy), strategy.task.n
+    e, n = turning(strategy), strategy.task.n
     A = vertcat(e.J, e.planes)
     if not short(A, e.q, SHORT // n):
         return None

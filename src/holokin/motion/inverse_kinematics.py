@@ -14,8 +14,9 @@ from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachErro
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, whole
+from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
+from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .rays import on_ray
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
@@ -93,6 +94,54 @@ class InverseKinematics(Value):
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
         return Solutions(q, status, last)
+
+    def nearest(
+        self, pose: ArrayLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
+        limits: bool | None = None, step: ArrayLike | None = None,
+    ) -> Nearest:  # fmt: skip
+        """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
+
+            min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, and joint limits when asked
+
+        A pose that is reached within these bounds has the joints of `ik(pose)`. Towards another the tool goes as far as
+        it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last answer,
+        `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
+
+        The answer moves continuously with the pose wherever one place of the edge is nearest. Midway between two that
+        are equally near, as in the middle of a hole of the workspace, no function of the pose can be continuous, and
+        `ik.nearest(pose)` jumps. From the last answer the tool stays on its side while there is a nearest place; where
+        that ceases, it slides along the edge to the next, and where the hand has come back to a pose that is reached
+        from the start, it goes there. Both may be far: `step` spreads them over as many calls as they take.
+
+        Args:
+            pose: (4, 4), or a position (3,) or (2,) with the orientation of the start.
+            q: the last answer (n,), to begin from; by default the start.
+            length: what a radian counts in metres [m].
+            rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
+            limits: True keeps to the joint limits; by default as `inverse` was told.
+            step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
+                period of the loop. Only with q.
+
+        Returns:
+            Nearest: joints, the tool's pose, a status, what is missing. A pose that is not finite, or whose rotation is
+            none, gives its status and nothing else: q stays as it was given, or is NaN.
+
+        Raises:
+            ShapeError, ArgumentError: what is no pose; numbers that are not positive; a start beyond the edge itself; a
+                q that is no answer. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
+        """
+        given = numbers("a tool pose", pose)
+        if given.shape not in ((4, 4), (3,), (2,)):
+            raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
+        p, R = self._targets(given[None])
+        begin = None
+        if q is not None:
+            begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
+        most = None if step is None else _steps(step, len(self.start))
+        asked = self.limits if limits is None else limits
+        key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
+        edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
+        return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
 
     @property
     def engine(self) -> str:
@@ -215,6 +264,16 @@ class InverseKinematics(Value):
     @cached_property
     def _side(self) -> float:
         return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+
+
+def _steps(step: ArrayLike, joints: int) -> Vector:
+    """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
+    given = numbers("step", step)
+    if given.shape not in ((), (joints,)):
+        raise ShapeError("step", f"() or ({joints},)", given.shape)
+    if not (given > 0).all():  # NaN included
+        raise ArgumentError("step", given.tolist(), "give positive numbers")
+    return np.ascontiguousarray(np.broadcast_to(given, (joints,)))
 
 
 def _in_rows(p: Matrix, R: Array) -> Matrix:

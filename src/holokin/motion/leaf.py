@@ -84,6 +84,35 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 
+def newton(correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: float) -> tuple[Vector, float] | None:
+    """(posture, margin) at the tool pose (p, R) on the leaf c, to which the steps of `leaf_step` contract from q.
+
+    None where they do not, or where something is singular or det [J; J_g] has another sign than `side`.
+    """
+    memory = correct.memory
+    at, *target = memory.arguments
+    target[0][...], target[1][...], target[2][...] = p, R, c
+    dq, rcond, margin, here = memory.results
+    at[...] = q
+    before = np.inf
+    for _ in range(NEWTONS):
+        memory.trigger()
+        size = max(map(abs, dq.tolist()))
+        sound = rcond[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
+        if not (sound and here[0] == side):
+            return None
+        last = before <= ALMOST
+        if last and not size <= before:
+            return at.copy(), float(margin[0])
+        if not (last or size <= max(TOLERANCES.contraction * before, DONE)):
+            return None
+        at += dq
+        if last or size <= DONE:
+            return at.copy(), float(margin[0])
+        before = size
+    return None
+
+
 def leaf_follower(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, Way], Vector]:
@@ -153,37 +182,13 @@ def leaf_walk(
     pose = strategy.task.robot.pose(q0, strategy.task.tip)
     side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
-    def newton(q: Vector, p: Vector, R: Matrix, c: Vector) -> tuple[Vector, float] | None:
-        memory = correct.memory
-        at, *target = memory.arguments
-        target[0][...], target[1][...], target[2][...] = p, R, c
-        dq, rcond, margin, here = memory.results
-        at[...] = q
-        before = np.inf
-        for _ in range(NEWTONS):
-            memory.trigger()
-            size = max(map(abs, dq.tolist()))
-            sound = rcond[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
-            if not (sound and here[0] == side):
-                return None
-            last = before <= ALMOST
-            if last and not size <= before:
-                return at.copy(), float(margin[0])
-            if not (last or size <= max(TOLERANCES.contraction * before, DONE)):
-                return None
-            at += dq
-            if last or size <= DONE:
-                return at.copy(), float(margin[0])
-            before = size
-        return None
-
     def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
         nonlocal rate
         way = way if angular else replace(way, turn=0.0)
         share, width = 0.0, 1.0
         for _ in range(tries):
             goal = min(1.0, share + width)
-            found, fits = newton(q + (goal - share) * rate, *way.at(goal)), 0.5
+            found, fits = newton(correct, q + (goal - share) * rate, *way.at(goal), side), 0.5
             if found is not None:
                 fits = 2.0 if ray else branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
