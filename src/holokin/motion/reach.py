@@ -68,6 +68,15 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float,
     return None
 
 
+def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:
+    """Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None, as also where the
+    searches did not come to an end."""
+    errors = _errors(task)
+    found = _nearest(task, lambda q: errors(q, position, rotation), q, limits, BUDGET)
+    known = found.missing > REACHED and found.stationary and found.looks < BUDGET
+    return found.missing if known else None
+
+
 def _errors(task: Task) -> Callable[[Vector, Vector, Matrix], tuple[Vector, Matrix]]:
     """(q, p, R) -> the task error (m,) and its derivative (m, n)."""
 
