@@ -187,7 +187,9 @@ def _base(task: Task, base: Constraint | None, q0: Vector, middle: Matrix) -> tu
     try:
         center = inverse(law, q0)(middle)
     except PathError as problem:
-        fact = f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
+        fact = (
+            f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
+        )
         raise OutOfReachError(fact, "give a start there, another base, or another workspace") from problem
     return (law, center) if base is not None else (_along_self_motion(task, center), center)
 
