@@ -2,18 +2,21 @@
 
 from .covering import Coverage, PoseStatus, Reach, coverage, posture_reach
 from .designed_law import Design, design
+from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
 from .section_metrics import SectionMetrics, section_metrics
 
 __all__ = [
     "Coverage",
     "Design",
+    "NearestLaw",
     "Objective",
     "PoseStatus",
     "Reach",
     "SectionMetrics",
     "coverage",
     "design",
+    "nearest",
     "posture_reach",
     "section_metrics",
 ]
