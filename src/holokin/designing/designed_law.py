@@ -79,15 +79,14 @@ class Design(Value):
         return self.kept == self.checked.reached
 
     def __str__(self) -> str:
-        goal = " + ".join(f"{w:g} {name.replace('_', ' ')}" for name, w in self.objective.weights.items())
+        goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         kind = "no law can have less than" if self.bound_traced else "a search over the self-motions came down to"
-        verdict = "The hard limits hold" if self.holds else f"The hard limits hold at {self.kept} only"
         cause = f"; at {self.impossible} of the samples no posture is within them" if self.impossible else ""
         return (
             f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "
-            f"{self.base.name!r}; {kind} {self.bound:.5g}. {verdict} of the {self.checked.reached} poses that were checked "
-            f"and reached{cause}: {self.checked}."
+            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; the hard limits "
+            f"hold at {self.kept} of those reached{cause}."
         )
 
 

@@ -25,8 +25,13 @@ LENGTH = 20.0
 FINER = 8
 """Walks round the best posture have steps shorter by this, twice: the least value is then right to 1e-5."""
 
-LINES = 24
-"""Lines searched for each redundant joint, where there are several."""
+LINES = 12
+"""Lines searched for each redundant joint, where there are several, of `STEPS` steps each way; a third of them with steps
+`SHORTER`, a third with steps shorter once more."""
+
+STEPS = 10
+
+SHORTER = 5
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -70,16 +75,16 @@ def least_costs(
 
     walker, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
     best, rng = np.array([Q] * kinds), np.random.default_rng(0)
-    for line in range(1 if r == 1 else LINES * r):
-        v = rng.normal(size=Q.shape)
-        found, at = walker.best(least, best[line % kinds], v, STEP, LENGTH)
-        for finer in (STEP / FINER, STEP / FINER**2):
-            for kind in range(kinds):
-                near, there = walker.best(least, at[kind], v, finer, 2 * FINER * finer)
-                better = near < found
-                found[better], at[better] = near[better], there[better]
+    for k in range(1 if r == 1 else LINES * r):
+        v, step = rng.normal(size=Q.shape), STEP / SHORTER ** (3 * k // (LINES * r))
+        found, at = walker.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
         better = found < values
         values[better], best[better] = found[better], at[better]
+    for step in (STEP / FINER, STEP / FINER**2) if r == 1 else ():
+        for kind in range(kinds):
+            found, at = walker.best(least, best[kind], v, step, 2 * FINER * step)
+            better = found < values
+            values[better], best[better] = found[better], at[better]
     worst = values[3] if speeds else np.zeros(len(Q))
     return LeastCosts(values[1], worst, values[2], np.maximum(values[0], 0.0), traced=r == 1)
 
