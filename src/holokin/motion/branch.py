@@ -63,9 +63,11 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
 
     A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
     """
+    strategy = strategy.looped
     e, m, one = _turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
     found = e.rate(one[:m, :], one[m:, :])
-    return Function("extended", {"q": e.q}, {"A": vertcat(e.J, e.planes), "inverse": found.X}, found.system)
+    outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
+    return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
 
 
 @kept
@@ -73,8 +75,10 @@ def enclosed_change(strategy: HolonomicStrategy) -> Enclosure | None:
     """q -> dA/dq_k of the extended Jacobian, (n n n,), k slowest, then columns, enclosed over boxes of q.
 
     None where an enclosure would be too long, or too wide to be of use: factorisations, which copysign tells,
-    widen it without end.
+    widen it without end, and so do the steps of a loop.
     """
+    if strategy.looped is not strategy:
+        return None
     e, n = _turning(strategy), strategy.task.n
     A = vertcat(e.J, e.planes)
     if not short(A, e.q, SHORT // n):
