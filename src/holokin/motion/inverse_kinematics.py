@@ -20,6 +20,7 @@ from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
 from .stretch import ROTATION, TRIES, inverse_code, stretch_code
 
+
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
     """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
