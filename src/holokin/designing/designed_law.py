@@ -25,7 +25,7 @@ from .section_metrics import SectionMetrics, measured, reached
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Searches at most: another one follows where the design reaches samples that the base law did not, and, with limits
 narrowed, where poses between the samples are beyond them."""
 

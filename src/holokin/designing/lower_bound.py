@@ -70,19 +70,19 @@ def least_costs(
         found = [np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2)), off.max(axis=1)]
         over = (off - allowed).max(axis=1)
         values = np.array([over, *found, *([least_worst(J, coordinates.P, costs)] if speeds else [])])
-        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values).all(axis=0)] = np.inf
+        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values[1:]).all(axis=0)] = np.inf
         return values
 
-    walker, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
+    motions, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
     best, rng = np.array([Q] * kinds), np.random.default_rng(0)
     for k in range(1 if r == 1 else LINES * r):
         v, step = rng.normal(size=Q.shape), STEP / SHORTER ** (3 * k // (LINES * r))
-        found, at = walker.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
+        found, at = motions.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
         better = found < values
         values[better], best[better] = found[better], at[better]
     for step in (STEP / FINER, STEP / FINER**2) if r == 1 else ():
         for kind in range(kinds):
-            found, at = walker.best(least, best[kind], v, step, 2 * FINER * step)
+            found, at = motions.best(least, best[kind], v, step, 2 * FINER * step)
             better = found < values
             values[better], best[better] = found[better], at[better]
     worst = values[3] if speeds else np.zeros(len(Q))
