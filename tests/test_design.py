@@ -19,6 +19,7 @@ from holokin.designing.descent import descend
 from holokin.designing.objectives import Objective, costs_of
 from holokin.designing.section import SectionSamples, TiltedLeaves
 from holokin.errors import ArgumentError, OutOfReachError, UnknownNameError
+from holokin.strategies import HolonomicStrategy
 from holokin.workspaces import PoseCloud
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -46,7 +47,7 @@ def found(task: hk.Task, oracle: PoseCloud) -> hk.Design:
     return hk.design(task, oracle, READY, base=hk.lock("panda_joint3"), degree=3)
 
 
-def squared_speed(law: hk.Strategy, start: np.ndarray, cloud: PoseCloud) -> np.ndarray:
+def squared_speed(law: HolonomicStrategy, start: np.ndarray, cloud: PoseCloud) -> np.ndarray:
     """|G|_F^2 over the position columns at each pose, by the library's public doors alone."""
     return np.sum(law.batch(hk.inverse(law, start).batch(cloud.given).q)[:, :, :3] ** 2, axis=(1, 2))
 
@@ -147,7 +148,7 @@ def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, go
 
 
 def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task) -> None:
-    """Without limits the design comes nearer; with them the squared speed is higher, and they hold where it is checked."""
+    """Without limits the design comes nearer; with them the squared speed is higher, and they hold at the check."""
     margin, rcond, space = 0.5, 0.12, hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
     free = hk.design(task, space, READY, degree=1, samples=48)
     held = hk.design(task, space, READY, degree=1, samples=48, margin=margin, rcond=rcond)
@@ -214,9 +215,11 @@ def test_descent_finds_the_bottom_of_a_curved_valley_that_ends() -> None:
 
 
 def test_bad_input_is_told_with_its_cure(task: hk.Task, irb140: hk.Robot) -> None:
-    with pytest.raises(ArgumentError, match="redundant joints is 0; each tool pose has its joints already: hk.inverse"):
+    with pytest.raises(
+        ArgumentError, match=r"redundant joints is 0; each tool pose has its joints already: hk.inverse"
+    ):
         hk.design(hk.pose(irb140), SMALL, np.full(6, 0.3))
-    with pytest.raises(OutOfReachError, match="middle of the workspace.*another workspace"):
+    with pytest.raises(OutOfReachError, match=r"middle of the workspace.*another workspace"):
         hk.design(task, hk.workspace(box=([2.0, 0, 0.3], [0.1, 0.1, 0.1])), READY)
     with pytest.raises(UnknownNameError, match="objective 'speed'"):
         hk.design(task, SMALL, READY, objective="speed")

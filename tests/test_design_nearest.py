@@ -1,4 +1,4 @@
-"""The repeatable law nearest to a given one: the planimeter's optimum from any start, and arms beside the radial law."""
+"""The repeatable law nearest to a given one: the planimeter's optimum from any start, arms beside the radial law."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_its_derivatives_are_those_of_differences(panda: hk.Robot, rows: tuple[i
 
 def test_bad_regions_are_told_with_their_cure(ppr: hk.Robot, irb140: hk.Robot) -> None:
     mp = hk.moore_penrose(hk.position(ppr))
-    with pytest.raises(ArgumentError, match="`along` of the ball is 0.0; give hk.analysis.ball"):
+    with pytest.raises(ArgumentError, match=r"`along` of the ball is 0.0; give hk.analysis.ball"):
         hk.nearest(mp, ball((0.9, -0.3, 0.8), 0.1))
     with pytest.raises(ArgumentError, match="redundant joints is 0"):
         hk.nearest(hk.moore_penrose(hk.pose(irb140)), hk.around(np.full(6, 0.3), 0.1))

@@ -118,7 +118,7 @@ class SampledSeries(Value):
         J = strategy.task.jacobian_batch(Q)[0]
         G = strategy.batch(Q) @ (J @ at.G)
         ZT = np.swapaxes(at.Z, 1, 2)
-        A = np.linalg.solve(ZT @ at.Z, ZT @ (G - at.G))
+        A = np.asarray(np.linalg.solve(ZT @ at.Z, ZT @ (G - at.G)), dtype=float)
         u, phi = symbol("u", c.d), symbol("phi", r)
         b = series.basis(u, phi)
         slopes = Function("series", {"u": u, "phi": phi}, {"by_u": jacobian(b, u), "by_phi": jacobian(b, phi)})
@@ -156,7 +156,7 @@ class SampledSeries(Value):
 
     @cached_property
     def _linear(self) -> tuple[Matrix, Vector]:
-        """(white (r t, k), x (k,)): coefficients white x make |Z (g_x + g_phi A)| least, and white makes it |x - ..|^2."""
+        """(white (r t, k), x (k,)): coefficients white x make |Z (g_x + g_phi A)| least, whose matrix white makes 1."""
         S, r, d = self.A.shape
         root = np.swapaxes(np.linalg.cholesky(self._metric), 1, 2)
         terms = (self.by_u + self.by_phi @ self.A) * self.weights

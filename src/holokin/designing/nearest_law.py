@@ -1,4 +1,4 @@
-"""`nearest`: the repeatable law nearest to a given one over a joint region. [RM92], [RM93], theory 2b, 5.4
+"""`nearest`: the repeatable law nearest to a given one over a joint region. [RM93], theory 2b, 5.4
 
 A law with leaves g(q) = const differs from a given one G by a self-motion (theory 1.5),
 
@@ -10,9 +10,9 @@ With coordinates (x, phi) of the region, x the tool pose and phi a base constrai
     D(g) = |Z (g_phi^-1 g_x + A)|_F^2,
 
 for any number of redundant joints. D does not change when g is relabelled, g -> psi(g): the gauge is fixed by
-g = phi at the middle of the region's tool poses, that is, every term of g - phi has a factor that vanishes there. It
-begins with the least squares of g_x + g_phi A, which is linear in g, and goes on with D itself and a small -log det g_phi,
-which keeps det [J; J_g] from zero.
+g = phi at the middle of the region's tool poses, that is, every term of g - phi has a factor that vanishes there. The
+search begins with the least squares of g_x + g_phi A, which is linear in g, and goes on with D itself and a small
+-log det g_phi, which keeps det [J; J_g] from zero.
 """
 
 from __future__ import annotations
@@ -188,6 +188,5 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, coun
 def _positions(center: Vector, radius: float, u: Matrix, planar: bool) -> Matrix:
     """Points (k, 3) of a ball, or of a disc in the plane of a planar robot."""
     if planar:
-        flat = Cylinder(center, radius, 0.0).points(u[:, :3])
-        return flat
+        return Cylinder(center, radius, 0.0).points(u[:, :3])
     return Sphere(center, radius).points(u[:, :3])
