@@ -83,8 +83,8 @@ class Design(Value):
         cause = f"; at {self.impossible} of the samples no posture is within them" if self.impossible else ""
         return (
             f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "
-            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; the hard "
-            f"limits hold at {self.kept} of those reached{cause}."
+            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; "
+            f"the hard limits hold at {self.kept} of those reached{cause}."
         )
 
 

@@ -94,7 +94,7 @@ class TiltedLeaves(Value):
     coordinates: Coordinates
 
     def slopes(self, Q: Matrix, A: Array, levels: Matrix | None = None) -> Sampled | None:
-        """The sections through postures (S, n) with zeta' = A (S, r, d) [per metre or radian]; None if one is singular."""
+        """The sections through postures (S, n), zeta' = A (S, r, d) [per metre or radian]; None if one is singular."""
         P, (S, r, _) = self.coordinates.P, A.shape
         J, planes = (rows.reshape(S, -1, Q.shape[1]) for rows in self._rows.batch(Q))
         M = np.concatenate([J, planes - A @ (P.T @ J)], axis=1)
