@@ -150,19 +150,19 @@ def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, go
 def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task) -> None:
     """Without limits the design comes nearer; with them the squared speed is higher, and they hold at the check."""
     margin, rcond, space = 0.5, 0.12, hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
-    free = hk.design(task, space, READY, degree=1, samples=32)
-    held = hk.design(task, space, READY, degree=1, samples=32, margin=margin, rcond=rcond)
+    free = hk.design(task, space, READY, degree=1, samples=48)
+    held = hk.design(task, space, READY, degree=1, samples=48, margin=margin, rcond=rcond)
 
     def least_margin(d: hk.Design, poses: np.ndarray) -> float:
         q = hk.inverse(d.strategy, d.start).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 
-    checked = space.poses(128, seed=1)
+    checked = space.poses(192, seed=1)
     assert least_margin(free, checked) < margin <= least_margin(held, checked)
     assert held.checked.rcond >= rcond
     assert held.holds and held.impossible == 0
     assert held.costs[-1] > free.costs[-1] + 0.01
-    assert least_margin(held, space.poses(128, seed=9)) > margin - 0.02  # poses that nobody looked at
+    assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
 
 
 def test_limits_that_no_posture_keeps_are_told(task: hk.Task) -> None:
