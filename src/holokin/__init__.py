@@ -13,7 +13,7 @@ from . import analysis, auditing, constraints, designing, export, laws, motion, 
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Coverage, coverage
+from .designing import Coverage, Design, NearestLaw, Objective, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
 from .motion import (
@@ -41,7 +41,10 @@ __all__ = [
     "Constraint",
     "ControlLaw",
     "Coverage",
+    "Design",
     "HolokinError",
+    "NearestLaw",
+    "Objective",
     "Path",
     "Robot",
     "Status",
@@ -66,6 +69,7 @@ __all__ = [
     "coverage",
     "curvature",
     "custom",
+    "design",
     "designing",
     "drift",
     "export",
@@ -85,6 +89,7 @@ __all__ = [
     "moore_penrose",
     "motion",
     "move_to_leaf",
+    "nearest",
     "null_basis",
     "obstruction",
     "path_spread",
