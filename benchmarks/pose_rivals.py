@@ -97,6 +97,60 @@ def compared(name: str, begin: Begin, robot: hk.Robot, start: np.ndarray, poses:
     return Compared(name, float(np.median(times)), within / len(poses), np.array(ends), worst)
 
 
+def ours(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, Begin]]:
+    """(name, begin) of our own inverse kinematics."""
+    task = hk.pose(robot)
+    laws = {
+        "joint 3 locked": hk.holonomic(task, hk.lock(2)),
+        "arm angle": hk.holonomic(task, hk.arm_angle()),
+        "radial": hk.radial(hk.moore_penrose(task), start),
+    }
+    found: list[tuple[str, Begin]] = []
+    for name, law in laws.items():
+        ik = hk.inverse(law, start)
+        found.append((f"holokin, {name}, `ik(pose)`", lambda _start, ik=ik: lambda pose: _or_none(lambda: ik(pose))))
+        near = _from_last(lambda pose, seed, ik=ik: _or_none(lambda: ik.near(pose, seed)))
+        found.append((f"holokin, {name}, `ik.near(pose, q)`", near))
+    return found
+
+
+def _or_none(call: Callable[[], np.ndarray]) -> np.ndarray | None:
+    try:
+        return call()
+    except hk.HolokinError:
+        return None
+
+
+def poses_page(robot: hk.Robot, start: np.ndarray, floor: float, quick: bool) -> list[str]:
+    """Lines of a page: ours and the others at poses of a box that a Panda reaches within its limits."""
+    box = hk.workspace(box=([0.5, 0.0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.pi / 2)
+    poses, steps = box.poses(8 if quick else 128), 5 if quick else 20
+    found = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock(2)), start).batch(poses)
+    inside = found.reached & ((found.q >= robot.lower) & (found.q <= robot.upper)).all(axis=1)
+    others, left_out = rivals(robot, start)
+    lines = [
+        "",
+        "## Inverse kinematics, on two ways to each pose",
+        "",
+        f"A Panda goes from its ready posture to {inside.sum()} poses of a box, [0.5, 0, 0.3] +- [0.25, 0.4, 0.3] m, the",
+        "tool down, tilted by up to 40 degrees, spun by +-90: straight, and by way of another of them, each leg in",
+        f"{steps} steps, each step asked from the last answer. All of these poses can be reached within joint limits.",
+        "Found: at the end of the first way, within joint limits. Apart: the largest joint's difference between the two",
+        "ways, in rad.",
+        "",
+        "| | a step | in C floors | found | apart, median | apart, most | largest error |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for name, begin in [*ours(robot, start), *others]:
+        c = compared(name, begin, robot, start, poses[inside], steps)
+        apart = [f"{f(c.spread):.2g}" if len(c.spread) else "-" for f in (np.median, np.max)]
+        lines.append(
+            f"| {name} | {1e6 * c.seconds:.3g} us | {c.seconds / floor:.3g} | {c.within:.0%} | {' | '.join(apart)} "
+            f"| {c.worst:.1e} |"
+        )
+    return lines + ([f"\nLeft out: {'; '.join(left_out)}."] if left_out else [])
+
+
 def _legs(corners: list[np.ndarray], steps: int) -> list[np.ndarray]:
     """Poses (4, 4) on straight lines between corners, turning evenly, `steps` a leg."""
     found = []

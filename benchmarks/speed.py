@@ -25,6 +25,7 @@ import holokin as hk
 from benchmarks.calls import Floor, Timed, calls_page, in_turns, machine_and_native, repeated
 from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
+from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
 from holokin.analysis.brackets import curvature_function
 from holokin.codegen.native import engine
@@ -163,7 +164,19 @@ def main(arguments: list[str] | None = None) -> int:
     kept = memory(strategy, loop, scale)
     grown = growth(median_and_p99, given.quick)
     one = calls_page(times, floor)
-    text = page(rows, floor, one, loops, kept, (cold, warm, *others_first), left_out, check.tracking_error(), *grown)
+    ready = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+    two_ways = poses_page(robot, ready, floor, given.quick)
+    text = page(
+        rows,
+        floor,
+        [*one, *two_ways],
+        loops,
+        kept,
+        (cold, warm, *others_first),
+        left_out,
+        check.tracking_error(),
+        *grown,
+    )
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "speed.md").write_text(text, "utf-8")
     print(text)
