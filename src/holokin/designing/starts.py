@@ -1,0 +1,79 @@
+"""What somebody would begin with: a task that leaves joints free, and start postures that are regular and comfortable."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import ArgumentError
+from ..robot import Robot
+from ..task import Task, pose, position
+from ..types import Array, Flags, Matrix, Vector
+
+POSTURES = 2000
+"""Postures looked at for a start: among so many random ones of seven joints some are far from singular."""
+
+SHARE = 0.5
+"""Share of a joint's range, about its middle, in which a start posture lies: a quarter is left on either side."""
+
+FREE = 1.2
+"""Range [rad or m] on either side of zero for a joint without limits."""
+
+
+def fitting_task(robot: Robot, tip: str | None = None) -> Task:
+    """A task with fewer rows than joints: the pose, else the position, else the first rows of it.
+
+    Raises:
+        ArgumentError: a robot of one joint, which is never redundant.
+    """
+    if robot.n < 2:
+        raise ArgumentError(f"the number of joints of {robot.name!r}", robot.n, "it needs two, to be redundant")
+    if robot.n > (3 if robot.planar else 6):
+        return pose(robot, tip=tip)
+    if robot.n > (2 if robot.planar else 3):
+        return position(robot, tip)
+    return position(robot, tip, rows=range(robot.n - 1))
+
+
+def regular_starts(task: Task) -> Matrix:
+    """Start postures (k, n) in the middle of the joint limits, rounded to a hundredth, the most regular first."""
+    robot = task.robot
+    lower, upper = allowed(robot)
+    shares = np.random.default_rng(0).uniform((1 - SHARE) / 2, (1 + SHARE) / 2, (POSTURES, robot.n))
+    Q = np.round(lower + shares * (upper - lower), 2)
+    Q = Q[inside(robot, Q)]
+    return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
+
+
+def allowed(robot: Robot) -> tuple[Vector, Vector]:
+    """The joint limits (n,), with a usual range for joints that have none."""
+    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-FREE, robot.upper - 2 * FREE))
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(FREE, robot.lower + 2 * FREE))
+    return lower, upper
+
+
+def inside(robot: Robot, Q: Matrix) -> Flags:
+    """Which postures (k, n) are within the joint limits (k,)."""
+    return ((robot.lower <= Q) & (robot.upper >= Q)).all(axis=1)
+
+
+def regular(task: Task, q: Vector) -> float:
+    """How far [J; rows of the locked joints] is from singular at q, 1 at best: smallest singular value over largest."""
+    J = task.jacobian(q)
+    locked = locked_joints(task, q)
+    others = [i for i in range(task.n) if i not in locked]
+    values = np.linalg.svd(J[:, others], compute_uv=False)
+    return float(values[-1] / values[0]) if values[0] > 0 else 0.0
+
+
+def locked_joints(task: Task, q: Vector) -> list[int]:
+    """The r joints that determine the self-motion best: pivots of its basis N (n, r)."""
+    N: Matrix = task.null_space(q).copy()
+    chosen: list[int] = []
+    for _ in range(task.n - task.m):
+        sizes = np.linalg.norm(N, axis=1)
+        sizes[chosen] = 0.0
+        pivot = int(np.argmax(sizes))
+        chosen.append(pivot)
+        direction = N[pivot] / max(sizes[pivot], 1e-300)
+        N = N - np.outer(N @ direction, direction)
+    return sorted(chosen)
