@@ -17,12 +17,13 @@ from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
 from .path import Path, arc, circle, join, line, polyline
-from .recording import read_recording
+from .recording import read_recording, read_workspace
 from .robot import Robot, catalogue, from_dh, from_urdf, load
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
+from .workspaces import Workspace, workspace
 
 __all__ = [
     "Constraint",
@@ -35,6 +36,7 @@ __all__ = [
     "Task",
     "Trajectory",
     "Verdict",
+    "Workspace",
     "analysis",
     "arc",
     "arm_angle",
@@ -74,10 +76,12 @@ __all__ = [
     "position",
     "radial",
     "read_recording",
+    "read_workspace",
     "recording",
     "robot",
     "simulate",
     "stationary",
     "strategies",
     "weighted",
+    "workspace",
 ]

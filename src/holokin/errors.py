@@ -120,7 +120,7 @@ class JobError(HolokinError):
 
 
 class RecordingError(HolokinError):
-    """A log of joint motion that cannot be read or judged."""
+    """A log of joint motion, or a table of tool poses, that cannot be read or judged."""
 
     def __init__(self, path: object, fact: str, cure: str) -> None:
         self.path, self.fact, self.cure = path, fact, cure

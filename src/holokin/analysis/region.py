@@ -10,6 +10,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, ShapeError, posture_text
 from ..types import ArrayLike, Matrix, Value, Vector, finite, whole
+from ..workspaces import sobol
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +48,7 @@ class Region(Value):
             ArgumentError unless count is a whole number, at least 1.
         """
         count, seed = whole("samples", count), whole("seed", seed, 0)
-        from scipy.stats import qmc
-
-        power = int(np.ceil(np.log2(max(count, 2))))
-        points = qmc.Sobol(self.n, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)
-        postures = self.lower + points * (self.upper - self.lower)
+        postures = self.lower + sobol(self.n, count, seed) * (self.upper - self.lower)
         return np.vstack([self.center, postures])[:count]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
@@ -36,40 +36,56 @@ _WHOLE = re.compile(r"[+-]?\d{1,19}")
 
 def read_csv(file: Path, robot: Robot) -> Samples:
     """The samples of a CSV file. Raises: RecordingError."""
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            return _table(file, stream, robot)
-    except (OSError, UnicodeError, csv.Error) as problem:
-        fact = f"cannot be read as text ({shown(str(problem), 200)})"
-        raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+    times: list[int] = []
 
+    def wanted(header: Sequence[str]) -> list[int]:
+        times.extend(_time_column(file, header))
+        return [*times, *_joint_columns(file, header, robot)]
 
-def _table(file: Path, stream: TextIO, robot: Robot) -> Samples:
-    lines = _lines(file, stream)
-    first = next(lines, "")
-    delimiter = max(",;\t", key=first.count)
-    header = [cell.strip().strip("#").strip() for cell in next(csv.reader([first], delimiter=delimiter), [])]
-    if not any(header):
-        fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
-        raise RecordingError(file, fact, "log a header and at least two cycles")
-    try:
-        float(header[0])
-    except ValueError:
-        pass
-    else:
-        raise RecordingError(file, "line 1 holds numbers, no header", "name the columns: t and the robot's joints")
-    time = _time_column(file, header)
-    wanted = [*time, *_joint_columns(file, header, robot)]
-    q, numbers, stamps = array("d"), array("q"), _Stamps(len(time) == 2)
-    for table, texts, places in _pieces(file, header, wanted, lines, delimiter):
-        stamps.add(table[:, : len(time)], texts)
-        q.frombytes(table[:, len(time) :].tobytes())
+    stamps: _Stamps | None = None
+    q, numbers = array("d"), array("q")
+    for table, texts, places in csv_pieces(file, wanted, "log a header and at least two cycles"):
+        stamps = stamps or _Stamps(len(times) == 2)
+        stamps.add(table[:, : len(times)], texts)
+        q.frombytes(table[:, len(times) :].tobytes())
         numbers.extend(places)
-    if not numbers:
+    if stamps is None:
         raise RecordingError(file, "has a header but no samples", "log at least two cycles")
     notes: list[str] = []
     t = stamps.seconds(file, notes)
     return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", np.frombuffer(numbers, dtype=np.int64), notes)
+
+
+def csv_pieces(
+    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str = "t and the robot's joints"
+) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:
+    """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
+
+    Args:
+        wanted: the columns that are read, of the header's names.
+        cure: for a file without a header or rows. names: of the columns that it should have.
+
+    Raises:
+        RecordingError: it cannot be read, has no header, or a cell that is no finite number.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            lines = _lines(file, stream)
+            first = next(lines, "")
+            delimiter = max(",;\t", key=first.count)
+            header = [cell.strip().strip("#").strip() for cell in next(csv.reader([first], delimiter=delimiter), [])]
+            if not any(header):
+                fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
+                raise RecordingError(file, fact, cure)
+            try:
+                float(header[0])
+            except ValueError:
+                yield from _pieces(file, header, wanted(header), lines, delimiter)
+            else:
+                raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
+    except (OSError, UnicodeError, csv.Error) as problem:
+        fact = f"cannot be read as text ({shown(str(problem), 200)})"
+        raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
 
 
 def _lines(file: Path, stream: TextIO) -> Iterator[str]:

@@ -49,7 +49,7 @@ def read_recording(
         MissingExtraError: a bag, and rosbags is not installed. ArgumentError: a topic for a CSV file.
     """
     file = Path(path)
-    if _is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
+    if is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
         samples = read_bag(file, robot, topic)
     elif topic is not None:
         raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
@@ -66,7 +66,7 @@ def read_recording(
     return replace(log, notes=tuple(notes))
 
 
-def _is_folder(file: Path) -> bool:
+def is_folder(file: Path) -> bool:
     """True for a folder, False for a regular file. Raises: RecordingError for what may never end, and for nothing."""
     try:
         mode = file.stat().st_mode

@@ -1,0 +1,105 @@
+"""`read_workspace`: tool poses from a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import RecordingError
+from ..types import Array, Matrix
+from ..workspaces import ROTATION, PoseCloud, pose_cloud, rotation_gap
+from .csv_log import csv_pieces
+from .log import listed
+from .reading import is_folder
+
+POSITION = ("x", "y", "z")
+QUATERNION = ("qx", "qy", "qz", "qw")
+ANGLES = ("roll", "pitch", "yaw")
+MATRIX = tuple(f"T{row}{column}" for row in range(3) for column in range(4))
+"""Columns of a pose as the first three rows of its matrix, counted from 0; a last row may stand there too."""
+
+KINDS = ((*POSITION, *QUATERNION), (*POSITION, *ANGLES), MATRIX)
+
+LENGTH = 1e-3
+"""How far a quaternion's length may be from 1: four written digits leave 1e-4."""
+
+TURN = 2 * np.pi
+"""Largest angle [rad] that is believed when nobody says that the file has degrees."""
+
+
+@typed
+def read_workspace(path: str | Path, *, degrees: bool | None = None) -> PoseCloud:
+    """A workspace of the tool poses in a CSV file, a line each, in the frame of the robot's base.
+
+    The header names the columns, in any order, others are left out: x, y, z [m] with qx, qy, qz, qw (scalar last) or
+    with roll, pitch, yaw (about the base's axes x, y, z, in this order [rad]); or T00, T01, ..., T23, the first three
+    rows of the pose's matrix.
+
+    Args:
+        degrees: True when roll, pitch and yaw are in degrees; None refuses values that only fit as degrees.
+
+    Raises:
+        RecordingError: no such file, unreadable, columns missing, no lines, text or NaN in a cell, a quaternion that is
+            not of unit length, a matrix that is no rotation (with the line, and how far off it is).
+    """
+    file = Path(path)
+    if is_folder(file):
+        raise RecordingError(file, "is a folder", "give a CSV file of poses")
+    kind: tuple[str, ...] = ()
+
+    def wanted(header: Sequence[str]) -> list[int]:
+        nonlocal kind
+        names = [name.lower() for name in header]
+        for kind in KINDS:
+            if all(name.lower() in names for name in kind):
+                return [names.index(name.lower()) for name in kind]
+        cure = "name x, y, z with qx, qy, qz, qw or roll, pitch, yaw; or T00, T01, ..., T23"
+        raise RecordingError(file, f"its columns {listed(header)} are no pose", cure)
+
+    found = [(table, places) for table, _, places in csv_pieces(file, wanted, "give a pose a line", "x, y, z, qx, ...")]
+    if not found:
+        raise RecordingError(file, "has a header but no poses", "give a pose a line")
+    table = np.vstack([rows for rows, _ in found])
+    lines = np.concatenate([places for _, places in found])
+    poses = np.tile(np.eye(4), (len(table), 1, 1))
+    if kind is MATRIX:
+        poses[:, :3] = table.reshape(-1, 3, 4)
+        _check_rotations(file, poses, lines)
+    else:
+        poses[:, :3, 3] = table[:, :3]
+        turns = _of_quaternions if "qw" in kind else _of_angles
+        poses[:, :3, :3] = turns(file, table[:, 3:], lines, degrees)
+    return pose_cloud(poses, str(file))
+
+
+def _check_rotations(file: Path, poses: Array, lines: Array) -> None:
+    for line, pose in zip(lines, poses, strict=True):
+        if (gap := rotation_gap(pose[:3, :3])) > ROTATION:
+            fact = f"line {line} has no rotation: R R^T is {gap:.2g} away from 1, or R is a reflection"
+            raise RecordingError(file, fact, "give right-handed rotation matrices with all their digits")
+
+
+def _of_quaternions(file: Path, values: Matrix, lines: Array, _degrees: bool | None) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    off = np.abs(np.linalg.norm(values, axis=1) - 1)
+    if (off > LENGTH).any():
+        i = int(np.argmax(off > LENGTH))
+        fact = f"line {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
+        more = f", and {int((off > LENGTH).sum()) - 1} lines after it" if (off > LENGTH).sum() > 1 else ""
+        raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")
+    return Rotation.from_quat(values).as_matrix()
+
+
+def _of_angles(file: Path, values: Matrix, lines: Array, degrees: bool | None) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    far = (np.abs(values) > TURN).any(axis=1)
+    if degrees is None and far.any():
+        i = int(np.argmax(far))
+        fact = f"line {lines[i]} has an angle of {np.abs(values[i]).max():g}, over a turn in rad"
+        raise RecordingError(file, fact, "say degrees=True if the angles are in degrees, degrees=False if in rad")
+    return Rotation.from_euler("xyz", values, degrees=bool(degrees)).as_matrix()

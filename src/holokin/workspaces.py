@@ -1,0 +1,331 @@
+"""`Workspace`: a set of tool poses: a solid of positions times tool directions times turns, or given poses."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arguments import typed
+from .errors import ArgumentError, ShapeError
+from .path import as_point
+from .types import (
+    Array,
+    ArrayLike,
+    Flags,
+    Matrix,
+    Value,
+    Vector,
+    finite,
+    frozen,
+    not_negative,
+    numbers,
+    positive,
+    whole,
+)
+
+TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))
+"""The rotation of a tool whose z axis is -z of the base and whose x axis is x of the base."""
+
+ROTATION = 1e-5
+"""How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
+
+
+def sobol(dimension: int, count: int, seed: int) -> Matrix:
+    """`count` points (count, dimension) of [0, 1)^dimension, a scrambled Sobol sequence, the same for the same seed.
+
+    More points of one seed begin with the fewer ones.
+    """
+    from scipy.stats import qmc  # here, because it triples the time to import holokin
+
+    power = int(np.ceil(np.log2(max(count, 2))))
+    return qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
+
+
+def rotation_gap(rotation: Matrix) -> float:
+    """How far a matrix (3, 3) is from a rotation: the largest entry of |R R^T - 1|; 2 or more for a reflection."""
+    gap = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    return gap if np.linalg.det(rotation) > 0 else max(gap, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Solid(Value, ABC):
+    """A set of tool positions about a centre (3,) [m], in the base frame."""
+
+    center: Vector
+
+    @property
+    @abstractmethod
+    def half(self) -> Vector:
+        """Half sides (3,) of the box round it [m]."""
+
+    @abstractmethod
+    def points(self, u: Matrix) -> Matrix:
+        """Positions (k, 3) of points u (k, 3) of the unit cube; even points give even positions."""
+
+    @abstractmethod
+    def contains(self, points: Matrix) -> Flags:
+        """Which of the positions (k, 3) belong to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box(Solid):
+    """center +- sides, along the axes of the base."""
+
+    sides: Vector
+
+    @property
+    def half(self) -> Vector:
+        """Half sides (3,) [m]."""
+        return self.sides
+
+    def points(self, u: Matrix) -> Matrix:
+        """Positions (k, 3) of points u (k, 3) of the unit cube."""
+        return self.center + (2 * u - 1) * self.sides
+
+    def contains(self, points: Matrix) -> Flags:
+        """Which of the positions (k, 3) belong to it."""
+        return (np.abs(points - self.center) <= self.sides * (1 + 1e-12)).all(axis=1)
+
+    def __str__(self) -> str:
+        return f"box {_three(self.center)} +- {_three(self.sides)} m"
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(Solid):
+    """Positions up to `radius` from the vertical axis through the centre, and up to `height` above and below it."""
+
+    radius: float
+    height: float
+
+    @property
+    def half(self) -> Vector:
+        """Half sides (3,) of the box round it [m]."""
+        return np.array([self.radius, self.radius, self.height])
+
+    def points(self, u: Matrix) -> Matrix:
+        """Positions (k, 3) of points u (k, 3) of the unit cube; the area grows as the radius squared."""
+        r, angle = self.radius * np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
+        return self.center + np.column_stack([r * np.cos(angle), r * np.sin(angle), (2 * u[:, 2] - 1) * self.height])
+
+    def contains(self, points: Matrix) -> Flags:
+        """Which of the positions (k, 3) belong to it."""
+        away = points - self.center
+        near = np.hypot(away[:, 0], away[:, 1]) <= self.radius * (1 + 1e-12)
+        return near & (np.abs(away[:, 2]) <= self.height * (1 + 1e-12))
+
+    def __str__(self) -> str:
+        return f"cylinder about {_three(self.center)}, radius {self.radius:g} m, half height {self.height:g} m"
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(Solid):
+    """Positions up to `radius` from the centre."""
+
+    radius: float
+
+    @property
+    def half(self) -> Vector:
+        """Half sides (3,) of the box round it [m]."""
+        return np.full(3, self.radius)
+
+    def points(self, u: Matrix) -> Matrix:
+        """Positions (k, 3) of points u (k, 3) of the unit cube; the volume grows as the radius cubed."""
+        return self.center + self.radius * np.cbrt(u[:, :1]) * _directions(1 - 2 * u[:, 1], 2 * np.pi * u[:, 2])
+
+    def contains(self, points: Matrix) -> Flags:
+        """Which of the positions (k, 3) belong to it."""
+        return np.linalg.norm(points - self.center, axis=1) <= self.radius * (1 + 1e-12)
+
+    def __str__(self) -> str:
+        return f"sphere about {_three(self.center)}, radius {self.radius:g} m"
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace(Value, ABC):
+    """A set of tool poses (4, 4) in the base frame: make one with `workspace` or `read_workspace`."""
+
+    @property
+    @abstractmethod
+    def center(self) -> Matrix:
+        """The pose (4, 4) in its middle."""
+
+    @abstractmethod
+    def poses(self, count: int, seed: int = 0) -> Array:
+        """Some of its poses (count, 4, 4), the same for the same seed."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRange(Workspace):
+    """Positions of a solid, times tool directions within `tilt` of a middle one, times turns of +-`spin` [rad].
+
+    The rotations are R = rotation Rot(u, a) Rot(z, s): the tool leans by a, 0 <= a <= tilt, about an axis u
+    perpendicular to its own z axis, then turns by s, |s| <= spin, about that z axis. Directions are even on the
+    sphere (cos a is even from cos tilt to 1, as solid angle asks), turns and positions are even, too.
+    """
+
+    solid: Solid
+    rotation: Matrix
+    tilt: float
+    spin: float
+
+    @property
+    def center(self) -> Matrix:
+        """The centre of the solid with the middle rotation (4, 4)."""
+        return self.at(self.solid.center[None])[0]
+
+    @typed
+    def poses(self, count: int, seed: int = 0) -> Array:
+        """`count` poses (count, 4, 4): a scrambled Sobol sequence in six dimensions, the same for the same seed.
+
+        Raises:
+            ArgumentError unless count is a whole number, at least 1, and the seed one that is not negative.
+        """
+        from scipy.spatial.transform import Rotation
+
+        u = sobol(6, whole("samples", count), whole("seed", seed, 0))
+        cosine = 1 - u[:, 3] * (1 - np.cos(self.tilt))
+        lean, around, turn = np.arccos(np.clip(cosine, -1, 1)), 2 * np.pi * u[:, 4], (2 * u[:, 5] - 1) * self.spin
+        axis = np.column_stack([-np.sin(around), np.cos(around), np.zeros(count)])
+        leaning = Rotation.from_rotvec(lean[:, None] * axis)
+        turning = Rotation.from_rotvec(turn[:, None] * np.array([0.0, 0.0, 1.0]))
+        poses = self.at(self.solid.points(u[:, :3]))
+        poses[:, :3, :3] = self.rotation @ (leaning * turning).as_matrix()
+        return poses
+
+    def at(self, positions: Matrix) -> Array:
+        """Poses (k, 4, 4) at positions (k, 3), all with the middle rotation."""
+        poses = np.tile(np.eye(4), (len(positions), 1, 1))
+        poses[:, :3, 3], poses[:, :3, :3] = positions, self.rotation
+        return poses
+
+    def __str__(self) -> str:
+        words = [str(self.solid)]
+        down = np.array_equal(self.rotation, TOOL_DOWN)
+        z = _three(self.rotation[:, 2])
+        words.append("tool down" if down else f"tool z along {z}")
+        words += [f"tilt to {np.degrees(self.tilt):.3g} deg"] if self.tilt else []
+        words += [f"spin +-{np.degrees(self.spin):.3g} deg"] if self.spin else []
+        return ", ".join(words)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCloud(Workspace):
+    """Given poses (k, 4, 4), as many as there are; `source` says where they are from."""
+
+    given: Array
+    source: str = "given poses"
+
+    @property
+    def center(self) -> Matrix:
+        """The one of the poses that is nearest to the mean of their positions (4, 4)."""
+        p = self.given[:, :3, 3]
+        return self.given[int(np.argmin(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
+
+    @typed
+    def poses(self, count: int, seed: int = 0) -> Array:
+        """All its poses (k, 4, 4), in order; where these are more than `count`, so many of them drawn by chance.
+
+        Raises:
+            ArgumentError unless count is a whole number, at least 1, and the seed one that is not negative.
+        """
+        count, seed = whole("samples", count), whole("seed", seed, 0)
+        if count >= len(self.given):
+            return self.given
+        chosen = np.random.default_rng(seed).choice(len(self.given), count, replace=False)
+        return self.given[np.sort(chosen)]
+
+    def __str__(self) -> str:
+        return f"{len(self.given)} poses of {self.source}"
+
+
+@typed
+def workspace(
+    *,
+    box: tuple[Any, Any] | None = None,
+    cylinder: tuple[Any, Any, Any] | None = None,
+    sphere: tuple[Any, Any] | None = None,
+    rotation: ArrayLike | None = None,
+    tilt: float = 0.0,
+    spin: float = 0.0,
+) -> PoseRange:
+    """A solid of tool positions, times a cone of tool directions, times a range of turns of the tool about its z axis.
+
+    A task of positions looks at the positions alone, whatever the rotations are. For a pose task of a planar robot
+    give rotation=np.eye(3), since its tool turns in the plane, and no tilt.
+
+    Args:
+        box: (center (3,), half sides (3,)) [m], along the axes of the base; of a plane (2,) each.
+        cylinder: (center (3,), radius, half height) [m], its axis along z of the base.
+        sphere: (center (3,), radius) [m].
+        rotation: middle rotation (3, 3) of the tool; by default tool down: z of the tool is -z of the base, x is x.
+        tilt: half angle [rad] of the cone of the tool's z axes about the middle one, at most pi.
+        spin: the tool turns by up to so much [rad] each way about its own z axis, at most pi.
+
+    Raises:
+        ArgumentError: none or several of box, cylinder and sphere; a negative side, or none that is positive; a tilt
+            or spin below 0 or above pi; no rotation matrix. ShapeError, NotFiniteError.
+    """
+    given = {name: v for name, v in {"box": box, "cylinder": cylinder, "sphere": sphere}.items() if v is not None}
+    if len(given) != 1:
+        raise ArgumentError("the solid of a workspace", list(given) or None, "give one of box=, cylinder= and sphere=")
+    if box is not None:
+        solid: Solid = _box(*box)
+    elif cylinder is not None:
+        center, radius, height = cylinder
+        radius = positive("the radius of a cylinder", radius, "give a positive radius in metres")
+        solid = Cylinder(as_point(center), radius, not_negative("the half height of a cylinder", height))
+    else:
+        center, radius = sphere or (None, None)
+        solid = Sphere(as_point(center), positive("the radius of a sphere", radius, "give a positive radius in metres"))
+    R = TOOL_DOWN if rotation is None else finite("the rotation of a workspace", rotation, (3, 3))
+    if (gap := rotation_gap(R)) > ROTATION:
+        cure = f"give a right-handed rotation matrix: R R^T is {gap:.2g} away from 1, or R is a reflection"
+        raise ArgumentError("the rotation of a workspace", R.tolist(), cure)
+    return PoseRange(solid, R, _angle("tilt", tilt), _angle("spin", spin))
+
+
+def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
+    """A workspace of given tool poses (k, 4, 4).
+
+    Raises:
+        ArgumentError: no poses, or one whose rotation is none. ShapeError, NotFiniteError.
+    """
+    given = finite("the poses of a workspace", poses, ("k", 4, 4))
+    if not len(given):
+        raise ArgumentError("the number of poses of a workspace", 0, "give at least one")
+    for i, pose in enumerate(given):
+        if (gap := rotation_gap(pose[:3, :3])) > ROTATION or not np.array_equal(pose[3], [0, 0, 0, 1]):
+            cure = f"give a right-handed rotation (R R^T is {gap:.2g} away from 1) above a last row 0, 0, 0, 1"
+            raise ArgumentError(f"pose {i} of a workspace", pose.tolist(), cure)
+    return PoseCloud(given, source)
+
+
+def _box(center: Any, sides: Any) -> Box:
+    half = numbers("the half sides of a box", sides)
+    if half.shape not in ((2,), (3,)):
+        raise ShapeError("the half sides of a box", "(3,) or (2,)", half.shape)
+    half = as_point(half)
+    if (half < 0).any() or not half.any():
+        cure = "give half sides that are not negative [m], and not all zero: center and half sides, not two corners"
+        raise ArgumentError("the half sides of a box", half.tolist(), cure)
+    return Box(as_point(center), half)
+
+
+def _angle(what: str, value: float) -> float:
+    angle = not_negative(f"the {what} of a workspace", value)
+    if angle > np.pi * (1 + 1e-12):
+        raise ArgumentError(f"the {what} of a workspace", angle, "give at most pi: angles are in rad")
+    return min(angle, np.pi)
+
+
+def _directions(cosine: Vector, around: Vector) -> Matrix:
+    """Unit vectors (k, 3) at angles acos(cosine) from z, and `around` it."""
+    sine = np.sqrt(np.maximum(0.0, 1 - cosine**2))
+    return np.column_stack([sine * np.cos(around), sine * np.sin(around), cosine])
+
+
+def _three(v: Vector) -> str:
+    return f"[{', '.join(f'{x:.4g}' for x in v + 0.0)}]"
