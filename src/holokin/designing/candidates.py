@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -24,7 +24,6 @@ from ..constraints import (
 from ..constraints.arm_geometry import shoulder_elbow_wrist
 from ..errors import NoArmError
 from ..strategies import HolonomicStrategy, holonomic
-from ..symbolic import symbol
 from ..task import Task
 from ..types import Matrix, Value, Vector
 from .starts import locked_joints
@@ -53,6 +52,7 @@ class Candidate(Value):
 
     name: str
     keys: Mapping[str, Any]
+    task: Task
     strategy: HolonomicStrategy | None = None
     level: float | None = None
 
@@ -77,7 +77,7 @@ def candidates(task: Task, starts: Matrix) -> list[Candidate]:
             constraint = stack(lock(*names), constraint)
         found.append(_candidate(task, name, keys, constraint))
     found += _stationary(task, starts)
-    return [c for c in found if _fixes(c, starts, bases)] + [Candidate("radial", {"kind": "radial"})]
+    return [c for c in found if _fixes(c, starts, bases)] + [Candidate("radial", {"kind": "radial"}, task)]
 
 
 Law = tuple[str, Mapping[str, Any], Constraint]
@@ -86,7 +86,7 @@ Law = tuple[str, Mapping[str, Any], Constraint]
 def _candidate(
     task: Task, name: str, keys: Mapping[str, Any], constraint: Constraint, level: float | None = None
 ) -> Candidate:
-    return Candidate(name, keys, holonomic(task, constraint, name=name), level)
+    return Candidate(name, keys, task, holonomic(task, constraint, name=name), level)
 
 
 def _locks(task: Task, bases: list[Matrix]) -> Iterator[Candidate]:
@@ -104,7 +104,7 @@ def _pairs(task: Task, starts: Matrix, trunk: list[int]) -> Iterator[Law]:
     names, n = task.robot.joint_names, task.n
     free = [i for i in range(n) if i not in trunk]
     rows: list[tuple[float, Vector]] = []
-    N = [_basis(task, q)[:, :] for q in starts]
+    N = [_basis(task, q) for q in starts]
     for i, j in _parallel(task, free):
         best = max(((_size_of(row, N), row) for row in (_row(n, i, j, -1.0), _row(n, i, j, 1.0))), key=lambda e: e[0])
         rows.append(best)
@@ -128,8 +128,6 @@ def _size_of(row: Vector, bases: Iterable[Matrix]) -> float:
 def _parallel(task: Task, among: list[int]) -> Iterator[tuple[int, int]]:
     """Pairs of hinges whose axes are parallel where all joints stand at zero."""
     robot = task.robot
-    k = robot.kinematics(symbol("q", task.n), task.tip)
-    del k
     axes = robot.jacobian(np.zeros(task.n), task.tip)[3:]
     for i, j in combinations(among, 2):
         both = robot.hinges[i] and robot.hinges[j] and axes[:, i].any() and axes[:, j].any()

@@ -6,8 +6,9 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..robot import Robot
+from ..symbolic import wrapped
 from ..task import Task, pose, position
-from ..types import Array, Flags, Matrix, Vector
+from ..types import Flags, Matrix, Vector
 
 POSTURES = 2000
 """Postures looked at for a start: among so many random ones of seven joints some are far from singular."""
@@ -17,6 +18,15 @@ SHARE = 0.5
 
 FREE = 1.2
 """Range [rad or m] on either side of zero for a joint without limits."""
+
+SPREAD = 8
+"""Postures at one tool pose from which laws are tried: with more, no better leaf was found on five arms."""
+
+SEEDS, CORRECTIONS = 384, 60
+"""Random postures, and Newton steps from each, by which the postures of a tool pose are found."""
+
+DAMPING, LONGEST = 0.05, 0.4
+"""Of these steps: J J^T is increased by so much times the squared error; the longest step [rad or m]."""
 
 
 def fitting_task(robot: Robot, tip: str | None = None) -> Task:
@@ -42,6 +52,44 @@ def regular_starts(task: Task) -> Matrix:
     Q = np.round(lower + shares * (upper - lower), 2)
     Q = Q[inside(robot, Q)]
     return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
+
+
+def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
+    """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
+    are none. The most comfortable is the first.
+
+    Found from random postures by damped Newton steps, so that they are of all branches and all over the self-motions.
+    """
+    lower, upper = allowed(task.robot)
+    Q = np.random.default_rng(0).uniform(lower, upper, (SEEDS, task.n))
+    p, R = pose[:3, 3], pose[:3, :3]
+    for _ in range(CORRECTIONS):
+        e = task.error(Q, p, R)
+        J, _ = task.jacobian_batch(Q)
+        damped = J @ J.transpose(0, 2, 1) + DAMPING * np.sum(e**2, axis=1)[:, None, None] * np.eye(task.m)
+        step = np.einsum("kij,ki->kj", J, np.linalg.solve(damped + 1e-12 * np.eye(task.m), e[..., None])[..., 0])
+        Q = Q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+    Q = np.where(task.robot.hinges & ~np.isfinite(task.robot.lower), wrapped(Q), Q)
+    Q = Q[(np.abs(task.error(Q, p, R)).max(axis=1) < 1e-9) & inside(task.robot, Q)]
+    if not len(Q):
+        return Q
+    values = np.array([comfort(task, q) for q in Q])
+    chosen = [int(np.argmax(values))]
+    away = np.full(len(Q), np.inf)
+    while len(chosen) < min(count, len(Q)):
+        away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
+        chosen.append(int(np.argmax(away * values)))
+    return Q[chosen]
+
+
+def comfort(task: Task, q: Vector) -> float:
+    """How far a posture is from limits and singular postures, 0 to 1: least distance to a limit over half the joint's
+    range, times `regular`."""
+    robot = task.robot
+    spans = (robot.upper - robot.lower) / 2
+    free = ~np.isfinite(spans)
+    shares = np.minimum(q - robot.lower, robot.upper - q)[~free] / spans[~free]
+    return float(max(0.0, shares.min(initial=1.0)) * regular(task, q))
 
 
 def allowed(robot: Robot) -> tuple[Vector, Vector]:
