@@ -9,10 +9,11 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+from .designing import Coverage, coverage
 from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
@@ -28,6 +29,7 @@ from .workspaces import Workspace, workspace
 __all__ = [
     "Constraint",
     "ControlLaw",
+    "Coverage",
     "HolokinError",
     "Path",
     "Robot",
@@ -49,8 +51,10 @@ __all__ = [
     "constraints",
     "controller",
     "coupled",
+    "coverage",
     "curvature",
     "custom",
+    "designing",
     "drift",
     "export",
     "export_c",

@@ -8,6 +8,7 @@ from .leaf import leaf_value, move_to_leaf
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
+from .solutions import InverseStatus, Solutions
 
 __all__ = [
     "Cause",
@@ -15,6 +16,8 @@ __all__ = [
     "Controller",
     "Drift",
     "InverseKinematics",
+    "InverseStatus",
+    "Solutions",
     "Spread",
     "Step",
     "StepStatus",

@@ -8,10 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, ShapeError
+from ..errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError, ShapeError
+from ..robot import Robot
 from ..strategies import HolonomicStrategy
-from ..types import ArrayLike, Value, Vector, finite, frozen
-from .leaf import leaf_follower, leaf_value, straight_way
+from ..tolerances import TOLERANCES
+from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, numbers, whole
+from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
+from .reach import pose_out_of_reach
+from .solutions import InverseStatus, Solutions
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -19,55 +23,187 @@ ROTATION = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
-    """pose -> q on one leaf of a strategy. Make one with `inverse`."""
+    """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
+
+    `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
+    does the first for many poses.
+
+    Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
+    """
 
     strategy: HolonomicStrategy
     start: Vector
+    limits: bool = False
 
     def __call__(self, pose: ArrayLike) -> Vector:
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
 
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
-        function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at:
-        `robot.check_limits(q)` does.
+        function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at unless
+        `inverse` was told to: `robot.check_limits(q)` does.
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line.
+            OutOfReachError: no posture of the arm at all reaches it.
+            JointLimitError: only with limits=True: the posture is beyond them.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        wanted = finite("a tool pose", pose)
-        p0, R0 = self._pose[:3, 3], self._pose[:3, :3]
-        if wanted.shape == (4, 4):
-            p, R = wanted[:3, 3], wanted[:3, :3]
-            if not (np.abs(R @ R.T - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0):
-                raise ArgumentError("the rotation of a tool pose", R.tolist(), "give a right-handed rotation matrix")
-        elif wanted.shape in ((2,), (3,)):
-            p, R = np.append(wanted, p0[len(wanted) :]), R0
+        p, R = self._target(pose)
+        return self._answer(p, R, self.start, self._go(p, R, self.start))
+
+    def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
+        """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
+
+        The way leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
+        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two ways to
+        the pose, from the start by q and straight from the start, can be drawn into one another without passing a place
+        where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
+        by a full turn of a joint.
+
+        Raises:
+            BranchError: q lies on another branch than the start, or as `ik(pose)`; the other errors, too, are its.
+        """
+        p, R = self._target(pose)
+        begin = self.strategy.task.robot.checked(q, "the posture to begin from")
+        return self._answer(p, R, begin, self._go(p, R, begin))
+
+    def batch(self, poses: ArrayLike, threads: int | None = None) -> Solutions:
+        """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose)` finds it.
+
+        No pose raises: `status` tells what became of each. `threads`: all processors by default.
+
+        Raises:
+            ShapeError, ArgumentError: poses that are no array of poses.
+        """
+        if threads is not None:
+            whole("threads", threads)
+        given = numbers("tool poses", poses)
+        if given.shape[1:] not in ((4, 4), (3,), (2,)):
+            raise ShapeError("tool poses", "(k, 4, 4), (k, 3) or (k, 2)", given.shape)
+        p, R = self._targets(given)
+        last, status = np.full((len(given), len(self.start)), np.nan), self._refused(p, R)
+        for i in np.flatnonzero(status == InverseStatus.REACHED):
+            last[i], status[i] = self._go(p[i], R[i], self.start)
+        q = last.copy()
+        q[status != InverseStatus.REACHED] = np.nan
+        return Solutions(q, status, last)
+
+    def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+        """(posture to which the way from a posture was gone, what became of it)."""
+        s = self.strategy
+        if begin is self.start:
+            level = self._leaf
         else:
+            level = leaf_value(s, begin)
+            _, rcond, margin, side = leaf_step(s)(begin, p, R, self._leaf)
+            if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
+                return begin, InverseStatus.SINGULAR
+            if side != self._side:
+                return begin, InverseStatus.OTHER_BRANCH
+        goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
+        last, ended = leaf_walk(s, begin)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        if ended is WayEnd.REACHED:
+            beyond = self.limits and _beyond(s.task.robot, last)
+            return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
+        _, rcond, margin = s.gain(last)
+        if ended is WayEnd.TRIED or rcond > REGULAR:
+            return last, InverseStatus.NOT_CONVERGED
+        sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
+        return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
+
+    def _answer(self, p: Vector, R: Matrix, begin: Vector, found: tuple[Vector, InverseStatus]) -> Vector:
+        """The posture that was found, or the error that says why there is none."""
+        q, status = found
+        if status is InverseStatus.REACHED:
+            return q
+        raise self._problem(p, R, q, status)
+
+    def _problem(self, p: Vector, R: Matrix, q: Vector, status: InverseStatus) -> HolokinError:
+        s = self.strategy
+        if status is InverseStatus.LIMIT:
+            try:
+                s.task.robot.check_limits(q)
+            except JointLimitError as problem:
+                return problem
+        if status is InverseStatus.OTHER_BRANCH:
+            fact = f"the posture to begin from lies on another branch of {s.name!r} than the start"
+            return BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
+        missing = pose_out_of_reach(s.task, p, R, q, self.limits)
+        if missing is not None:
+            fact = f"the pose is out of reach of {s.task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
+            return OutOfReachError(fact, "give a pose nearer to the base")
+        return leaf_problem(s, q, WayEnd.STOPPED)
+
+    def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
+        """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
+        wanted = finite("a tool pose", pose)
+        if wanted.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
-        way = straight_way(self.strategy.task, self.start, p, R, (self._leaf, self._leaf))
-        return leaf_follower(self.strategy, self.start)(self.start, way)
+        p, R = self._targets(wanted[None])
+        if self._refused(p, R)[0]:
+            off, hand = _unlike_rotation(R)[0], "" if np.linalg.det(R[0]) > 0 else ", and it is left-handed"
+            cure = f"give a right-handed rotation matrix; R R^T is {off:.2g} away from 1{hand}"
+            raise ArgumentError("the rotation of a tool pose", R[0].tolist(), cure)
+        return p[0], R[0]
+
+    def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
+        """Positions (k, 3) and rotations (k, 3, 3)."""
+        if wanted.shape[1:] == (4, 4):
+            return np.ascontiguousarray(wanted[:, :3, 3]), np.ascontiguousarray(wanted[:, :3, :3])
+        missing = np.broadcast_to(self._pose[wanted.shape[1] : 3, 3], (len(wanted), 3 - wanted.shape[1]))
+        return np.hstack([wanted, missing]), np.broadcast_to(self._pose[:3, :3], (len(wanted), 3, 3))
+
+    def _refused(self, p: Matrix, R: Array) -> Array:
+        """The statuses of bad poses; REACHED for the others."""
+        status = np.full(len(p), int(InverseStatus.REACHED))
+        status[~(_unlike_rotation(R) < ROTATION) | ~(np.linalg.det(R) > 0)] = InverseStatus.NOT_A_ROTATION
+        status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
+        return status
 
     @cached_property
-    def _pose(self):
+    def _pose(self) -> Matrix:
         return frozen(self.strategy.task.robot.pose(self.start, self.strategy.task.tip))
 
     @cached_property
     def _leaf(self) -> Vector:
         return frozen(leaf_value(self.strategy, self.start))
 
+    @cached_property
+    def _side(self) -> float:
+        return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+
+
+def _beyond(robot: Robot, q: Vector) -> bool:
+    """True where a joint is beyond its limits."""
+    try:
+        robot.check_limits(q)
+    except JointLimitError:
+        return True
+    return False
+
+
+def _unlike_rotation(R: Array) -> Vector:
+    """Largest entry of |R R^T - 1| of each of (k, 3, 3)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+
 
 @typed
-def inverse(strategy: HolonomicStrategy, start: ArrayLike) -> InverseKinematics:
+def inverse(strategy: HolonomicStrategy, start: ArrayLike, limits: bool = False) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with leaves, on the one through `start`.
 
     With `radial(G, start)` this is the straight-line transport of G from `start`, free of drift by construction:
     theory 5.3's inverse-kinematics form.
 
+    Args:
+        limits: True refuses postures beyond the joint limits; by default they are not looked at.
+
     Raises:
         ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
-        SingularityError: it is singular at the start.
+        SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
     q0 = strategy.task.robot.checked(start, "the start posture")
     strategy(q0)
-    return InverseKinematics(strategy, q0)
+    if limits:
+        strategy.task.robot.check_limits(q0)
+    return InverseKinematics(strategy, q0, limits)

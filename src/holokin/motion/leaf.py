@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import BranchError, NotFiniteError, ShapeError, posture_text
+from ..errors import BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
 from ..sampling import Plan
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, symbol
@@ -91,6 +92,54 @@ def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -
     Raises:
         SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
     """
+    walk = leaf_walk(strategy, q0, tries)
+
+    def follow(q: Vector, way: Way) -> Vector:
+        last, ended = walk(q, way)
+        if ended is not WayEnd.REACHED:
+            raise leaf_problem(strategy, last, ended, tries)
+        return last
+
+    return follow
+
+
+class WayEnd(Enum):
+    """How a way along a leaf ended."""
+
+    REACHED = "it was gone to its end"
+    STOPPED = "no further piece of it could be shown to keep to the branch"
+    TRIED = "it took too many pieces"
+
+
+def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: int = TRIES) -> HolokinError:
+    """Why a way along a leaf got no farther than q."""
+    if ended is WayEnd.TRIED:
+        return BranchError(
+            f"{tries:,} pieces of the way along the leaf of {strategy.name!r} did not lead to its end",
+            "go in shorter ways, or keep them away from singular postures",
+        )
+    try:
+        strategy(q)  # raises if it is singular already here
+    except HolokinError as problem:
+        return problem
+    at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
+    if rcond > REGULAR:
+        return BranchError(
+            f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
+            f"though [J; J_g] is regular there (rcond {rcond:.1e})",
+            "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
+        )
+    return BranchError(
+        f"the leaf of {strategy.name!r} ends at {at}: there [J; J_g] turns singular and no nearby posture on "
+        "it follows the path",
+        "choose another constraint, or another leaf (start posture)",
+    )
+
+
+def leaf_walk(
+    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES
+) -> Callable[[Vector, Way], tuple[Vector, WayEnd]]:
+    """(q, way) -> (the posture to which the way was gone, continued from q, on the branch of q0; how it ended)."""
     correct, branch = leaf_step(strategy), Branch(strategy)
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
@@ -122,7 +171,7 @@ def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -
             before = size
         return None
 
-    def walk(q: Vector, way: Way) -> Vector:
+    def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
         nonlocal rate
         way = way if angular else replace(way, turn=0.0)
         share, width = 0.0, 1.0
@@ -135,33 +184,15 @@ def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -
                 move = found[0] - q
                 rate = move / (goal - share)
                 if goal == 1.0:
-                    return found[0]
+                    return found[0], WayEnd.REACHED
                 if not max(map(abs, move.tolist())) > CREEP:
-                    break
+                    return q, WayEnd.STOPPED
                 q, share, width = found[0], goal, fits * (goal - share)
                 continue
             width = fits * (goal - share)
             if width < TOLERANCES.smallest_step:
-                break
-        else:
-            raise BranchError(
-                f"{tries:,} pieces of the way along the leaf of {strategy.name!r} did not lead to its end, "
-                f"{share:.0%} of it done",
-                "go in shorter ways, or keep them away from singular postures",
-            )
-        strategy(q)  # raises if it is singular already here
-        at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
-        if rcond > REGULAR:
-            raise BranchError(
-                f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
-                f"though [J; J_g] is regular there (rcond {rcond:.1e})",
-                "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
-            )
-        raise BranchError(
-            f"the leaf of {strategy.name!r} ends at {at}: there [J; J_g] turns singular and no nearby posture on "
-            "it follows the path",
-            "choose another constraint, or another leaf (start posture)",
-        )
+                return q, WayEnd.STOPPED
+        return q, WayEnd.TRIED
 
     return walk
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,21 +9,20 @@ import numpy as np
 from ..sampling import Plan
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
+from ..types import Array, Flags, Matrix, Value, Vector
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""
 
 RESTARTS = 64
-"""Random postures tried besides the last one before a target is called out of reach, 5 ms each. At eleven poses far
-out on a Panda's circle of 0.35 m, one start in three got there; with 8 starts one of them was missed."""
+"""Random postures tried besides the last one before a target is called out of reach. At eleven poses far out on a
+Panda's circle of 0.35 m, one start in three got there; with 8 starts one of them was missed."""
+
+ROUND = 16
+"""Random postures that are tried side by side before a target that none of them reached gets more."""
 
 LOOKS = 200
 """Postures that one search for a target looks at. A target that is reached takes some six."""
-
-BUDGET = 5_000
-"""Postures that are looked at in all: at most a second for a Panda. Where they do not suffice, nothing is said of the
-reach. A count and not a clock, so that the answer is the same on every machine."""
 
 STALLED, AFTER = 0.99, 20
 """A search that makes the error no smaller than this share within so many looks ends: close to a stretched arm, each
@@ -36,18 +34,25 @@ STATIONARY = 1e-3
 REACHED = TOLERANCES.tracking / 10
 """Error [m or rad] at which a target counts as reached."""
 
-Look = Callable[[Vector], tuple[Vector, Matrix]]
-"""q (n,) -> the error (m,) to a target and its derivative (m, n)."""
+FAR = TOLERANCES.tracking
+"""Error [m or rad] from which a search that gains no more has got to its end: nearer by it may yet arrive."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
-    """Where a search ended: posture, error that is left, whether nothing nearby is nearer, number of postures seen."""
+class Nearest(Value):
+    """For each of k targets the posture found nearest to it, and the error that is left [m or rad].
 
-    q: Vector
-    missing: float
-    stationary: bool
-    looks: int
+    ended (k,): True where the search had got to its end there, so that more looks would find no more.
+    """
+
+    q: Matrix
+    missing: Vector
+    ended: Flags
+
+    @property
+    def reached(self) -> Flags:
+        """True where a posture reaches the target (k,)."""
+        return self.missing <= REACHED
 
 
 def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float, float] | None:
@@ -56,74 +61,95 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float,
     Least squares within the joint limits from the last posture, then from random ones. None also where the searches
     did not come to an end, since nothing is known then.
     """
-    errors, left = _errors(plan.task), BUDGET
     for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
         position, rotation = plan.target(int(i), 1.0)
-        found = _nearest(plan.task, lambda q, p=position, R=rotation: errors(q, p, R), q, limits, left)
-        left -= found.looks
-        if found.missing > REACHED:
-            known = found.stationary and left > 0
-            return ((i + 1) / plan.steps, found.missing) if known else None
-        q = found.q
+        found = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
+        if not found.reached[0]:
+            return ((i + 1) / plan.steps, float(found.missing[0])) if found.ended[0] else None
+        q = found.q[0]
     return None
 
 
-def _errors(task: Task) -> Callable[[Vector, Vector, Matrix], tuple[Vector, Matrix]]:
-    """(q, p, R) -> the task error (m,) and its derivative (m, n)."""
+def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:
+    """Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
 
-    def errors(q: Vector, position: Vector, rotation: Matrix) -> tuple[Vector, Matrix]:
-        error, derivative = task.error_and_slope(q, position, rotation)
-        return np.atleast_1d(error), np.reshape(derivative, (task.m, task.n))
+    None also where the searches did not come to an end.
+    """
+    found = nearest_postures(task, position[None], rotation[None], q[None], limits=limits)
+    return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
 
-    return errors
 
+def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> Nearest:
+    """Postures that bring the tool to targets (k, 3), (k, 3, 3), or as near as was found.
 
-def _nearest(task: Task, look: Look, q: Vector, limits: bool, budget: int) -> _Search:
-    """The best of a search from q and, where it does not reach the target, of some from random postures."""
+    Least squares, within the joint limits or without, from a posture `near` each target (k, n), and from RESTARTS
+    random ones for those that it does not reach. A count and not a clock ends it, so the answer is the same on every
+    machine; and each target's is the same whatever the others are.
+    """
     robot = task.robot
-    lower = robot.lower if limits else np.full(robot.n, -np.inf)
-    upper = robot.upper if limits else np.full(robot.n, np.inf)
-    best = _search(look, np.clip(q, lower, upper), lower, upper, min(budget, LOOKS))
-    looks, rng = best.looks, np.random.default_rng(0)
-    low, high = np.where(np.isfinite(lower), lower, q - np.pi), np.where(np.isfinite(upper), upper, q + np.pi)
-    for _ in range(RESTARTS):
-        if best.missing <= REACHED or looks >= budget:
+    lower, upper = (robot.lower, robot.upper) if limits else (np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
+    best = _search(task, position, rotation, near, lower, upper)
+    q, missing, ended = best.q.copy(), best.missing.copy(), best.ended.copy()
+    low = np.where(np.isfinite(robot.lower), robot.lower, near - np.pi)
+    high = np.where(np.isfinite(robot.upper), robot.upper, near + np.pi)
+    shares = np.random.default_rng(0).uniform(size=(RESTARTS, robot.n))
+    for first in range(0, RESTARTS, ROUND):
+        left = np.flatnonzero(missing > REACHED)
+        if not left.size:
             break
-        begin = np.clip(rng.uniform(np.minimum(low, high), np.maximum(low, high)), lower, upper)
-        found = _search(look, begin, lower, upper, min(budget - looks, LOOKS))
-        looks += found.looks
-        best = found if found.missing < best.missing else best
-    return _Search(best.q, best.missing, best.stationary, looks)
+        some = shares[first : first + ROUND]
+        begin = low[left, None] + some * (high - low)[left, None]
+        rows = np.repeat(left, len(some))
+        found = _search(task, position[rows], rotation[rows], begin.reshape(-1, robot.n), lower, upper)
+        each = found.missing.reshape(len(left), -1)
+        chosen = np.argmin(each, axis=1) + len(some) * np.arange(len(left))
+        better = found.missing[chosen] < missing[left]
+        to, of = left[better], chosen[better]
+        q[to], missing[to], ended[to] = found.q[of], found.missing[of], found.ended[of]
+    return Nearest(q, missing, ended)
 
 
-def _search(look: Look, q: Vector, lower: Vector, upper: Vector, most: int) -> _Search:
-    """Damped least squares; a joint at its limit stays there while the error pushes it out. [GVL13, section 6.1]"""
-    error, D = look(q)
-    damping, looks, stationary, before = 1e-6, 1, False, np.inf
-    while looks < most and np.isfinite(error).all() and np.isfinite(D).all():
-        if np.abs(error).max() <= REACHED / 10:
-            break
+def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vector, upper: Vector) -> Nearest:
+    """Damped least squares, many at once; a joint at its limit stays there while the error pushes it out.
+
+    [GVL13, section 6.1]
+    """
+    k, m, n = len(q), task.m, task.n
+    q = np.clip(q, lower, upper)
+
+    def look(at: Matrix, rows: Array) -> tuple[Matrix, Array]:
+        error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
+        return error.reshape(-1, m), slope.reshape(-1, m, n)
+
+    error, D = look(q, np.arange(k))
+    damping, before, ended = np.full(k, 1e-6), np.full(k, np.inf), np.zeros(k, dtype=bool)
+    rows = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
+    for looks in range(1, LOOKS):
+        e, S, at = error[rows], D[rows], q[rows]
+        size = np.linalg.norm(e, axis=1)
+        slope = np.einsum("kmn,km->kn", S, e)
+        free = ~(((at <= lower) & (slope >= 0)) | ((at >= upper) & (slope <= 0)))
+        still = np.abs(slope) > STATIONARY * np.linalg.norm(S, axis=1) * size[:, None]
+        stalled = np.zeros(len(rows), dtype=bool)
         if looks % AFTER == 0:
-            if np.linalg.norm(error) > STALLED * before:
-                break
-            before = float(np.linalg.norm(error))
-        slope = D.T @ error
-        free = ~(((q <= lower) & (slope >= 0)) | ((q >= upper) & (slope <= 0)))
-        sizes = np.linalg.norm(D, axis=0) * np.linalg.norm(error)
-        stationary = not (np.abs(slope[free]) > STATIONARY * sizes[free]).any()
-        if stationary:
+            stalled, before[rows] = size > STALLED * before[rows], size
+        ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
+        go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
+        rows, e, A, at = rows[go], e[go], S[go] * free[go, None], at[go]
+        if not rows.size:
             break
-        A = D[:, free]
-        normal = A @ A.T + damping * max(float(np.trace(A @ A.T)), 1e-300) * np.eye(len(error))
-        moved = q.copy()
-        moved[free] -= A.T @ np.linalg.solve(normal, error)
+        normal = A @ np.swapaxes(A, 1, 2)
+        scale = np.maximum(np.trace(normal, axis1=1, axis2=2), 1e-300)
+        normal += (damping[rows] * scale)[:, None, None] * np.eye(m)
+        moved = at - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
         moved = np.clip(moved, lower, upper)
-        there, derivative = look(moved)
-        looks += 1
-        if np.isfinite(there).all() and there @ there < error @ error:
-            q, error, D, damping = moved, there, derivative, max(damping / 10, 1e-12)
-        else:
-            damping *= 10
-            if damping > 1e12:
-                break
-    return _Search(q, float(np.abs(error).max()), stationary, looks)
+        there, derivative = look(moved, rows)
+        sound = np.isfinite(there).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
+        with np.errstate(invalid="ignore", over="ignore"):
+            better = sound & (np.sum(there**2, axis=1) < np.sum(e**2, axis=1))
+        to = rows[better]
+        q[to], error[to], D[to] = moved[better], there[better], derivative[better]
+        damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)
+    with np.errstate(invalid="ignore"):
+        missing = np.where(np.isfinite(error).all(axis=1), np.abs(error).max(axis=1), np.inf)
+    return Nearest(q, missing, ended)

@@ -1,0 +1,57 @@
+"""What inverse kinematics found: joints, and for each pose what became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from ..types import Flags, Indices, Matrix, Value
+
+
+class InverseStatus(IntEnum):
+    """What became of a pose."""
+
+    REACHED = 0
+    """The joints are found."""
+    CLAMPED = 1
+    """The joints of the nearest pose that the leaf reaches: `nearest` alone gives it."""
+    LIMIT = 2
+    """The joints are found, but one is beyond its limits: only where limits are looked at."""
+    LEAF_ENDS = 3
+    """[J; J_g] turns singular on the way: the leaf has no posture further on."""
+    SINGULAR = 4
+    """The way begins or ends at a singular posture of the arm, the law or a representation."""
+    NOT_CONVERGED = 5
+    """No next piece of the way could be shown to keep to the branch, or it took too many pieces."""
+    NOT_FINITE = 6
+    """The pose, or the posture near it, is not finite."""
+    NOT_A_ROTATION = 7
+    """The pose's rotation is scaled, skewed or left-handed."""
+    OTHER_BRANCH = 8
+    """The posture to begin from lies on another branch than the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions(Value):
+    """Inverse kinematics of many poses.
+
+    q: joints (k, n), a row of NaN where a pose was not reached.
+    status: an `InverseStatus` for each pose (k,).
+    last: the posture (k, n) to which its way was gone; q where it was reached, NaN where there was no way.
+    """
+
+    q: Matrix
+    status: Indices
+    last: Matrix
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def reached(self) -> Flags:
+        """True where q is found (k,)."""
+        return self.status <= InverseStatus.CLAMPED
+
+    def count(self, status: InverseStatus) -> int:
+        """How many poses have a status."""
+        return int((self.status == status).sum())

@@ -1,0 +1,106 @@
+"""`hk.inverse`: the same pose, the same joints; alone, from nearby, and many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
+from holokin.motion import InverseStatus
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def poses_of_the_box(count: int, seed: int = 0) -> np.ndarray:
+    """(count, 4, 4): the box [0.5, 0, 0.3] +- [0.25, 0.4, 0.3], tool down, tilted to 40 degrees, spun by +-90."""
+    rng = np.random.default_rng(seed)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, 3] = [0.5, 0.0, 0.3] + rng.uniform(-1, 1, (count, 3)) * [0.25, 0.4, 0.3]
+    axis, tilt = rng.uniform(-np.pi, np.pi, count), np.deg2rad(40) * np.sqrt(rng.uniform(size=count))
+    lean = np.stack([tilt * np.cos(axis), tilt * np.sin(axis), np.zeros(count)], axis=1)
+    spin = np.outer(rng.uniform(-np.pi / 2, np.pi / 2, count), [0, 0, 1])
+    poses[:, :3, :3] = (Rotation.from_rotvec(lean) * Rotation.from_rotvec(spin)).as_matrix() @ DOWN
+    return poses
+
+
+@pytest.fixture(scope="module")
+def ik(panda: hk.Robot) -> hk.motion.InverseKinematics:
+    return hk.inverse(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START)
+
+
+def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, panda: hk.Robot) -> None:
+    poses = poses_of_the_box(12)
+    poses[3, :3, 3] = [3.0, 0.0, 0.0]
+    poses[4, 0, 3] = np.nan
+    poses[5, :3, :3] *= 1.01
+    poses[6, :3, 0] *= -1.0
+    found = ik.batch(poses)
+    assert len(found) == 12
+    assert found.status[[4, 5, 6]].tolist() == [InverseStatus.NOT_FINITE, *2 * [InverseStatus.NOT_A_ROTATION]]
+    assert found.status[3] in (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
+    assert np.isnan(found.last[[4, 5, 6]]).all()
+    assert np.isfinite(found.last[3]).all()
+    assert found.count(InverseStatus.REACHED) == found.reached.sum() > 4
+    for pose, q, reached in zip(poses, found.q, found.reached, strict=True):
+        if reached:
+            assert np.array_equal(ik(pose), q)
+            assert panda.pose(q) == pytest.approx(pose, abs=1e-12)
+        else:
+            assert np.isnan(q).all()
+            with pytest.raises(HolokinError):
+                ik(pose)
+
+
+def test_a_pose_that_no_posture_reaches_is_told_so(ik) -> None:
+    far = poses_of_the_box(1)[0]
+    far[:3, 3] = [3.0, 0.0, 0.0]
+    with pytest.raises(OutOfReachError, match="no search came closer"):
+        ik(far)
+
+
+def test_a_rotation_that_is_none_is_refused_with_how_far_it_is_from_one(ik) -> None:
+    pose = poses_of_the_box(1)[0]
+    scaled, mirrored = pose.copy(), pose.copy()
+    scaled[:3, :3] *= 1.01
+    mirrored[:3, 0] *= -1.0
+    with pytest.raises(ArgumentError, match=r"is 0\.02 away from 1"):
+        ik(scaled)
+    with pytest.raises(ArgumentError, match="left-handed"):
+        ik.near(mirrored, PANDA_START)
+
+
+def test_from_a_posture_nearby_the_same_joints_are_found_though_it_is_not_on_the_leaf(ik) -> None:
+    pose = poses_of_the_box(1)[0]
+    q, rng = ik(pose), np.random.default_rng(1)
+    for _ in range(10):
+        assert ik.near(pose, q + rng.uniform(-0.05, 0.05, 7)) == pytest.approx(q, abs=1e-12)
+
+
+def test_a_posture_of_another_branch_is_refused_as_a_beginning(planar_3r: hk.Robot) -> None:
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    with pytest.raises(BranchError, match="another branch"):
+        ik.near([1.5, 0.5], [0.3, -2.2, 0.7])
+
+
+def test_limits_are_looked_at_only_when_asked(panda: hk.Robot, ik) -> None:
+    strict, poses = hk.inverse(ik.strategy, ik.start, limits=True), poses_of_the_box(20)
+    free, held = ik.batch(poses), strict.batch(poses)
+    slack = 1e-9
+    beyond = ((free.q < panda.lower - slack) | (free.q > panda.upper + slack)).any(axis=1)
+    assert 0 < beyond.sum() < free.reached.sum()
+    assert np.array_equal(held.status == InverseStatus.LIMIT, beyond)
+    assert np.array_equal(held.last[beyond], free.q[beyond])
+    assert np.isnan(held.q[beyond]).all()
+    with pytest.raises(JointLimitError):
+        strict(poses[np.argmax(beyond)])
+
+
+def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.Robot) -> None:
+    task, start = hk.pose(irb140), np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
+    ik = hk.inverse(hk.holonomic(task, hk.custom(lambda q: q[:0], rows=0)), start)
+    rng = np.random.default_rng(0)
+    for q in start + rng.uniform(-0.15, 0.15, (10, 6)):
+        assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
