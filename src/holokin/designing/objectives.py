@@ -1,0 +1,203 @@
+"""`Objective`: what a section q(x) of a workspace should be good at, as a cost of its postures and their slopes.
+
+A section is given at S tool poses: postures Q (S, n), slopes G (S, n, d) = dq/dx along the d directions in which the
+workspace reaches, rcond (S,) of the extended Jacobian. Every cost comes with its exact derivatives by these three; it
+knows nothing of constraints, levels or polynomials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ..arguments import check
+from ..errors import ArgumentError, UnknownNameError
+from ..robot import Robot
+from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
+
+POWER = 24
+"""Exponent of the smooth greatest value, (mean a^p)^(1/p): of 256 numbers one of which stands out it is 21 % too low,
+of a smooth function over a box a few per cent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Objective(Value):
+    """The cost of a section: a weighted sum of five, each divided by its value before the design, so without a unit.
+
+    squared_speed: mean squared joint speed, mean over the poses of |G|_F^2, for a tool that moves at 1 m/s along each
+        direction [rad^2/m^2]. worst_speed: greatest share of a joint's speed limit that a tool speed of 1 m/s in any
+        direction asks for [s/m]. joint_limits: greatest |q - middle| over half the joint's range, 1 at a limit. rcond:
+        greatest 1 / rcond. travel: mean squared way of the joints between two poses of the workspace [rad^2].
+    joint_weights: what a squared joint speed counts (n,), 1 each by default; a sliding joint [m] then counts as a
+        hinge [rad] that uses the same share of its speed limit.
+    length: metres of tool motion that count as one radian of turning; by default the spread of the workspace's
+        positions over that of its directions.
+    """
+
+    squared_speed: float = 0.0
+    worst_speed: float = 0.0
+    joint_limits: float = 0.0
+    rcond: float = 0.0
+    travel: float = 0.0
+    joint_weights: ArrayLike | None = field(default=None, kw_only=True)
+    length: float | None = field(default=None, kw_only=True)
+
+    NAMES: ClassVar[tuple[str, ...]] = ("squared_speed", "worst_speed", "joint_limits", "rcond", "travel")
+
+    def __post_init__(self) -> None:
+        for name in self.NAMES:
+            not_negative(f"the weight of {name}", getattr(self, name))
+        if not any(self.weights.values()):
+            raise ArgumentError("the objective", "nothing", f"give a positive weight to one of {', '.join(self.NAMES)}")
+        if self.length is not None:
+            positive("the length of an objective", self.length)
+        if self.joint_weights is not None:
+            weights = finite("the joint weights", self.joint_weights, ("n",))
+            if not (weights > 0).all():
+                raise ArgumentError("the joint weights", weights.tolist(), "give positive numbers, one a joint")
+            object.__setattr__(self, "joint_weights", frozen(weights))
+        super().__post_init__()
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The weights of the costs that count."""
+        return {name: float(w) for name in self.NAMES if (w := getattr(self, name))}
+
+
+def as_objective(given: Objective | str) -> Objective:
+    """An objective, also of one cost's name. Raises: UnknownNameError, ArgumentError."""
+    check("the objective", Objective | str, given)
+    if isinstance(given, Objective):
+        return given
+    name = given.replace(" ", "_").replace("-", "_")
+    if name not in Objective.NAMES:
+        raise UnknownNameError("objective", given, Objective.NAMES)
+    return Objective(**{name: 1.0})
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """A cost and its derivatives by Q (S, n), G (S, n, d) and rcond (S,)."""
+
+    value: float
+    Q: Array
+    G: Array
+    rcond: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Costs(Value):
+    """The five costs for one robot and one workspace.
+
+    joints: weights (n,). speeds: 1 / max_velocity (n,), 0 where it is not known. columns: what a unit of each moving
+    direction counts (d,), 1 for metres, 1 / length for radians.
+    """
+
+    joints: Vector
+    speeds: Vector
+    middle: Vector
+    half: Vector
+    columns: Vector
+
+    @cached_property
+    def known(self) -> dict[str, Callable[[Array, Array, Array], Slopes]]:
+        """The costs by name."""
+        return {name: getattr(self, name) for name in Objective.NAMES}
+
+    def squared_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """mean sum_ij w_i G_ij^2 c_j^2."""
+        weighted = G * self.joints[:, None] * self.columns**2 / len(Q)
+        return Slopes(float(np.sum(weighted * G)), np.zeros_like(Q), 2 * weighted, np.zeros(len(Q)))
+
+    def worst_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """Smooth greatest |G_i c| / max_velocity_i."""
+        used = np.sum((G * self.columns) ** 2, axis=2) * self.speeds**2
+        value, slope = smooth_greatest(used, POWER / 2)
+        value = float(np.sqrt(value))
+        outer = slope * self.speeds**2 / (2 * value)
+        return Slopes(value, np.zeros_like(Q), outer[:, :, None] * 2 * G * self.columns**2, np.zeros(len(Q)))
+
+    def joint_limits(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """Smooth greatest |q_i - middle_i| / half_i."""
+        off = (Q - self.middle) / self.half
+        value, slope = smooth_greatest(off**2, POWER / 2)
+        value = float(np.sqrt(value))
+        return Slopes(value, slope * off / self.half / value, np.zeros_like(G), np.zeros(len(Q)))
+
+    def rcond(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """Smooth greatest 1 / rcond."""
+        value, slope = smooth_greatest(1 / rcond, POWER)
+        return Slopes(value, np.zeros_like(Q), np.zeros_like(G), -slope / rcond**2)
+
+    def travel(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """mean over pairs of sum_i w_i (q_i - q'_i)^2, which is twice the variance."""
+        off = (Q - Q.mean(axis=0)) * self.joints / len(Q)
+        return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), 4 * off, np.zeros_like(G), np.zeros(len(Q)))
+
+
+def smooth_greatest(values: Array, power: float) -> tuple[float, Array]:
+    """((mean over the first axis of the sum over the others of a^p)^(1/p), its derivative) of numbers a >= 0."""
+    top = float(values.max()) or 1.0
+    share = values / top
+    total = float(np.sum(share**power)) / len(values)
+    return top * total ** (1 / power), total ** (1 / power - 1) * share ** (power - 1) / len(values)
+
+
+def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -> Costs:
+    """The costs for a robot and the moving directions of a workspace.
+
+    Args:
+        turns: which of the d directions are turns [rad]. spread: rms spread of the workspace along each (d,).
+
+    Raises:
+        ArgumentError: weights that do not fit, or limits that a cost needs and the robot has not.
+    """
+    if objective.joint_weights is None:
+        weights = _default_weights(robot)
+    else:
+        weights = finite("the joint weights", objective.joint_weights, (robot.n,))
+    limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    moving = np.isfinite(robot.max_velocity) & (robot.max_velocity > 0)
+    cure = "give them in the robot description, or weigh another cost"
+    if objective.joint_limits and not limited.any():
+        raise ArgumentError("the joints with finite limits", 0, cure)
+    if objective.worst_speed and not moving.any():
+        raise ArgumentError("the joints with a speed limit", 0, cure)
+    lower, upper = np.where(limited, robot.lower, -1.0), np.where(limited, robot.upper, 1.0)
+    length = length_of(objective, turns, spread)
+    return Costs(
+        joints=weights,
+        speeds=np.where(moving, 1 / np.where(moving, robot.max_velocity, 1.0), 0.0),
+        middle=(lower + upper) / 2,
+        half=np.where(limited, (upper - lower) / 2, np.inf),
+        columns=np.where(turns, 1 / length, 1.0),
+    )
+
+
+def length_of(objective: Objective, turns: Flags, spread: Vector) -> float:
+    """Metres of tool motion that count as one radian of turning; 1 where the workspace has only one of the two."""
+    if objective.length is not None:
+        return objective.length
+    if turns.all() or not turns.any():
+        return 1.0
+    return float(np.sqrt(np.mean(spread[~turns] ** 2) / np.mean(spread[turns] ** 2)))
+
+
+def _default_weights(robot: Robot) -> Vector:
+    """1 for hinges; for sliding joints (hinges' speed limit / their own)^2. Raises: ArgumentError without limits."""
+    hinges, speeds = robot.hinges, robot.max_velocity
+    weights = np.ones(robot.n)
+    if hinges.all() or not hinges.any():
+        return weights
+    if not np.isfinite(speeds).all() or not (speeds > 0).all():
+        cure = "give joint_weights= in the objective: it has joints in m and in rad"
+        raise ArgumentError("the joint speed limits", speeds.tolist(), cure)
+    weights[~hinges] = np.mean(speeds[hinges]) ** 2 / speeds[~hinges] ** 2
+    return weights
+
+
+NAMES = tuple(f.name for f in fields(Objective))
