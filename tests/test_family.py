@@ -110,7 +110,7 @@ def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(p
     point = panda_given.task.robot.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.05, 0, 0])
     assert hk.drift(fit, loop, PANDA_START, cycles=3, samples=40).largest.max() < 1e-12
-    assert fit.rate.program.instructions * 20 < twin.rate.program.instructions
+    assert fit.rate.program.operations * 20 < twin.rate.program.operations
 
 
 def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:

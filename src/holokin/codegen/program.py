@@ -1,6 +1,7 @@
-"""What a `Function` runs: straight-line code, or straight-line code around a square system that numbers solve.
+"""What a `Function` runs: straight-line code, or such code around a loop, and around a square system, by numbers.
 
-    before: x -> A, B, and the outputs that need no more;   X = A^-1 B by Householder;   after: (x, X) -> the rest
+    t = transport(q);   before: (x, t) -> A, B, and the outputs that need no more;   X = A^-1 B by Householder;
+    after: (x, t, X) -> the rest
 
 Written out, an n x n solve takes about 2 n^3 operations: the fastest code there is for an arm, and, for sixty joints,
 half a million lines that no compiler can finish.
@@ -10,13 +11,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..types import Array
+from .transport import Transport
 
 Shapes = Sequence[tuple[int, ...]]
 
@@ -39,7 +41,8 @@ class System:
 class Program:
     """The stages of a function. `early` are the outputs that `before` gives, `late` those of `after`.
 
-    Without a system there is no `after`, and `order` and `columns`, the shape of B, are 0.
+    Without a system there is no `after`, and `order` and `columns`, the shape of B, are 0. With a transport all stages
+    take what it finds from the input numbered `carried` as one input more.
     """
 
     before: ca.Function
@@ -48,17 +51,56 @@ class Program:
     late: tuple[int, ...]
     order: int = 0
     columns: int = 0
+    transport: Transport | None = None
+    carried: int = 0
 
     @property
     def instructions(self) -> int:
-        """Operations of the straight-line stages."""
-        return self.before.n_instructions() + (0 if self.after is None else self.after.n_instructions())
+        """Operations as they are written down, those of a loop once."""
+        return sum(self._lengths)
+
+    @property
+    def longest(self) -> int:
+        """Operations of the longest piece without a branch: what a compiler's time hangs on."""
+        return max(self._lengths)
+
+    @property
+    def operations(self) -> int:
+        """Operations of one call, those of a loop as often as it runs."""
+        if self.transport is None:
+            return self.instructions
+        return self.instructions - sum(self.transport.lengths.values()) + self.transport.operations(self.sloping)
+
+    @property
+    def _lengths(self) -> list[int]:
+        stages = [stage.n_instructions() for stage in (self.before, self.after) if stage is not None]
+        return stages + ([] if self.transport is None else list(self.transport.lengths.values()))
+
+    @property
+    def sloping(self) -> bool:
+        """True when the gradient of the transport's label is needed."""
+        if self.transport is None:
+            return False
+        place = self.before.n_in() - 1, self.transport.rows, self.transport.found.shape[0] - 1
+        return any(_reads(stage, *place) for stage in (self.before, self.after) if stage is not None)
 
 
-def program(name: str, inputs: Mapping[str, ca.SX], outputs: Mapping[str, ca.SX], system: System | None) -> Program:
-    """The stages that compute outputs, which may hold the symbols of a system."""
+def program(
+    name: str,
+    inputs: Mapping[str, ca.SX],
+    outputs: Mapping[str, ca.SX],
+    system: System | None,
+    transport: Transport | None = None,
+) -> Program:
+    """The stages that compute outputs, which may hold the symbols of a system, and those of a transport of q."""
     symbols = list(inputs.values())
     values = [ca.densify(ca.SX(value)) for value in outputs.values()]
+    if transport is not None:
+        return replace(
+            program(name, {**inputs, "found": transport.found}, outputs, system),
+            transport=transport,
+            carried=list(inputs).index("q"),
+        )
     if system is None:
         return Program(_shared(name, symbols, values), None, tuple(range(len(values))), ())
     found = [system.X, system.measures]
@@ -73,6 +115,16 @@ def program(name: str, inputs: Mapping[str, ca.SX], outputs: Mapping[str, ca.SX]
 def _shared(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     function = ca.Function(name, inputs, outputs)
     return ca.Function(name, inputs, ca.cse(outputs)) if function.n_instructions() <= SHARED else function
+
+
+def _reads(function: ca.Function, argument: int, first: int, last: int) -> bool:
+    """True when a function reads one of the elements from first to before last of an argument."""
+    places = (
+        function.instruction_input(k)
+        for k in range(function.n_instructions())
+        if function.instruction_id(k) == ca.OP_INPUT
+    )
+    return any(place[0] == argument and first <= place[1] < last for place in places)
 
 
 class Port(threading.local):
@@ -93,8 +145,14 @@ class Port(threading.local):
         arrays = [_columns(part, shape) for part, shape in zip(parts, shapes, strict=False)]
         self.arguments, self.results = arrays[: len(inputs)], arrays[len(inputs) :]
         early = [self.results[i] for i in made.early]
+        given, carry = self.arguments, None
+        if made.transport is not None:
+            found = _memory((made.transport.found.shape[0], *extra))
+            given = [*given, found]
+            self._carrying, carry = _bind([made.transport.function], [[self.arguments[made.carried]]], [[found]], count)
         if made.after is None:
-            self._buffers, self.trigger = _bind([made.before], [self.arguments], [early], count)
+            self._buffers, first = _bind([made.before], [given], [early], count)
+            self.trigger = first if carry is None else _both(carry, first)
             return
         n, k = made.order, made.columns
         A, B, X = (_memory((*shape, *extra)) for shape in ((n, n), (n, k), (n, k)))
@@ -102,10 +160,11 @@ class Port(threading.local):
         late = [self.results[i] for i in made.late]
         self._buffers, first, last = _bind(
             [made.before, made.after],
-            [self.arguments, [*self.arguments, X, measures]],
+            [given, [*given, X, measures]],
             [[*early, A, B], late],
             count,
         )
+        first = first if carry is None else _both(carry, first)
 
         def trigger() -> None:
             first()
@@ -113,6 +172,14 @@ class Port(threading.local):
             last()
 
         self.trigger = trigger
+
+
+def _both(first: Callable[[], None], second: Callable[[], None]) -> Callable[[], None]:
+    def trigger() -> None:
+        first()
+        second()
+
+    return trigger
 
 
 def solve_numbers(A: Array, B: Array, X: Array, measures: Array) -> None:

@@ -17,7 +17,7 @@ Place = Callable[[int, int], str]
 def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     """C of `static void NAME(const hk_t *x, hk_t *y)`: all inputs after one another in x, rows as NumPy has them.
 
-    A program with a system needs the text of solve.c before it.
+    A program with a system needs the text of solve.c before it. That of a transport comes with it.
     """
     x, y = _places(inputs), _places(outputs)
 
@@ -28,11 +28,23 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
         return f"static void {name}{suffix}(const hk_t *restrict x, hk_t *restrict y{others}) {{\n{code}\n}}\n"
 
     def given(a: int, i: int) -> str:
-        return f"x[{x(a, i)}]"
+        return f"x[{x(a, i)}]" if a < len(inputs) else f"t[{i}]"
 
+    loop, more, carry, found = "", {}, "", ""
+    if made.transport is not None:
+        loop, more, found = made.transport.c, {"t": "const hk_t"}, ", t"
+        carry = (
+            f"  hk_t t[{made.transport.found.shape[0]}];\n"
+            f"  hk_transport(x + {x(made.carried, 0)}, t, {int(made.sloping)});\n"
+        )
+    whole = f"static void {name}(const hk_t *restrict x, hk_t *restrict y) {{\n{carry}"
     if made.after is None:
-        return stage(made.before, "", {}, given, lambda a, i: f"y[{y(a, i)}]")
-    n, k, known, early = made.order, made.columns, len(inputs), len(made.early)
+        if made.transport is None:
+            return stage(made.before, "", {}, given, lambda a, i: f"y[{y(a, i)}]")
+        before = stage(made.before, "_before", more, given, lambda a, i: f"y[{y(a, i)}]")
+        return f"{loop}{before}{whole}  {name}_before(x, y, t);\n}}\n"
+    n, k, early = made.order, made.columns, len(made.early)
+    known = len(inputs) + (made.transport is not None)
     width = n + k
 
     def before_writes(a: int, i: int) -> str:
@@ -48,12 +60,12 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     def after_writes(a: int, i: int) -> str:
         return f"y[{y(made.late[a], i)}]"
 
-    before = stage(made.before, "_before", {"s": "hk_t"}, given, before_writes)
-    after = stage(made.after, "_after", {"s": "const hk_t", "f": "const hk_t"}, after_reads, after_writes)
+    before = stage(made.before, "_before", {**more, "s": "hk_t"}, given, before_writes)
+    after = stage(made.after, "_after", {**more, "s": "const hk_t", "f": "const hk_t"}, after_reads, after_writes)
     return (
-        f"{before}{after}static void {name}(const hk_t *restrict x, hk_t *restrict y) {{\n"
-        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y, s);\n"
-        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y, s, f);\n}}\n"
+        f"{loop}{before}{after}{whole}"
+        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y{found}, s);\n"
+        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y{found}, s, f);\n}}\n"
     )
 
 

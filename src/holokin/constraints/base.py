@@ -11,7 +11,7 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, as_expression, fmin, jacobian, vertcat, wrapped
+from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
 from ..types import Array, ArrayLike, Value, finite, frozen, whole
 
@@ -25,7 +25,8 @@ class Constraint(Made, Value):
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
     difference g - c counts in (-pi, pi]. `margin`, likewise an expression, is how far the posture is from
     where an orientation representation that g uses is singular. `derivative` is J_g where it is known better than by
-    differentiating g.
+    differentiating g. `looped` is the same constraint with its numbers left to a loop, `transport`: for what is
+    evaluated and not differentiated.
     """
 
     name: str
@@ -34,6 +35,8 @@ class Constraint(Made, Value):
     angular: tuple[bool, ...]
     margin: Callable[[Task, Kinematics, SX], SX] | None = None
     derivative: Callable[[Task, Kinematics, SX], SX] | None = None
+    looped: Constraint | None = None
+    transport: Transport | None = None
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""

@@ -76,7 +76,7 @@ def export_c(
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
     source = Source(strategy, q0, number("dt", dt), short, limits)
     found = vectors(source, count)
-    operations = {key: function.program.instructions for key, function in source.functions.items()}
+    operations = {key: function.program.operations for key, function in source.functions.items()}
     words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}
     words |= _tables(source, operations)
     texts = {
@@ -130,7 +130,7 @@ def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
 
 def _look(strategy: HolonomicStrategy) -> int:
     """Operations that it takes to see whether a piece keeps to its branch, besides some n^4 of products."""
-    once, change = extended_jacobian(strategy).program.instructions, enclosed_change(strategy)
+    once, change = extended_jacobian(strategy).program.operations, enclosed_change(strategy)
     return once + (change.function.program.instructions if change is not None else once * (4 + strategy.task.n))
 
 

@@ -27,7 +27,8 @@ def closed_loop(strategy: Strategy, gain: float = GAIN, *, name: str | None = No
     """dq = G (x' + K e): closed-loop inverse kinematics of any strategy. [Sic90]"""
     K = not_negative("gain", gain)
     label = f"closed loop, {strategy.name}" if name is None else name
-    return compiled(label, strategy.task, lambda s: feedback(strategy, s.dx, s.error, K), strategy)
+    looped = strategy.looped
+    return compiled(label, strategy.task, lambda s: feedback(looped, s.dx, s.error, K), looped)
 
 
 @made
@@ -133,7 +134,7 @@ def asymptotically_cyclic(
         ConstraintRowsError: g has not r rows. ShapeError: the leaf has not.
     """
     K, K_g = not_negative("gain", gain), not_negative("constraint_gain", constraint_gain)
-    strategy = holonomic(task, g)
+    strategy = holonomic(task, g).looped
     c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", leaf)), (g.rows,), "give one for each row of g"))
 
     def rate(s: Symbols) -> Solution:

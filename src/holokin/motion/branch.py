@@ -63,9 +63,11 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
 
     A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
     """
+    strategy = strategy.looped
     e, m, one = _turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
     found = e.rate(one[:m, :], one[m:, :])
-    return Function("extended", {"q": e.q}, {"A": vertcat(e.J, e.planes), "inverse": found.X}, found.system)
+    outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
+    return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
 
 
 @kept

@@ -146,7 +146,7 @@ def compiled(
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
         outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin}
-        return Function("law", inputs, outputs, found.system)
+        return Function("law", inputs, outputs, found.system, None if strategy is None else strategy.transport)
 
     def begin(q0: Vector) -> Step:
         rates = function()
@@ -163,4 +163,5 @@ def compiled(
 
 def open_loop(strategy: Strategy) -> ControlLaw:
     """dq = G(q) x': a strategy as it stands, without feedback. [ZR11, (3)]"""
-    return compiled(strategy.name, strategy.task, lambda s: strategy.expressions.rate(s.dx), strategy)
+    looped = strategy.looped
+    return compiled(strategy.name, strategy.task, lambda s: looped.expressions.rate(s.dx), looped)

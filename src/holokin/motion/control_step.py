@@ -322,6 +322,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     serves all parameters. room is the scale that position limits allow; given is finite where all arguments are, also
     those not needed.
     """
+    strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if has_leaf(strategy) else 0
     point = task.orientation is None
@@ -353,4 +354,4 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         "given": given,
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
-    return Function("step", inputs, outputs, found.system)
+    return Function("step", inputs, outputs, found.system, strategy.transport)

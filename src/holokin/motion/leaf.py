@@ -71,6 +71,7 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
 
     One Newton step on [f(q) - x; g(q) - c] towards the tool pose (p, R) on the leaf c.
     """
+    strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     p, R, c = symbol("p", 3), symbol("R", 3, 3), symbol("c", task.n - task.m)
     found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
@@ -80,7 +81,7 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
         "margin": strategy.margin_expression,
         "side": found.orientation,
     }
-    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 
 def leaf_follower(strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES) -> Callable[[Vector, Way], Vector]:

@@ -22,6 +22,7 @@ def path_rate(strategy: Strategy) -> Function:
 
     x' are the task rates of the pose (p, R) that moves with v and turns with w; the error is that from q to it.
     """
+    strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     p, R, v, w = symbol("p", 3), symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
     found = e.rate(task.rates_expression(R, v, w))
@@ -30,7 +31,7 @@ def path_rate(strategy: Strategy) -> Function:
         off = fmax(off, fabs(error[i]))
     margin = fmin(strategy.margin_expression, task.margin_expression(R))
     outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin, "off": off}
-    return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system)
+    return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system, strategy.transport)
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:

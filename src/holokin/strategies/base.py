@@ -18,7 +18,7 @@ import numpy as np
 from ..arguments import Made
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
-from ..symbolic import SX, Evaluator, Function, as_expression, symbol
+from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
@@ -108,6 +108,16 @@ class Strategy(Made, Value, ABC):
         """The expressions over one symbol q."""
 
     @property
+    def looped(self) -> Strategy:
+        """The same strategy for what is evaluated and not differentiated: see `HolonomicStrategy.looped`."""
+        return self
+
+    @property
+    def transport(self) -> Transport | None:
+        """The loop whose symbols its expressions hold, if any."""
+        return None
+
+    @property
     def margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
         return self.task.margin_expression(self.expressions.kinematics.rotation)
@@ -115,19 +125,18 @@ class Strategy(Made, Value, ABC):
     @cached_property
     def gain(self) -> Function:
         """q -> (G, rcond, representation margin), unchecked."""
-        e = self.expressions
-        found = e.rate(SX.eye(self.task.m))
-        outputs = {"G": found.X, "rcond": found.rcond, "margin": self.margin_expression}
-        return Function("gain", {"q": e.q}, outputs, found.system)
+        s = self.looped
+        found = s.expressions.rate(SX.eye(s.task.m))
+        outputs = {"G": found.X, "rcond": found.rcond, "margin": s.margin_expression}
+        return Function("gain", {"q": s.expressions.q}, outputs, found.system, s.transport)
 
     @cached_property
     def rate(self) -> Function:
         """(q, dx) -> (dq = G dx, rcond, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
-        e = self.expressions
-        dx = symbol("dx", self.task.m)
-        found = e.rate(dx)  # (3)
-        outputs = {"dq": found.X, "rcond": found.rcond, "margin": self.margin_expression}
-        return Function("rate", {"q": e.q, "dx": dx}, outputs, found.system)
+        s, dx = self.looped, symbol("dx", self.task.m)
+        found = s.expressions.rate(dx)  # (3)
+        outputs = {"dq": found.X, "rcond": found.rcond, "margin": s.margin_expression}
+        return Function("rate", {"q": s.expressions.q, "dx": dx}, outputs, found.system, s.transport)
 
     def _written(self, what: str, planes: Field, shape: tuple[int, int]) -> tuple[SX, Kinematics, SX, SX]:
         """(q, kinematics, J, planes) over a new symbol. Raises: ShapeError unless the planes have the shape."""
@@ -140,11 +149,12 @@ class Strategy(Made, Value, ABC):
         return q, k, self.task.jacobian_expression(k, q), found
 
     def _planes_at(self, q: ArrayLike) -> Matrix:
-        return np.reshape(self._planes(self.task.robot.checked(q)), self.expressions.planes.shape)
+        return np.reshape(self._planes(self.task.robot.checked(q)), self.looped.expressions.planes.shape)
 
     @cached_property
     def _planes(self) -> Function:
-        return Function("planes", {"q": self.expressions.q}, {"planes": self.expressions.planes})
+        e = self.looped.expressions
+        return Function("planes", {"q": e.q}, {"planes": e.planes}, None, self.looped.transport)
 
     @cached_property
     def _gain_at(self) -> Evaluator:

@@ -100,7 +100,7 @@ def holonomic(task: Task, g: Constraint, *, name: str | None = None) -> Holonomi
         ConstraintRowsError: g has not r = n - m rows.
     """
     strategy = HolonomicStrategy(name or g.name, task, g)
-    strategy.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
+    strategy.looped.expressions  # noqa: B018  built now, so that a constraint that does not fit is refused here
     return strategy
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
@@ -10,17 +11,21 @@ from ..robot import Kinematics
 from ..symbolic import (
     SX,
     Solution,
+    as_map,
     directional,
     dot,
     factorise,
     fmin,
+    gradient,
     least_norm,
     norm_2,
     pairwise_brackets,
     same,
     solution,
+    symbol,
     vertcat,
 )
+from ..symbolic.linear import back_substitute
 from ..symbolic.null_space import null_space_expression
 
 Brackets = dict[tuple[int, int], SX]
@@ -42,6 +47,16 @@ class Expressions(ABC):
 
         Args:
             written_out: for those who differentiate it: no system is left to numbers, however large.
+        """
+
+    @abstractmethod
+    def slope(self, dx: SX, weight: SX) -> tuple[SX, SX]:
+        """The gradients of weight^T G(q) dx by q, (n,), and by dx, (m,), by the same factorisations as `rate`.
+
+        No factorisation is differentiated: of A x = b, by q, w^T dx = -(A^-T w)^T (dA x - db).
+
+        Args:
+            dx: (m,). weight: (n,).
         """
 
     @abstractmethod
@@ -67,6 +82,26 @@ class FrameExpressions(Expressions):
         Q = frame.thin_q()
         inner = factorise(self.J @ Q)  # (9): regular where H is
         return Solution(Q @ inner.solve(dx), fmin(frame.rcond(), inner.rcond()))
+
+    def slope(self, dx: SX, weight: SX) -> tuple[SX, SX]:
+        """Of x = B c, J B c = dx, with y = (J B)^-T B^T w: w^T dx = (w - J^T y)^T dB c - y^T dJ x."""
+        if same(self.planes, self.J.T):  # y = R^-1 Q^T w, c = R^-1 R^-T dx
+            frame = factorise(self.planes)
+            m, turned = self.J.shape[0], frame.transpose_times(weight)
+            x, y = frame.solve_transposed(dx), back_substitute(frame.R, turned[:m])
+            left = frame.complement_times(turned[m:])  # w - J^T y, without its round-off
+        else:
+            frame = factorise(self.planes)
+            Q = frame.thin_q()
+            inner = factorise(self.J @ Q)
+            x, y = Q @ inner.solve(dx), inner.solve_transposed(Q.T @ weight)
+            left = weight - self.J.T @ y
+        c = frame.solve(x)
+
+        def form(y: SX, left: SX, c: SX, x: SX) -> SX:
+            return left.T @ self.planes @ c - y.T @ self.J @ x
+
+        return _slope_of(form, self.q, y, left, c, x), y
 
     def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
         """G = B M: A [G_i, G_j] = sum_ab M_ai M_bj A [B_a, B_b], so only B is differentiated."""
@@ -96,11 +131,29 @@ class RowExpressions(Expressions):
             along: wanted of the rows (r, k); zero by default, for G dx.
         """
         wanted = SX.zeros(self.planes.shape[0], dx.shape[1]) if along is None else along
-        A, B = [self.J], [dx]  # (11): J_A = [J; A], with rows of A scaled to length 1 below
-        for i in range(self.planes.shape[0]):  # to length 1: the scale of a constraint is no matter of its leaves
-            size = norm_2(self.planes[i, :])
-            A, B = [*A, self.planes[i, :] / size], [*B, wanted[i, :] / size]
-        return solution(vertcat(*A), vertcat(*B), written_out=written_out)  # (14)
+        extended, sizes = self._extended()
+        scaled = (wanted[i, :] / size for i, size in enumerate(sizes))
+        return solution(extended, vertcat(dx, *scaled), written_out=written_out)  # (14)
+
+    def slope(self, dx: SX, weight: SX) -> tuple[SX, SX]:
+        """Of [J; A] x = [dx; 0], with y = [J; A]^-T w: w^T dx = -y^T d[J; A] x."""
+        extended, sizes = self._extended()
+        m, found = self.J.shape[0], factorise(extended)
+        x = found.solve(vertcat(dx, SX.zeros(len(sizes), 1)))
+        y = found.solve_transposed(weight)
+        scaled = vertcat(SX(0, 1), *(y[m + i] / size for i, size in enumerate(sizes)))
+
+        def form(y: SX, scaled: SX, x: SX) -> SX:
+            return -y.T @ self.J @ x - scaled.T @ self.planes @ x
+
+        return _slope_of(form, self.q, y[:m], scaled, x), y[:m]
+
+    def _extended(self) -> tuple[SX, list[SX]]:
+        """[J; A], rows of A scaled to length 1, as the scale of a constraint is no matter of its leaves; their lengths."""
+        rows = [self.planes[i, :] for i in range(self.planes.shape[0])]
+        sizes = [norm_2(row) for row in rows]
+        # (11): J_A = [J; A]
+        return vertcat(self.J, *(row / size for row, size in zip(rows, sizes, strict=True))), sizes
 
     def brackets(self, G: SX, of_frame: Brackets | None = None) -> tuple[SX, list[SX]]:
         """A_k [G_i, G_j] = -(DA_k[G_i] G_j - DA_k[G_j] G_i): only A is differentiated."""
@@ -108,3 +161,9 @@ class RowExpressions(Expressions):
         along = [directional(self.planes, self.q, G[:, i]) @ G for i in range(G.shape[1])]
         values = [vertcat(*(turn[k, :] for turn in along)) for k in range(self.planes.shape[0])]
         return self.planes, [T.T - T for T in values]  # (33), (34), (35): the terms in dA, which cancel for a gradient
+
+
+def _slope_of(form: Callable[..., SX], q: SX, *values: SX) -> SX:
+    """The gradient (n,) by q of a scalar form(*values) in which the values, expressions of q, count as constants."""
+    fixed = [symbol(f"fixed{i}", *value.shape) for i, value in enumerate(values)]
+    return as_map([q, *fixed], gradient(form(*fixed), q).T)(q, *values)

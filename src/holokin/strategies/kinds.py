@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, final
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..constraints import Constraint
 from ..errors import NotFiniteError
-from ..symbolic import SX, Evaluator, Function, fmin
+from ..symbolic import SX, Evaluator, Function, Transport, fmin
 from ..types import ArrayLike, Matrix, Vector
 from .base import Field, Strategy
 from .expressions import FrameExpressions, RowExpressions
@@ -88,6 +88,17 @@ class HolonomicStrategy(KernelStrategy):
         """J_g of the constraint."""
         return self.constraint.slopes
 
+    @cached_property
+    def looped(self) -> HolonomicStrategy:
+        """The strategy for what is evaluated and not differentiated: a transport in its constraint is left to a loop."""
+        found = self.constraint.looped
+        return self if found is None else replace(self, constraint=found)
+
+    @property
+    def transport(self) -> Transport | None:
+        """The loop whose symbols its expressions hold: a `Function` of them must be told of it."""
+        return self.constraint.transport
+
     def g(self, q: ArrayLike) -> Vector:
         """g(q), (n,) -> (r,): constant along all that the strategy does.
 
@@ -112,7 +123,8 @@ class HolonomicStrategy(KernelStrategy):
     @cached_property
     def constraint_value(self) -> Function:
         """q -> g(q) (r,)."""
-        return Function("constraint", {"q": self.expressions.q}, {"g": self.constraint_expression})
+        s = self.looped
+        return Function("constraint", {"q": s.expressions.q}, {"g": s.constraint_expression}, None, s.transport)
 
     def leaf_gap(self, c: SX) -> SX:
         """c - g(q) (r,) as an expression, its angles in (-pi, pi]."""

@@ -15,7 +15,19 @@ from functools import reduce
 from ..arguments import made
 from ..constraints import Constraint
 from ..robot import Kinematics
-from ..symbolic import SX, as_map, fmax, fmin, gradient, if_else, norm_2, runge_kutta, symbol, vertcat
+from ..symbolic import (
+    SX,
+    as_map,
+    fmax,
+    fmin,
+    gradient,
+    if_else,
+    norm_2,
+    runge_kutta,
+    symbol,
+    transport,
+    vertcat,
+)
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, frozen, whole
@@ -73,43 +85,78 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     charted = replace(strategy, task=chart)
     x0, label, rcond = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
 
-    def build(k: Kinematics, q: SX) -> _Ray:
-        e = charted.expressions
-        dx = symbol("dx", task.m)
-        moved = e.rate(dx, written_out=True)
-        rate = as_map([e.q, dx], vertcat(moved.X, moved.rcond))
-        v = chart.value_expression(k) - SX(x0)
+    e = charted.expressions
+    dx, w = symbol("dx", task.m), symbol("w", task.n)
+    moved = e.rate(dx, written_out=True)
+    along = as_map([e.q, dx], vertcat(moved.X, fmax(0, moved.rcond)))  # fmax makes 0 of what is not a number
+    pulled = as_map([e.q, dx, w], vertcat(*e.slope(dx, w)))
+
+    def value(q: SX) -> SX:
+        return chart.value_expression(task.robot.kinematics(q, task.tip))
+
+    def rate(q: SX, v: SX) -> tuple[SX, SX]:
+        found = along(q, v)
+        return found[: task.n], found[task.n]
+
+    def slope(q: SX, v: SX, weight: SX) -> tuple[SX, SX]:
+        found = pulled(q, v, weight)
+        return found[: task.n], found[task.n :]
+
+    def end(q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
+        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
+        arrived = fmax(0, 1 - norm_2(left) / way)
+        passed = fmax(0, 1 - DIP * fmin(first, rcond) / least)
+        regular = first > TOLERANCES.singular
+        margin = if_else(regular, fmin(fmin(passed, arrived), fmax(0, label.margin(back))), 1)
+        return label.value(back), margin, regular
+
+    def build(q: SX) -> _Ray:
+        v = value(q) - SX(x0)
         back, sound = q, []
 
-        def stage(at: SX, along: SX) -> SX:
-            found = rate(at, along)
-            sound.append(fmax(0, found[task.n]))  # fmax makes 0 of what is not a number
-            return found[: task.n]
+        def stage(at: SX, v: SX) -> SX:
+            moved, regular = rate(at, v)
+            sound.append(regular)
+            return moved
 
         for _ in range(steps):
             back = runge_kutta(stage, back, -1.0 / steps, v, v, v)
-        missed = SX(x0) - chart.value_expression(task.robot.kinematics(back, task.tip))
-        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
-        arrived = fmax(0, 1 - norm_2(rate(back, missed)[: task.n]) / way)
-        passed = 1 - DIP * fmin(sound[0], rcond) / reduce(fmin, sound)
-        margin = reduce(fmin, [fmax(0, passed), arrived, fmax(0, label.margin(back))])
-        regular = sound[0] > TOLERANCES.singular
-        return _Ray(label.value(back), if_else(regular, margin, 1), regular)
+        return _Ray(*end(q, back, rate(back, SX(x0) - value(back))[0], sound[0], reduce(fmin, sound)))
 
+    loop = transport(
+        lambda q: value(q) - SX(x0),
+        rate,
+        slope,
+        lambda back: SX(x0) - value(back),
+        end,
+        joints=task.n,
+        steps=steps,
+    )
     ray = _kept(build)
 
-    def slopes(_task: Task, k: Kinematics, q: SX) -> SX:
-        value = ray(k, q).label
-        rows = vertcat(SX(0, task.n), *(gradient(value[i], q) for i in range(r)))
-        return rows * ray(k, q).regular  # where J is singular they are not numbers, or huge: rcond 0 says so
+    def slopes(_task: Task, _k: Kinematics, q: SX) -> SX:
+        found = ray(q)
+        rows = vertcat(SX(0, task.n), *(gradient(found.label[i], q) for i in range(r)))
+        return rows * found.regular  # where J is singular they are not numbers, or huge: rcond 0 says so
 
-    constraint = Constraint(
-        f"radial strategy of {strategy.name}",
+    title = f"radial strategy of {strategy.name}"
+    looped = Constraint(
+        title,
         r,
-        lambda _task, k, q: ray(k, q).label,
+        lambda _task, _k, _q: loop.label,
         (label.angular,) * r,
-        lambda _task, k, q: ray(k, q).margin,
+        lambda _task, _k, _q: loop.margin,
+        lambda _task, _k, _q: loop.gradient,
+        transport=loop,
+    )
+    constraint = Constraint(
+        title,
+        r,
+        lambda _task, _k, q: ray(q).label,
+        (label.angular,) * r,
+        lambda _task, _k, q: ray(q).margin,
         slopes,
+        looped,
     )
     return holonomic(task, constraint, name=name)
 
@@ -125,13 +172,13 @@ class _Ray:
     regular: SX
 
 
-def _kept(build: Callable[[Kinematics, SX], _Ray]) -> Callable[[Kinematics, SX], _Ray]:
+def _kept(build: Callable[[SX], _Ray]) -> Callable[[SX], _Ray]:
     """`build`, its last answer kept: the label, its gradient and the margin then share one transport."""
     last: list[tuple[SX, _Ray]] = []
 
-    def ray(k: Kinematics, q: SX) -> _Ray:
+    def ray(q: SX) -> _Ray:
         if not last or last[0][0] is not q:
-            last[:] = [(q, build(k, q))]
+            last[:] = [(q, build(q))]
         return last[0][1]
 
     return ray

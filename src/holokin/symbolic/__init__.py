@@ -27,7 +27,7 @@ from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol
 from .function import Evaluator, Function
 from .geometry import wrapped
-from .integrate import runge_kutta
+from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
@@ -40,6 +40,7 @@ __all__ = [
     "Function",
     "NearestPoint",
     "Solution",
+    "Transport",
     "as_expression",
     "as_map",
     "atan2",
@@ -74,6 +75,7 @@ __all__ = [
     "solve",
     "sumsqr",
     "symbol",
+    "transport",
     "vec",
     "vertcat",
     "wrapped",

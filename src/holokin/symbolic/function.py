@@ -17,6 +17,7 @@ from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
 from ..codegen.native import enabled, tell
 from ..codegen.program import Port, program
 from ..codegen.source import body
+from ..codegen.transport import Transport
 from ..errors import NativeError, ShapeError
 from ..types import Array, ArrayLike, numbers
 from .linear import System
@@ -36,6 +37,7 @@ class Function:
         inputs: name -> symbol; a column symbol takes a vector (k,), others a matrix (rows, columns).
         outputs: name -> expression; columns come back as vectors, 1x1 as a float.
         system: the linear system whose symbols the outputs hold, if any (see `linear.solution`).
+        transport: the loop whose symbols they hold, if any; it takes the input "q".
 
     Raises:
         ShapeError: an argument of the wrong shape, or the wrong number of arguments.
@@ -47,11 +49,12 @@ class Function:
         inputs: Mapping[str, ca.SX],
         outputs: Mapping[str, ca.SX],
         system: System | None = None,
+        transport: Transport | None = None,
     ) -> None:
         self.name = name
         self.input_shapes = {key: _shape(symbol) for key, symbol in inputs.items()}
         self.output_shapes = {key: _shape(value) for key, value in outputs.items()}
-        self.program = program(name, inputs, outputs, system)
+        self.program = program(name, inputs, outputs, system, transport)
         self._shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
         self._port = Port(self.program, *self._shapes)
         self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
@@ -141,7 +144,7 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
-        if not enabled() or self.program.instructions > LARGEST_VECTOR:
+        if not enabled() or self.program.longest > LARGEST_VECTOR:
             return None
         if "batch" not in self._natives:
             try:

@@ -1,9 +1,14 @@
-"""The Runge-Kutta step of order 4, for numbers and for expressions."""
+"""The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+
+import casadi as ca
+
+from ..codegen.transport import Pieces, Transport
+from .calculus import gradient, staged
 
 
 def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, middle: Any, end: Any) -> Any:
@@ -16,3 +21,42 @@ def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, m
     k3 = rate(y + h / 2 * k2, middle)
     k4 = rate(y + h * k3, end)
     return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def transport(
+    begin: Callable[[ca.SX], ca.SX],
+    rate: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]],
+    slope: Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]],
+    miss: Callable[[ca.SX], ca.SX],
+    end: Callable[..., tuple[ca.SX, ca.SX, ca.SX]],
+    *,
+    joints: int,
+    steps: int,
+) -> Transport:
+    """The loop of `steps` Runge-Kutta steps from share 0 to -1, of maps of expressions: see `Pieces` for what they are.
+
+    Args:
+        rate: (y, v) -> its first two results. slope: (y, v, w) -> what `pull` gives. end: without its slopes.
+    """
+    q, y, f, w = (ca.SX.sym(name, joints) for name in "qyfw")
+    first, least = ca.SX.sym("first"), ca.SX.sym("least")
+    began = begin(q)
+    v = ca.SX.sym("v", *began.shape)
+    (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
+    slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
+    n, m = joints, v.shape[0]
+    found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
+    pieces = Pieces(
+        begin=_function("begin", [q], began),
+        rate=_function("rate", [y, v], found[:n], found[n], values),
+        pull=_function("pull", [left, w], found[n + 1 : 2 * n + 1], found[2 * n + 1 :]),
+        miss=_function("miss", [y], miss(y)),
+        end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
+        back=_function("back", [q, w, v], w + gradient(v.T @ began, q).T),
+    )
+    size = label.shape[0] * (1 + n) + 1
+    return Transport(pieces, steps, -1.0 / steps, ca.SX.sym("found", size))
+
+
+def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function(name, inputs, ca.cse([ca.densify(output) for output in outputs]))

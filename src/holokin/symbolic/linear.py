@@ -41,7 +41,19 @@ class Factorisation:
 
     def solve(self, B: ca.SX) -> ca.SX:
         """X = A^-1 B for a square A; shapes (n, n), (n, k) -> (n, k). Least squares for a tall A."""
-        return back_substitute(self.R, self._transpose_times(B)[: self.R.shape[0], :])
+        return back_substitute(self.R, self.transpose_times(B)[: self.R.shape[0], :])
+
+    def solve_transposed(self, B: ca.SX) -> ca.SX:
+        """X = A^-T B for a square A. Of a tall A the least X with A^T X = B."""
+        return self.times(forward_substitute(self.R, B))
+
+    def times(self, Y: ca.SX) -> ca.SX:
+        """Q Y, (columns, k) -> (rows, k), of the first columns of Q: less work than to write these down."""
+        return self._q(ca.vertcat(ca.SX(Y), ca.SX(self.rows - Y.shape[0], Y.shape[1])))
+
+    def complement_times(self, Y: ca.SX) -> ca.SX:
+        """The same of the other columns of Q, (rows - columns, k) -> (rows, k)."""
+        return self._q(ca.vertcat(ca.SX(self.rows - Y.shape[0], Y.shape[1]), ca.SX(Y)))
 
     def thin_q(self) -> ca.SX:
         """The first columns of Q: an orthonormal basis (rows, columns) of range A."""
@@ -52,6 +64,7 @@ class Factorisation:
         return self._q(ca.SX.eye(self.rows)[:, self.R.shape[1] :])
 
     def _q(self, Q: ca.SX) -> ca.SX:
+        Q = ca.densify(Q)
         for k, v, beta in reversed(self.reflections):
             Q[k:, :] = Q[k:, :] - (beta * v) @ (v.T @ Q[k:, :])
         return ca.densify(Q)
@@ -73,7 +86,8 @@ class Factorisation:
             largest = ca.fmax(largest, ca.fabs(self.R[k, k]))
         return smallest / largest
 
-    def _transpose_times(self, B: ca.SX) -> ca.SX:
+    def transpose_times(self, B: ca.SX) -> ca.SX:
+        """Q^T B with all of Q, (rows, k) -> (rows, k)."""
         B = ca.densify(ca.SX(B))
         for k, v, beta in self.reflections:
             B[k:, :] = B[k:, :] - (beta * v) @ (v.T @ B[k:, :])
@@ -112,17 +126,22 @@ def back_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
     return ca.densify(X)
 
 
+def forward_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
+    """X = R^-T B for an upper triangular R."""
+    B = ca.SX(B)
+    X = ca.SX(*B.shape)
+    for i in range(R.shape[0]):
+        total = B[i, :]
+        for j in range(i):
+            total = total - R[j, i] * X[j, :]
+        X[i, :] = total / R[i, i]
+    return ca.densify(X)
+
+
 def least_norm(J: ca.SX, B: ca.SX) -> Solution:
     """X = J^+ B of a wide J (m, n) of full rank, the least solution of J X = B: J^T = Q R gives X = Q R^-T B."""
     tall = factorise(J.T)
-    R, B = tall.R, ca.SX(B)
-    Y = ca.SX(*B.shape)
-    for i in range(R.shape[0]):  # R^T is lower triangular
-        total = B[i, :]
-        for j in range(i):
-            total = total - R[j, i] * Y[j, :]
-        Y[i, :] = total / R[i, i]
-    return Solution(tall.thin_q() @ ca.densify(Y), tall.rcond())
+    return Solution(tall.solve_transposed(B), tall.rcond())
 
 
 def same(a: ca.SX, b: ca.SX) -> bool:
