@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ArgumentError
+from ..motion.reach import nearest_postures
 from ..robot import Robot
-from ..symbolic import wrapped
 from ..task import Task, pose, position
 from ..types import Flags, Matrix, Vector
 
@@ -22,11 +22,8 @@ FREE = 1.2
 SPREAD = 8
 """Postures at one tool pose from which laws are tried: with more, no better leaf was found on five arms."""
 
-SEEDS, CORRECTIONS = 384, 60
-"""Random postures, and Newton steps from each, by which the postures of a tool pose are found."""
-
-DAMPING, LONGEST = 0.05, 0.4
-"""Of these steps: J J^T is increased by so much times the squared error; the longest step [rad or m]."""
+SEEDS = 96
+"""Random postures from which those of a tool pose are searched for."""
 
 
 def fitting_task(robot: Robot, tip: str | None = None) -> Task:
@@ -58,21 +55,15 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
     are none. The most comfortable is the first.
 
-    Found from random postures by damped Newton steps, so that they are of all branches and all over the self-motions.
+    Searched for from random postures, so that they are of all branches and all over the self-motions.
     """
-    lower, upper = allowed(task.robot)
-    Q = np.random.default_rng(0).uniform(lower, upper, (SEEDS, task.n))
     p, R = pose[:3, 3], pose[:3, :3]
-    for _ in range(CORRECTIONS):
-        e = task.error(Q, p, R)
-        J, _ = task.jacobian_batch(Q)
-        damped = J @ J.transpose(0, 2, 1) + DAMPING * np.sum(e**2, axis=1)[:, None, None] * np.eye(task.m)
-        step = np.einsum("kij,ki->kj", J, np.linalg.solve(damped + 1e-12 * np.eye(task.m), e[..., None])[..., 0])
-        Q = Q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-    Q = np.where(task.robot.hinges & ~np.isfinite(task.robot.lower), wrapped(Q), Q)
-    Q = Q[(np.abs(task.error(Q, p, R)).max(axis=1) < 1e-9) & inside(task.robot, Q)]
-    if not len(Q):
-        return Q
+    lower, upper = allowed(task.robot)
+    near = np.random.default_rng(0).uniform(lower, upper, (SEEDS, task.n))
+    if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
+        return np.zeros((0, task.n))
+    found = nearest_postures(task, np.tile(p, (SEEDS, 1)), np.tile(R, (SEEDS, 1, 1)), near, limits=True)
+    Q = found.q[found.reached]
     values = np.array([comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
     away = np.full(len(Q), np.inf)
