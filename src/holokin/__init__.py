@@ -13,7 +13,7 @@ from . import analysis, auditing, constraints, designing, export, laws, motion, 
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Coverage, coverage
+from .designing import Coverage, Design, Objective, coverage, design
 from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
@@ -30,7 +30,9 @@ __all__ = [
     "Constraint",
     "ControlLaw",
     "Coverage",
+    "Design",
     "HolokinError",
+    "Objective",
     "Path",
     "Robot",
     "Status",
@@ -54,6 +56,7 @@ __all__ = [
     "coverage",
     "curvature",
     "custom",
+    "design",
     "designing",
     "drift",
     "export",

@@ -160,7 +160,9 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
 
 
 @made
-def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None = None) -> Constraint:
+def tilted(
+    constraint: Constraint, rho: Callable[[SX], Any], *, chart: Task | None = None, name: str | None = None
+) -> Constraint:
     """g(q) = a(q) - rho(f(q)): the leaves of a constraint a, tilted by a function of the tool's pose.
 
     det [J; J_a - rho' J] = det [J; J_a]: the tilt never changes algorithmic singularities (theory 2e). With one
@@ -169,13 +171,14 @@ def tilted(constraint: Constraint, rho: Callable[[SX], Any], *, name: str | None
     Args:
         rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad); rotation vectors, also those
             of a twist task, count from its `reference` and jump half a turn from it.
+        chart: a task of the same robot whose coordinates rho takes instead, for instance one with another reference.
 
     Raises:
         ShapeError (when bound): rho has another number of rows.
     """
 
     def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        tilt = as_expression(rho(task.value_expression(k)))
+        tilt = as_expression(rho((chart or task).value_expression(k)))
         if tilt.shape != (constraint.rows, 1):
             raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), tilt.shape)
         return constraint.expand(task, k, q) - tilt

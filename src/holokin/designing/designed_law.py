@@ -2,125 +2,223 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arguments import made, typed
-from ..constraints import Constraint, linear
-from ..errors import ArgumentError, HolokinError
+from ..arguments import typed
+from ..constraints import Constraint, linear, tilted
+from ..errors import ArgumentError, OutOfReachError, PathError
 from ..motion import inverse
-from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, holonomic
-from ..symbolic import SX
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import Array, ArrayLike, Matrix, Value, Vector, frozen, whole
-from .coordinates import Coordinates, chart_of, coordinates_of, exponents, monomials
-from .descent import descend
-from .objectives import Costs, Objective, as_objective, costs_of
-from .section import Sampled, SectionSamples
+from ..types import ArrayLike, Matrix, Value, Vector, not_negative, whole
+from ..workspaces import Workspace
+from .best_section import Limits, Search
+from .coordinates import Polynomial, chart_of, coordinates_of, monomials_up_to
+from .lower_bound import LeastCosts, least_costs
+from .objectives import POWER, Costs, Objective, as_objective, costs_of
+from .section import Sampled, SectionSamples, TiltedLeaves
+from .section_metrics import SectionMetrics, measured, reached
 
+HIGHEST = 4
+"""Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
-@made
-def tilted_by(
-    task: Task, base: Constraint, coordinates: Coordinates, coefficients: ArrayLike, *, name: str = "designed"
-) -> HolonomicStrategy:
-    """The strategy with the leaves g(q) = phi(q) - zeta(u(f(q))), zeta a polynomial of the tool pose.
+NARROWER = 3
+"""Times that limits are narrowed where poses between the samples are beyond them."""
 
-    Args:
-        base: phi, r rows. coefficients: (r, t) of the monomials of u by increasing degree, the constant first.
-    """
-    C = frozen(np.asarray(coefficients, dtype=float))
-    degree = 0
-    while len(exponents(coordinates.d, degree)) < C.shape[1]:
-        degree += 1
-    terms = exponents(coordinates.d, degree)
+OVER = 1.2
+"""What limits are narrowed by, over what was beyond them."""
 
-    def expression(bound: Task, k: Kinematics, q: SX) -> SX:
-        return base.expand(bound, k, q) - SX(C) @ monomials(coordinates.expression(k), terms)
-
-    return holonomic(task, Constraint(name, base.rows, expression, base.angular, base.margin))
+FINER = 4
+"""Poses that a design is checked at, for each one that it was searched at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Design(Value):
-    """The best section found."""
+    """The best section that was found, as a strategy, and what it was chosen by.
+
+    strategy: an ordinary one; its leaf through `start` (n,), the posture at the middle of the workspace, is the section,
+        phi(q) = polynomial(x).
+    costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
+        has the cost's unit, with several it is 1 to begin with.
+    bound: no section can have a lower objective at these samples. With several redundant joints (`bound_traced` False)
+        it is the least that a search along lines of the self-motions found, and may be too high.
+    before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
+        times as many; where the workspace is a cloud, at its own.
+    limited, least_rcond: the hard limits that were asked for.
+    """
 
     strategy: HolonomicStrategy
     start: Vector
-    coefficients: Matrix
-    values: tuple[float, ...]
-    before: float
-    samples: int
-    reached: int
+    objective: Objective
+    base: HolonomicStrategy
+    polynomial: Polynomial
+    costs: tuple[float, ...]
+    bound: float
+    bound_traced: bool
+    before: SectionMetrics
+    after: SectionMetrics
+    checked: SectionMetrics
+    limited: bool
+    least_rcond: float
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial."""
+        return len(self.costs) - 2
+
+    @property
+    def holds(self) -> bool:
+        """True when no hard limit is violated at any pose that was checked and that the leaf reaches."""
+        c = self.checked
+        return (c.within_limits == c.reached or not self.limited) and c.rcond >= self.least_rcond
+
+    def __str__(self) -> str:
+        goal = " + ".join(f"{w:g} {name.replace('_', ' ')}" for name, w in self.objective.weights.items())
+        steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
+        kind = "no law can have less than" if self.bound_traced else "a search over the self-motions came down to"
+        verdict = "All hard limits hold" if self.holds else "NOT all hard limits hold"
+        return (
+            f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "
+            f"{self.base.name!r}; {kind} {self.bound:.5g}. {verdict} at {self.checked.poses} other poses: "
+            f"{self.checked}."
+        )
 
 
 @typed
 def design(
     task: Task,
-    workspace: object,
+    workspace: Workspace,
     start: ArrayLike,
     *,
     objective: Objective | str = "squared_speed",
     base: Constraint | None = None,
     degree: int = 2,
+    limits: bool = True,
+    margin: float = 0.0,
+    rcond: float = 0.0,
     samples: int = 256,
     seed: int = 0,
 ) -> Design:
-    """The best section."""
-    q0 = task.robot.checked(start, "the start posture")
-    goal = as_objective(objective)
-    phi = base or linear(null_space(task.jacobian(q0)).T, name="self-motion")
-    law = holonomic(task, phi)
-    middle = workspace.center
-    center = inverse(law, q0)(middle)
-    poses = workspace.poses(samples, seed)
-    ik = inverse(law, center)
-    Q, kept = [], []
-    for i, pose in enumerate(poses):
-        try:
-            Q.append(ik(pose))
-            kept.append(i)
-        except HolokinError:
-            continue
-    Q = np.array(Q)
-    chart = chart_of(task, middle[:3, :3])
-    coordinates = coordinates_of(chart, Q)
-    terms = exponents(coordinates.d, degree)
-    section = SectionSamples(law, coordinates, terms, poses[kept][:, :3, 3], poses[kept][:, :3, :3], coordinates.at(Q))
-    costs = costs_of(task.robot, goal, coordinates.turns, coordinates.spread)
-    first = np.zeros((phi.rows, len(terms)))
-    first[:, 0] = law.g(center)
-    at = section.at(first, Q)
-    scale = {name: costs.known[name](at.Q, at.G, at.rcond).value for name in goal.weights}
-    values, slopes = section.basis
-    s = slopes * coordinates.scale
-    metric = (values.T @ values + np.einsum("std,sud->tu", s, s)) / len(Q)
-    white = np.linalg.inv(np.linalg.cholesky(metric))  # coefficients = x @ white, rows of white triangular
+    """The best way to give each tool pose of a workspace its joints: phi(q) = zeta(x), zeta a polynomial of the pose.
 
-    def cost(x, near):
-        X = x.reshape(phi.rows, -1)
-        t = X.shape[1]
-        at = section.at(X @ white[:t, :t], near)
-        if at is None:
-            return None
-        total = 0.0
-        by = [np.zeros_like(at.Q), np.zeros_like(at.G), np.zeros(len(at.Q))]
-        for name, w in goal.weights.items():
-            one = costs.known[name](at.Q, at.G, at.rcond)
-            total += w * one.value
-            by = [b + w * v for b, v in zip(by, (one.Q, one.G, one.rcond))]
-        return total, (section.slope(at, *by, t) @ white[:t, :t].T).ravel(), at.Q
+    The leaf is that of g = phi - zeta o f, with the rows J_phi - zeta' J, so that zeta adds no algorithmic singularity
+    to those of phi. The objective is made least over the coefficients, with exact derivatives, from zeta constant.
+    Joint limits and the least rcond hold at all samples, and are checked at other poses afterwards. (theory 7.1)
 
-    C, found, values_ = first[:, :1], [], []
-    near = Q
-    for k in range(degree + 1):
-        t = len(exponents(coordinates.d, k))
-        C = np.pad(C, ((0, 0), (0, t - C.shape[1])))
-        x = C @ np.linalg.inv(white[:t, :t])
-        x, value, near = descend(cost, x.ravel(), near)
-        C = x.reshape(phi.rows, t) @ white[:t, :t]
-        values_.append(value)
-    strategy = tilted_by(task, phi, coordinates, C)
-    return Design(strategy, inverse(strategy, near[0])(middle), C, tuple(values_), scale, samples, len(Q))
+    Args:
+        start: a posture (n,) on the branch that is to be used.
+        objective: an `Objective`, or the name of one cost.
+        base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
+            self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there.
+        degree: of zeta, 0 to 4.
+        limits: True makes joint limits hard. margin: distance kept from them [joint units].
+        rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
+        samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
+            middle of the workspace are left out, and counted.
+
+    Raises:
+        ArgumentError: the robot is not redundant for the task; bad numbers.
+        OutOfReachError: the middle of the workspace is not reached from the start.
+    """
+    robot, goal = task.robot, as_objective(objective)
+    q0 = robot.checked(start, "the start posture")
+    if task.n == task.m:
+        cure = "each tool pose has its joints already: hk.inverse finds them, on the branch of its start"
+        raise ArgumentError("the number of redundant joints", 0, cure)
+    if whole("the degree", degree, 0) > HIGHEST:
+        raise ArgumentError("the degree", degree, f"give 0 to {HIGHEST}")
+    not_negative("the margin", margin)
+    if not 0 <= rcond < 1:
+        raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
+    whole("seed", seed, 0)
+
+    poses = workspace.poses(whole("samples", samples), seed)
+    law, center = _base(task, base, q0, workspace.center)
+    Q, there = reached(law, center, poses)
+    coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
+    leaves, terms = TiltedLeaves(law, coordinates), monomials_up_to(coordinates.d, degree)
+    p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
+    section = SectionSamples(leaves, terms, p, R, coordinates.at(Q))
+    costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
+    first = leaves.slopes(Q, np.zeros((len(Q), law.constraint.rows, coordinates.d)))
+    weights = _weights(goal, costs, first)
+    least = least_costs(coordinates, costs, Q, p, R, limits=limits, speeds="worst_speed" in weights)
+
+    hard = narrowed = _limits(costs, margin if limits else None, rcond)
+    other = workspace.poses(FINER * samples, seed + 1)
+    for _ in range(NARROWER):
+        search = Search(section, costs, weights, narrowed, Q)
+        C, best, values = search.best(law.g(center)[:, None], degree)
+        zeta = Polynomial(coordinates, C)
+        strategy = holonomic(task, tilted(law.constraint, zeta, chart=coordinates.chart), name="designed")
+        middle = inverse(strategy, best.Q[0])(workspace.center)
+        arrived, _ = reached(strategy, middle, other)
+        checked = measured(strategy, coordinates, costs, arrived, len(other))
+        over = np.max(np.abs(arrived - costs.middle) / costs.half - hard.allowed, axis=0)
+        short = max(1.0, hard.rcond / checked.rcond)
+        if short == 1.0 and (over <= 0).all():
+            break
+        narrowed = replace(
+            narrowed, allowed=narrowed.allowed - OVER * np.maximum(over, 0), rcond=narrowed.rcond * short**OVER
+        )
+    return Design(
+        strategy=strategy,
+        start=middle,
+        objective=goal,
+        base=law,
+        polynomial=zeta,
+        costs=(search.cost(first).value, *values),
+        bound=_bound(least, weights),
+        bound_traced=least.traced,
+        before=measured(law, coordinates, costs, Q, len(poses)),
+        after=measured(strategy, coordinates, costs, best.Q, len(poses)),
+        checked=checked,
+        limited=limits,
+        least_rcond=rcond,
+    )
+
+
+def _base(task: Task, base: Constraint | None, q0: Vector, middle: Matrix) -> tuple[HolonomicStrategy, Vector]:
+    """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
+    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0)
+    try:
+        center = inverse(law, q0)(middle)
+    except PathError as problem:
+        fact = (
+            f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
+        )
+        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from problem
+    return (law, center) if base is not None else (_along_self_motion(task, center), center)
+
+
+def _along_self_motion(task: Task, q: Vector) -> HolonomicStrategy:
+    """Z^T q = const, Z (n, r) the self-motions at a posture."""
+    return holonomic(task, linear(null_space(task.jacobian(q)).T, name="the joints' way along the self-motion"))
+
+
+def _limits(costs: Costs, margin: float | None, rcond: float) -> Limits:
+    """The hard limits of a search; no joint limits without a margin."""
+    allowed = np.full(len(costs.half), np.inf) if margin is None else 1 - margin / costs.half
+    return Limits(np.where(np.isfinite(costs.half), allowed, np.inf), rcond)
+
+
+def _weights(goal: Objective, costs: Costs, at: Sampled) -> dict[str, float]:
+    """The weights of the costs, each divided by what it is at a section, where there are several."""
+    if len(goal.weights) == 1:
+        return dict.fromkeys(goal.weights, 1.0)
+    return {name: w / costs.known[name](at.Q, at.G, at.rcond).value for name, w in goal.weights.items()}
+
+
+def _bound(least: LeastCosts, weights: dict[str, float]) -> float:
+    """The least that the weighted costs can be: the sum of the least of each."""
+    known = {
+        "squared_speed": float(np.mean(least.squared_speed)),
+        "worst_speed": float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
+        "joint_limits": float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
+        "rcond": 1.0,
+        "travel": 0.0,
+    }
+    return sum(w * known[name] for name, w in weights.items())

@@ -8,7 +8,7 @@ knows nothing of constraints, levels or polynomials.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -87,6 +87,15 @@ class Slopes:
     Q: Array
     G: Array
     rcond: Array
+
+    def plus(self, other: Slopes, weight: float) -> Slopes:
+        """This one and another one times a weight."""
+        return Slopes(
+            self.value + weight * other.value,
+            self.Q + weight * other.Q,
+            self.G + weight * other.G,
+            self.rcond + weight * other.rcond,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +207,3 @@ def _default_weights(robot: Robot) -> Vector:
         raise ArgumentError("the joint speed limits", speeds.tolist(), cure)
     weights[~hinges] = np.mean(speeds[hinges]) ** 2 / speeds[~hinges] ** 2
     return weights
-
-
-NAMES = tuple(f.name for f in fields(Objective))

@@ -1,0 +1,110 @@
+"""`section_metrics`: what a law with leaves does over a workspace, by the costs that designs are judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import OutOfReachError
+from ..motion import inverse
+from ..motion.solutions import InverseStatus
+from ..strategies import HolonomicStrategy
+from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
+from ..workspaces import Workspace
+from .coordinates import Coordinates, chart_of, coordinates_of
+from .objectives import Costs, Objective, as_objective, costs_of
+from .section import TiltedLeaves
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMetrics(Value):
+    """What a law does over a workspace, on one leaf.
+
+    poses: how many tool poses were asked for; reached: how many of them the leaf reaches; within_limits: how many of
+    these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
+    worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m]; joint_limits, the greatest
+    |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is; rcond, the least of [J; J_g];
+    travel, the mean squared way of the joints between two poses [rad^2]. See `Objective`.
+    """
+
+    poses: int
+    reached: int
+    within_limits: int
+    squared_speed: float
+    worst_speed: float
+    joint_limits: float
+    worst_joint: str
+    rcond: float
+    travel: float
+
+    def __str__(self) -> str:
+        return (
+            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; mean "
+            f"squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of its "
+            f"limit at 1 m/s, {self.worst_joint} at {self.joint_limits:.0%} of its half range, rcond at least "
+            f"{self.rcond:.2g}, joints {np.sqrt(self.travel):.3g} rad (rms) apart between two poses"
+        )
+
+
+@typed
+def section_metrics(
+    strategy: HolonomicStrategy,
+    start: ArrayLike,
+    workspace: Workspace,
+    *,
+    objective: Objective | str = "squared_speed",
+    samples: int = 256,
+    seed: int = 0,
+) -> SectionMetrics:
+    """What a law does over a workspace on the leaf through `start` (n,), a posture at any of its poses.
+
+    Args:
+        objective: whose weights of joints and turns count.
+
+    Raises:
+        OutOfReachError: none of the poses is reached. ArgumentError: they all are one.
+    """
+    poses = workspace.poses(whole("samples", samples), seed)
+    q0 = strategy.task.robot.checked(start, "the start posture")
+    Q, _ = reached(strategy, q0, poses)
+    coordinates = coordinates_of(chart_of(strategy.task, workspace.center[:3, :3]), Q)
+    costs = costs_of(strategy.task.robot, as_objective(objective), coordinates.turns, coordinates.spread)
+    return measured(strategy, coordinates, costs, Q, len(poses))
+
+
+def reached(strategy: HolonomicStrategy, start: Vector, poses: Array) -> tuple[Matrix, Array]:
+    """The postures (k, n) of those of the poses (S, 4, 4) that the leaf through a posture reaches, and these poses.
+
+    Raises:
+        OutOfReachError: none is.
+    """
+    found = inverse(strategy, start).batch(poses)
+    if not found.reached.any():
+        causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
+        fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"
+        raise OutOfReachError(fact, "move or shrink the workspace, or give another start or base constraint")
+    return found.q[found.reached], poses[found.reached]
+
+
+def measured(
+    strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int
+) -> SectionMetrics:
+    """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
+    robot = strategy.task.robot
+    at = TiltedLeaves(strategy, coordinates).slopes(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
+    off = np.abs(Q - costs.middle) / costs.half
+    k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+    used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
+    return SectionMetrics(
+        poses=poses,
+        reached=len(Q),
+        within_limits=int(np.sum(((Q >= robot.lower) & (Q <= robot.upper)).all(axis=1))),
+        squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
+        worst_speed=float(used.max()),
+        joint_limits=float(off[k, joint]),
+        worst_joint=robot.joint_names[joint],
+        rcond=float(strategy.gain.batch(Q)[1].min()),
+        travel=costs.travel(Q, at.G, at.rcond).value,
+    )
