@@ -4,80 +4,49 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, JointLimitError
-from ..motion import inverse
+from ..errors import ArgumentError, HolokinError, OutOfReachError
+from ..motion.reach import nearest_postures
 from ..robot import Robot, load
-from ..strategies import HolonomicStrategy, moore_penrose, radial
-from ..task import Task, position
-from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector
-from ..workspaces import PoseRange, Workspace, workspace as pose_range
+from ..strategies import moore_penrose, radial
+from ..task import Task, pose, position
+from ..tolerances import TOLERANCES
+from ..types import Array, ArrayLike, Matrix, Value, Vector
+from ..workspaces import PoseCloud, PoseRange, Workspace, pose_cloud
+from ..workspaces import workspace as pose_range
+from .advice import Advice, Law, Part
 from .candidates import Candidate, candidates
-from .rays import along_leaf
+from .coordinates import chart_of, coordinates_of
+from .covering import Coverage, Reach, coverage
+from .designed_law import design
+from .lower_bound import least_costs
+from .objectives import Costs, Objective, costs_of
+from .reasons import reasons
+from .served_part import largest_part
 from .starts import comfort, fitting_task, inside, postures_at, regular_starts
 from .tips import choose_tip
-from .trials import Motions, Trial, least_speed, tried
+from .trials import Poses, Trial, posed, tried
 
-SCREENED, LOOKED_AT = 64, 256
-"""Poses by which leaves and laws are chosen, and by which the chosen ones are compared."""
+POSES, SCREENED = 256, 4
+"""Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
 
-EQUAL = 0.01
-"""Difference of coverage up to which two laws cover alike: a few of the poses, which others would decide otherwise."""
+BASES, DEGREE, DESIGNED = 2, 2, 128
+"""Laws that are designed over the best of the others; degree of their polynomials, and poses that they are made for."""
 
-ROOM, REGULAR = 0.02, 0.01
-"""Share of a joint's range to its limit, and rcond, from which on a law keeps away from limits and singularities."""
+PARTS = 3
+"""Laws whose part of the workspace is looked for where none serves the whole."""
 
-PROPOSED = 0.15
+SIDE = 0.15
 """Half side of a workspace that is proposed, over the length of the arm."""
 
-
-@dataclass(frozen=True, eq=False)
-class Law(Value):
-    """A law and its leaf, with what it does in the workspace.
-
-    keys: what a job file says of it. start: the posture that its leaf goes through. coverage: share of the poses that
-    it reaches within the joint limits. margin: least distance to a limit over the joint's range, of `joint`. rcond: the
-    least. speed: mean squared joint speed over the least possible. why: causes of poses that are not served -> share.
-    """
-
-    name: str
-    keys: dict[str, object]
-    strategy: HolonomicStrategy
-    start: Vector
-    coverage: float
-    margin: float
-    joint: str
-    rcond: float
-    speed: float
-    served: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class Advice(Value):
-    """Laws for a robot and a workspace, the best first.
-
-    proposed: which of "tip", "start", "workspace" were not given but chosen here.
-    """
-
-    task: Task
-    workspace: Workspace
-    start: Vector
-    proposed: tuple[str, ...]
-    laws: tuple[Law, ...]
-    poses: Array
-    floor: float
-    seconds: float
-
-    @property
-    def best(self) -> Law:
-        """The law to take."""
-        return self.laws[0]
+TILT, SPIN = 0.25, 0.5
+"""Its turns [rad]: those of a tool that follows a gently curved surface."""
 
 
 @typed
@@ -86,102 +55,262 @@ def advise(
     workspace: Workspace | None = None,
     *,
     tip: str | None = None,
+    base: str | None = None,
+    task: Literal["pose", "position"] | None = None,
     start: ArrayLike | None = None,
-    position_only: bool = False,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
-    """The laws that fit a robot, compared on a workspace, the best first."""
+    """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
+
+    Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
+    pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
+    They are ranked by the share of the workspace that they reach within the joint limits; of laws that cover alike
+    those are first that keep away from limits and singular postures; of these the one with the least joint speed.
+
+    Args:
+        robot: a robot, a name of the catalogue, or a file.
+        workspace: by default a box round the tool at the start, with moderate turns.
+        tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
+            that stands still.
+        task: "pose" or "position"; by default the pose, for arms of up to six joints the position.
+        start: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
+        say: hears what is going on.
+
+    Raises:
+        ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
+        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
+        UnknownNameError, ShapeError, NotFiniteError.
+    """
     began = time.perf_counter()
-    arm, chosen_tip = (robot, None) if isinstance(robot, Robot) else _loaded(robot, tip)
-    task = position(arm, tip) if position_only else fitting_task(arm, tip if isinstance(robot, Robot) else None)
-    say("start postures")
-    starts, given = _starts(task, workspace, start)
-    space = _proposed(task, starts[0]) if workspace is None else workspace
-    names = ("tip", "start", "workspace")
-    proposed = tuple(n for n, v in zip(names, (chosen_tip is None, start is not None, workspace is not None)) if not v)
-    rough, fine = space.poses(SCREENED), space.poses(LOOKED_AT)
-    motions = motions_of(task, fine)
-    laws: list[Trial] = []
-    fits = candidates(task, starts)
-    for candidate in fits:
-        say(candidate.name)
-        trials = tried(candidate, starts, rough, motions)
-        if trials:
-            laws.append(min(trials, key=lambda t: _order(t.coverage, t.margin, t.least_rcond, float(np.nanmean(t.speed)) if t.served.any() else np.inf)))
-    laws = [t for law in laws for t in tried(replace(law.candidate, level=None), law.start[None], fine, motions)]
-    floor = np.nanmin([np.where(t.served, least_speed(task, t.q, motions), np.nan) for t in laws], axis=0)
-    ranked = [_law(t, floor) for t in laws]
-    ranked.sort(key=lambda law: _order(law.coverage, law.margin, law.rcond, law.speed))
-    return Advice(task, space, starts[0], proposed, tuple(ranked), fine, float(np.nanmean(floor)), time.perf_counter() - began)
+    say("the robot")
+    arm, chosen = _robot(robot, tip, base)
+    work = _task(arm, tip if isinstance(robot, Robot) else None, task)
+    given = {"tip": chosen is None, "task": task is not None, "start": start is not None, "workspace": workspace is not None}
+    q0 = None if start is None else arm.checked(start, "the start posture")
+    if q0 is not None:
+        arm.check_limits(q0)
+    if workspace is None:
+        q0 = _first(work) if q0 is None else q0
+        workspace = _proposed(work, q0)
+    case = _Case(work, workspace, q0 if given["start"] else None, say)
+    laws = case.ranked()
+    say("the reasons")
+    part = case.part(laws) if not laws[0].served.all() else None
+    found = case.checked[laws[0].name]
+    return Advice(
+        work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]), found,
+        reasons(laws, found, part, case.limit_cost(laws[0])), part, time.perf_counter() - began,
+    )  # fmt: skip
 
 
-def _loaded(name: str | Path, tip: str | None) -> tuple[Robot, str | None]:
+class _Case:
+    """A task and a workspace, with what is found out of them on the way to an advice."""
+
+    def __init__(self, task: Task, workspace: Workspace, start: Vector | None, say: Callable[[str], None]) -> None:
+        self.task, self.workspace, self.say = task, workspace, say
+        T = workspace.poses(POSES)
+        say("which poses can be reached")
+        self.Q, self.reach = _reached(task, T, start)
+        if not self.reach.within.any():
+            raise _nothing(task, workspace, self.reach)
+        self.starts = start[None] if start is not None else self._starts(T)
+        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
+        self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
+        self.poses = posed(task, T, self.Q, self.coordinates, self.costs)
+        self.checked: dict[str, Coverage] = {}
+
+    def _starts(self, T: Array) -> Matrix:
+        """Start postures at the centre, or at the pose nearest to it that is reached."""
+        center = self.workspace.center
+        order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
+        for at in [center, *T[order[self.reach.within[order]]]]:
+            found = postures_at(self.task, at)
+            if len(found):
+                return found
+        return self.Q[self.reach.within][:1]
+
+    def ranked(self) -> tuple[Law, ...]:
+        """All laws, on their best leaves, the best one looked at closely."""
+        rough = self.poses.some(slice(None, None, SCREENED))
+        trials: list[Trial] = []
+        for candidate in candidates(self.task, self.starts):
+            self.say(candidate.name)
+            found = tried(candidate, self.starts, rough)
+            if found:
+                best = min(found, key=_order)
+                trials += tried(_there(candidate), best.start[None], self.poses)
+        if not trials:
+            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
+        trials.sort(key=_order)
+        trials += self._designed(trials)
+        self.floor = self._floor(trials)
+        laws = sorted((self._law(trial) for trial in trials), key=lambda law: law.order)
+        while laws[0].name not in self.checked:
+            self.say(f"{laws[0].name}, pose by pose")
+            laws[0] = self._looked_at(laws[0])
+            laws.sort(key=lambda law: law.order)
+        return tuple(laws)
+
+    def _designed(self, trials: list[Trial]) -> list[Trial]:
+        """Laws designed over the best of the others."""
+        found: list[Trial] = []
+        for trial in [t for t in trials if t.candidate.strategy is not None and t.served.any()][:BASES]:
+            law = trial.candidate
+            self.say(f"a design over {law.name}")
+            space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
+            try:
+                made = design(self.task, space, trial.start, base=law.strategy.constraint, degree=DEGREE, samples=DESIGNED)
+            except HolokinError:
+                continue
+            name = f"designed over {law.name}"
+            keys = {"kind": "designed", "base": dict(law.keys)}
+            found += tried(Candidate(name, keys, self.task, made.strategy), made.start[None], self.poses)
+        return found
+
+    def _floor(self, trials: list[Trial]) -> Vector:
+        """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""
+        say_least = np.full(len(self.poses), np.nan)
+        for trial in sorted(trials, key=_order)[:BASES]:
+            values = self.least(trial.q, trial.served, limits=False)
+            say_least = np.fmin(say_least, values)
+        return say_least
+
+    def least(self, Q: Matrix, which: Array, *, limits: bool, costs: Costs | None = None) -> Vector:
+        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others."""
+        T, found = self.poses.T[which], np.full(len(self.poses), np.nan)
+        least = least_costs(
+            self.coordinates, costs or self.costs, Q[which], np.ascontiguousarray(T[:, :3, 3]),
+            np.ascontiguousarray(T[:, :3, :3]), limits=limits, speeds=False,
+        )  # fmt: skip
+        found[which] = least.squared_speed
+        return found
+
+    def _law(self, trial: Trial) -> Law:
+        c, robot = trial.candidate, self.task.robot
+        strategy = c.strategy or radial(moore_penrose(self.task), trial.start)
+        known = trial.served & np.isfinite(self.floor)
+        ratio = float(trial.speed[known].mean() / self.floor[known].mean()) if known.any() else np.nan
+        return Law(
+            c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.margin,
+            robot.joint_names[trial.joint], trial.least_rcond, trial.mean_speed, ratio,
+        )  # fmt: skip
+
+    def _looked_at(self, law: Law) -> Law:
+        """A law with its coverage as `coverage` finds it, pose by pose."""
+        found = coverage(law.strategy, law.start, self.workspace, samples=POSES, reach=self.reach)
+        self.checked[law.name] = found
+        served = found.reached
+        rcond = float(found.rcond[served].min()) if served.any() else 0.0
+        return replace(law, coverage=found.share, served=served, rcond=rcond)
+
+    def floor_of(self, law: Law) -> float:
+        """The mean of the floor where a law serves."""
+        return float(np.nanmean(self.floor[law.served]))
+
+    def limit_cost(self, law: Law) -> tuple[float, str, float] | None:
+        """(least mean squared speed within the joint limits over the floor, the joint whose limits cost most, the same
+        without its limits), where limits cost anything.
+        """
+        Q, which = self.checked[law.name].q, law.served & np.isfinite(self.floor)
+        floor = float(self.floor[which].mean())
+
+        def least(costs: Costs) -> float:
+            values = self.least(Q, which, limits=True, costs=costs)[which]
+            return float(np.mean(np.maximum(values, self.floor[which]))) / floor
+
+        whole = least(self.costs)
+        if whole < 1.002:
+            return None
+        freed = {}
+        for j in np.flatnonzero(np.isfinite(self.costs.half)):
+            half = self.costs.half.copy()
+            half[j] = np.inf
+            freed[self.task.robot.joint_names[j]] = least(replace(self.costs, half=half))
+        joint = min(freed, key=lambda name: freed[name])
+        return whole, joint, freed[joint]
+
+    def part(self, laws: tuple[Law, ...]) -> Part | None:
+        """The largest part of the workspace that one of the best laws serves."""
+        if not isinstance(self.workspace, PoseRange):
+            return None
+        best: Part | None = None
+        for law in laws[:PARTS]:
+            self.say(f"the part of the workspace that {law.name} serves")
+            candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
+
+            def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
+                poses = Poses(T, np.zeros((len(T), self.task.m, 0)), self.costs.joints)
+                return bool(tried(candidate, law.start[None], poses)[0].served.all())
+
+            found = largest_part(self.workspace, serves)
+            if found is not None and (best is None or found[0] > best.share):
+                best = Part(law, *found)
+        return best
+
+
+def _robot(robot: Robot | str | Path, tip: str | None, base: str | None) -> tuple[Robot, str | None]:
     """The robot, and its tip where that was chosen here."""
-    if Path(name).suffix.lower() != ".urdf" or tip is not None:
-        return load(name, tip=tip), None
-    chosen = choose_tip(name)
-    return load(name, tip=chosen), chosen
+    if isinstance(robot, Robot):
+        return robot, None
+    if Path(robot).suffix.lower() != ".urdf" or tip is not None:
+        return load(robot, tip=tip, base=base), None
+    chosen = choose_tip(robot, base)
+    return load(robot, tip=chosen, base=base), chosen
 
 
-def _order(coverage: float, margin: float, rcond: float, speed: float) -> tuple[float, bool, float]:
-    """Before which law another stands: by coverage, then the ones that keep away from limits, then by speed."""
-    return -round(coverage / EQUAL), not (margin > ROOM and rcond > REGULAR), speed
+def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
+    """The task asked for, or one that fits. Raises: ArgumentError: no joint is left free."""
+    found = fitting_task(robot, tip) if kind is None else pose(robot, tip=tip) if kind == "pose" else position(robot, tip)
+    if found.n == found.m:
+        cure = "the robot is not redundant for this task, and hk.inverse finds the joints of a pose: give task='position'"
+        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
+    return found
 
 
-def _law(trial: Trial, floor: Vector) -> Law:
-    candidate, task = trial.candidate, trial.candidate.task
-    strategy = candidate.strategy or radial(moore_penrose(task), trial.start)
-    rows = trial.margins[trial.served]
-    joint = task.robot.joint_names[int(np.argmin(rows.min(axis=0)))] if len(rows) else ""
-    return Law(candidate.name, dict(candidate.keys), strategy, trial.start, trial.coverage, trial.margin, joint, trial.least_rcond, trial.ratio(floor), trial.served)
-
-
-def motions_of(task: Task, poses: Array) -> Motions:
-    """The directions in which poses (k, 4, 4) vary."""
-    from scipy.spatial.transform import Rotation
-
-    p, R = poses[:, :3, 3], poses[:, :3, :3]
-    turns = Rotation.from_matrix(R @ R[0].T).as_rotvec()
-    x = np.hstack([p, turns])[:, list(task.rows)]
-    rows = np.array(task.rows)
-    spread = []
-    blocks = []
-    for block in (rows < 3, rows > 2):
-        values = x[:, block] - x[:, block].mean(axis=0)
-        if not block.any():
-            continue
-        _, s, axes = np.linalg.svd(values, full_matrices=False)
-        size = s / len(x) ** 0.5
-        keep = size > 1e-6
-        out = np.zeros((task.m, int(keep.sum())))
-        out[block] = axes[keep].T
-        blocks.append(out)
-        spread.append(float(np.sqrt(np.mean(size[keep] ** 2))) if keep.any() else 0.0)
-    if len(blocks) == 2 and min(spread) > 0:
-        blocks[1] = blocks[1] * spread[1] / spread[0]
-    return Motions(np.hstack(blocks), np.ones(task.n))
-
-
-def _starts(task: Task, space: Workspace | None, start: ArrayLike | None) -> tuple[Matrix, bool]:
-    if start is not None:
-        q0 = task.robot.checked(start, "the start posture")
-        task.robot.check_limits(q0)
-        return q0[None], True
-    if space is None:
-        found = regular_starts(task)
-        q0 = found[int(np.argmax([comfort(task, q) for q in found]))]
-        return np.vstack([q0, postures_at(task, task.robot.pose(q0, task.tip))]), False
-    for pose in [space.center, *space.poses(16)]:
-        found = postures_at(task, pose)
-        if len(found):
-            return found, False
-    raise ArgumentError("the workspace", str(space), "no posture within the joint limits has the tool there: move it nearer to the base")
+def _first(task: Task) -> Vector:
+    """The most comfortable of the regular start postures."""
+    found = regular_starts(task)
+    return found[int(np.argmax([comfort(task, q) for q in found]))]
 
 
 def _proposed(task: Task, start: Vector) -> PoseRange:
-    """A box round the tool at a start posture, with its orientation and a little about it."""
-    robot = task.robot
-    pose = robot.pose(start, task.tip)
-    reach = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints)
-    half = PROPOSED * reach * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
-    return pose_range(box=(pose[:3, 3], half), rotation=pose[:3, :3], tilt=0.0 if robot.planar else 0.3, spin=0.5)
+    """A box round the tool at a start posture, with turns about its orientation there."""
+    robot, at = task.robot, task.robot.pose(start, task.tip)
+    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints) or 1.0
+    sides = SIDE * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
+    turns = {} if robot.planar or task.orientation is None else {"tilt": TILT, "spin": SPIN}
+    return pose_range(box=(at[:3, 3], sides), rotation=at[:3, :3], **turns)
+
+
+def _reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
+    """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
+    p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+    near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
+    Q, within = np.full_like(near, np.nan), nearest_postures(task, p, R, near, limits=True)
+    Q[within.reached] = within.q[within.reached]
+    anyhow = within.reached.copy()
+    rest = np.flatnonzero(~within.reached)
+    if len(rest):
+        found = nearest_postures(task, p[rest], R[rest], near[rest], limits=False)
+        Q[rest[found.reached]] = found.q[found.reached]
+        anyhow[rest] = found.reached
+    return Q, Reach(anyhow, within.reached)
+
+
+def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
+    name = f"the workspace of {task.robot.name!r}, {workspace},"
+    if reach.anyhow.any():
+        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
+    cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
+    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
+
+
+def _order(trial: Trial) -> tuple[float, bool, float]:
+    from .advice import EQUAL, REGULAR, ROOM
+
+    return -round(trial.coverage / EQUAL), trial.margin < ROOM or trial.least_rcond < REGULAR, trial.mean_speed
+
+
+def _there(candidate: Candidate) -> Candidate:
+    """The same, from a start that is on its leaf already."""
+    return replace(candidate, level=None)
