@@ -33,6 +33,9 @@ ROTATION = 1e-5
 """How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
 
 
+METRES = "give a positive radius in metres"
+
+
 def sobol(dimension: int, count: int, seed: int) -> Matrix:
     """`count` points (count, dimension) of [0, 1)^dimension, a scrambled Sobol sequence, the same for the same seed.
 
@@ -87,7 +90,7 @@ class Box(Solid):
 
     def contains(self, points: Matrix) -> Flags:
         """Which of the positions (k, 3) belong to it."""
-        return (np.abs(points - self.center) <= self.sides * (1 + 1e-12)).all(axis=1)
+        return np.all(np.abs(points - self.center) <= self.sides * (1 + 1e-12), axis=1)
 
     def __str__(self) -> str:
         return f"box {_three(self.center)} +- {_three(self.sides)} m"
@@ -271,15 +274,8 @@ def workspace(
     given = {name: v for name, v in {"box": box, "cylinder": cylinder, "sphere": sphere}.items() if v is not None}
     if len(given) != 1:
         raise ArgumentError("the solid of a workspace", list(given) or None, "give one of box=, cylinder= and sphere=")
-    if box is not None:
-        solid: Solid = _box(*box)
-    elif cylinder is not None:
-        center, radius, height = cylinder
-        radius = positive("the radius of a cylinder", radius, "give a positive radius in metres")
-        solid = Cylinder(as_point(center), radius, not_negative("the half height of a cylinder", height))
-    else:
-        center, radius = sphere or (None, None)
-        solid = Sphere(as_point(center), positive("the radius of a sphere", radius, "give a positive radius in metres"))
+    solids = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}
+    (solid,) = (solids[name](*sizes) for name, sizes in given.items())
     R = TOOL_DOWN if rotation is None else finite("the rotation of a workspace", rotation, (3, 3))
     if (gap := rotation_gap(R)) > ROTATION:
         cure = f"give a right-handed rotation matrix: R R^T is {gap:.2g} away from 1, or R is a reflection"
@@ -312,6 +308,15 @@ def _box(center: Any, sides: Any) -> Box:
         cure = "give half sides that are not negative [m], and not all zero: center and half sides, not two corners"
         raise ArgumentError("the half sides of a box", half.tolist(), cure)
     return Box(as_point(center), half)
+
+
+def _cylinder(center: Any, radius: Any, height: Any) -> Cylinder:
+    radius = positive("the radius of a cylinder", radius, METRES)
+    return Cylinder(as_point(center), radius, not_negative("the half height of a cylinder", height))
+
+
+def _sphere(center: Any, radius: Any) -> Sphere:
+    return Sphere(as_point(center), positive("the radius of a sphere", radius, METRES))
 
 
 def _angle(what: str, value: float) -> float:

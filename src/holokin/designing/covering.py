@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, ShapeError, brief
-from ..motion import InverseStatus, inverse
+from ..errors import ArgumentError, ShapeError
+from ..motion import InverseStatus, inverse, leaf_value
+from ..motion.leaf import leaf_step
 from ..motion.reach import nearest_postures
 from ..progress import progress
 from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen
+from ..types import Array, ArrayLike, Indices, Matrix, Vector
 from ..workspaces import PoseCloud, Workspace
+from .covered import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024
 """Poses by default: a share is then right to about 1 %, since even points do better than the 1.5 % of random ones."""
+
+BEHIND = 1e-6
+"""How far behind the end of a way [joint units] a change of sign is looked for: ways end nearer to a singularity."""
 
 PIECE = 256
 """Poses between two reports of progress."""
@@ -29,161 +29,6 @@ PIECE = 256
 KINEMATIC = 1e-3
 """Smallest over largest singular value of J, in the robot's own units, below which an arm that stops is singular
 itself."""
-
-
-class PoseStatus(IntEnum):
-    """What becomes of a tool pose on the straight way from the start; `text` says it in words."""
-
-    REACHED = 0
-    LIMIT = 1
-    ALGORITHMIC = 2
-    KINEMATIC = 3
-    REPRESENTATION = 4
-    STOPPED = 5
-    BEYOND_LIMITS = 6
-    OUT_OF_REACH = 7
-
-    @property
-    def text(self) -> str:
-        """The cause in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    PoseStatus.REACHED: "reached",
-    PoseStatus.LIMIT: "a joint is beyond its limit on this leaf",
-    PoseStatus.ALGORITHMIC: "the leaf ends before: the law is singular there, the arm is not",
-    PoseStatus.KINEMATIC: "the leaf ends before: the arm is singular there",
-    PoseStatus.REPRESENTATION: "a representation is singular on the way",
-    PoseStatus.STOPPED: "no way could be shown to keep to the leaf",
-    PoseStatus.BEYOND_LIMITS: "every posture found is beyond the joint limits",
-    PoseStatus.OUT_OF_REACH: "out of reach: no posture was found",
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Reach(Value):
-    """Which of k poses the arm reaches by any posture that was found: at all, and within its joint limits."""
-
-    anyhow: Flags
-    within: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class Coverage(Value):
-    """What one leaf reaches of some tool poses (k, 4, 4).
-
-    status: a `PoseStatus` for each (k,).
-    q: the leaf's posture (k, n), also where it is beyond a limit; a row of NaN where the leaf has none.
-    last: where its way ended (k, n).
-    rcond: of [J; J_g] at q (k,), NaN where there is none.
-    margins: from q to the nearer limit of each joint (k, n) [joint units]: negative beyond it, inf without limits.
-    limits: whether joint limits were looked at. explained: whether other postures were searched for where the leaf
-        fails; without, no pose is called out of reach.
-    """
-
-    name: str
-    workspace: Workspace
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    lower: Vector
-    upper: Vector
-    start: Vector
-    poses: Array
-    status: Indices
-    q: Matrix
-    last: Matrix
-    rcond: Vector
-    margins: Matrix
-    limits: bool
-    explained: bool
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-    @property
-    def reached(self) -> Flags:
-        """True where the pose is reached (k,)."""
-        return self.status == PoseStatus.REACHED
-
-    @property
-    def share(self) -> float:
-        """Share of the poses that is reached."""
-        return float(self.reached.mean())
-
-    @property
-    def reachable(self) -> float:
-        """Share of the poses that any posture found reaches, within the joint limits if these were looked at."""
-        return float((self.status < PoseStatus.BEYOND_LIMITS).mean())
-
-    @cached_property
-    def nearest(self) -> Indices:
-        """The joint that is nearest to a limit, or farthest beyond it, as a share of its range (k,)."""
-        span = self.upper - self.lower
-        shares = self.margins / np.where(np.isfinite(span), span, 2 * np.pi)
-        return frozen(np.argmin(np.where(np.isfinite(shares), shares, np.inf), axis=1))
-
-    @cached_property
-    def margin(self) -> Vector:
-        """The margin of that joint (k,) [joint units]; inf where no joint has limits, NaN where there is no posture."""
-        return frozen(self.margins[np.arange(len(self)), self.nearest])
-
-    def count(self, status: PoseStatus) -> int:
-        """How many poses have a status."""
-        return int((self.status == status).sum())
-
-    def at_limits(self) -> dict[tuple[str, str], int]:
-        """(joint, "lower" or "upper") -> poses at which it is the one farthest beyond its limit, most first."""
-        found: dict[tuple[str, str], int] = {}
-        for i in np.flatnonzero(self.status == PoseStatus.LIMIT):
-            j = self.nearest[i]
-            side = "lower" if self.q[i, j] < self.lower[j] else "upper"
-            key = (self.joint_names[j], side)
-            found[key] = found.get(key, 0) + 1
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-    def causes(self) -> list[tuple[str, int]]:
-        """(what becomes of them, number of poses), for every cause that occurs; limits by joint."""
-        rows: list[tuple[str, int]] = []
-        for status in PoseStatus:
-            if status is PoseStatus.LIMIT:
-                rows += [(f"{joint} is beyond its {side} limit", k) for (joint, side), k in self.at_limits().items()]
-            elif self.count(status):
-                rows.append((status.text, self.count(status)))
-        return rows
-
-    @property
-    def sentence(self) -> str:
-        """The share in one sentence, with the quality of what is reached."""
-        k, within = int(self.reached.sum()), " within its limits" if self.limits else ""
-        said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){within}"
-        if self.explained and self.reachable < 1:
-            said += f", {'none' if not k else f'{self.share / self.reachable:.1%}'} of the "
-            said += f"{round(self.reachable * len(self))} that any posture reaches"
-        if not k:
-            return said
-        rcond = self.rcond[self.reached]
-        said += f"; rcond {rcond.min():.2g} at least, {np.median(rcond):.2g} in the middle"
-        i = int(np.argmin(np.where(self.reached, self.margin, np.inf)))
-        if np.isfinite(self.margin[i]):
-            j = int(self.nearest[i])
-            said += f"; {self.joint_names[j]} comes to {self.margin[i]:.2g} {self.joint_units[j]} from its limit"
-        return said
-
-    def __str__(self) -> str:
-        width = len(str(len(self)))
-        lines = [f"  {k:{width}d} ({k / len(self):5.1%})  {cause}" for cause, k in self.causes()]
-        return "\n".join([brief(self.sentence, 1600), *lines])
-
-    def summary(self) -> dict[str, Any]:
-        """JSON-ready facts."""
-        r = self.reached
-        return {
-            "name": self.name, "workspace": str(self.workspace), "poses": len(self), "share": self.share,
-            "reachable": self.reachable if self.explained else None,
-            "rcond": float(self.rcond[r].min()) if r.any() else None,
-            "causes": dict(self.causes()),
-        }  # fmt: skip
 
 
 @typed
@@ -242,7 +87,7 @@ def coverage(
     if limits:
         status[on_leaf & (margins < -TOLERANCES.limit).any(axis=1)] = PoseStatus.LIMIT
     ended = np.flatnonzero(~on_leaf)
-    status[ended] = _endings(strategy, last[ended], found[ended])
+    status[ended] = _endings(strategy, poses[ended], last[ended], found[ended])
     if explain:
         rest = np.flatnonzero(status != PoseStatus.REACHED)
         if reach is None:
@@ -256,8 +101,8 @@ def coverage(
         status[rest[~known.anyhow & ~on_leaf[rest]]] = PoseStatus.OUT_OF_REACH
     units = tuple("rad" if hinge else "m" for hinge in robot.hinges)
     return Coverage(
-        strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start, poses, status, q, last,
-        rcond, margins, limits, explain,
+        strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start,
+        robot.pose(start, task.tip), poses, status, q, last, rcond, margins, limits, explain,
     )  # fmt: skip
 
 
@@ -285,17 +130,35 @@ def _search(task: Task, poses: Array, near: Matrix, limits: bool) -> Reach:
     return Reach(anyhow, within)
 
 
-def _endings(strategy: HolonomicStrategy, last: Matrix, found: Indices) -> Indices:
-    """Why the ways ended at some postures."""
+def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Indices) -> Indices:
+    """Why the ways to some poses ended at some postures."""
     status = np.full(len(last), int(PoseStatus.STOPPED))
-    ends = np.flatnonzero(np.isin(found, (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR)))
-    if not len(ends):
+    known = np.flatnonzero(np.isfinite(last).all(axis=1))
+    if not len(known):
         return status
-    s = np.linalg.svd(strategy.task.jacobian_batch(last[ends])[0], compute_uv=False)
-    margin = strategy.gain.batch(last[ends])[2]
+    s = np.linalg.svd(strategy.task.jacobian_batch(last[known])[0], compute_uv=False)
+    margin = strategy.gain.batch(last[known])[2]
     kind = np.where(s[:, -1] > KINEMATIC * s[:, 0], PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC)
-    status[ends] = np.where(margin > TOLERANCES.representation, kind, PoseStatus.REPRESENTATION)
+    kind = np.where(margin > TOLERANCES.representation, kind, PoseStatus.REPRESENTATION)
+    ends = np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
+    for i in np.flatnonzero(~ends):
+        ends[i] = _folds(strategy, poses[known[i]], last[known[i]])
+    status[known[ends]] = kind[ends]
     return status
+
+
+def _folds(strategy: HolonomicStrategy, pose: Matrix, q: Vector) -> bool:
+    """Whether det [J; J_g] changes its sign just behind a posture, on the way to a pose: [J; J_g] is singular there.
+
+    It may be regular beside that place, where two sheets of a leaf cross.
+    """
+    gain, step, c = strategy.gain(q)[0], leaf_step(strategy), leaf_value(strategy, q)
+    dq = np.reshape(gain, (len(q), -1)) @ strategy.task.error(q, pose[:3, 3], pose[:3, :3])
+    size = float(np.abs(dq).max())
+    if not 0 < size < np.inf:
+        return False
+    sides = [step(p, pose[:3, 3], pose[:3, :3], c)[3] for p in (q, q + BEHIND / size * dq)]
+    return bool(sides[0] * sides[1] < 0)
 
 
 def _check_planar(task: Task, start: Vector, poses: Array) -> None:

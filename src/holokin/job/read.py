@@ -12,7 +12,17 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
-from .schema import Bound, ExpectTable, Job, PathTable, RobotTable, StartTable, TaskTable, VerdictTable
+from .schema import (
+    Bound,
+    ExpectTable,
+    Job,
+    PathTable,
+    RobotTable,
+    StartTable,
+    TaskTable,
+    VerdictTable,
+    WorkspaceTable,
+)
 from .strategies import KINDS, StrategyTable
 
 Key = tuple[str, ...]
@@ -20,7 +30,7 @@ Key = tuple[str, ...]
 
 _TABLES: dict[str, type[BaseModel]] = {
     "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
-    "verdict": VerdictTable, "bound": Bound,
+    "verdict": VerdictTable, "workspace": WorkspaceTable, "bound": Bound,
 }  # fmt: skip
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")

@@ -39,6 +39,7 @@ from .build import (
     build_tasks,
     naming,
 )
+from .covering import build_covering
 from .read import read_job
 from .schema import ExpectTable, Job
 
@@ -94,6 +95,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         tasks = build_tasks(job, robot, start)
     with naming(file, "path"):
         path = build_path(job, tasks[0], start, file)
+    covering = build_covering(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
     first: HolokinError | None = None
@@ -109,7 +111,10 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                 with naming(file, "strategies", label):
                     strategy = table.build(task, start, title)
                     begin, note = build_begin(table, strategy, start)
-                    variants.append(_run_strategy(job, label, strategy, path, begin, table.method, invariant))
+                    found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
+                    if covering is not None and isinstance(strategy, HolonomicStrategy):
+                        found = covering.added(found, strategy, begin)
+                    variants.append(found)
                     about = f"{about} {note}"
             except HolokinError as problem:
                 if not isinstance(problem.__cause__ or problem, _OF_ONE_STRATEGY):
@@ -129,7 +134,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     seconds = time.perf_counter() - began
     return JobResult(
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
-        tuple(failed),
+        tuple(failed), str(covering.workspace) if covering is not None else "",
     )  # fmt: skip
 
 
@@ -198,7 +203,8 @@ def _metrics(
         "peak_speed": peak,
         "residual": max(float(w.residual.max()) for w in walks) if isinstance(strategy, HolonomicStrategy) else np.nan,
         "invariant": kept,
-    }
+        "coverage": np.nan, "coverage_rcond": np.nan,
+    }  # fmt: skip
 
 
 def _apart(variants: list[StrategyResult]) -> float:

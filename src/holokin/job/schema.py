@@ -27,6 +27,9 @@ fit into a gigabyte."""
 MOST_POSTURES = 65_536
 """Postures of a verdict: those of `thorough=True`."""
 
+MOST_POSES = 16_384
+"""Tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each."""
+
 MOST_STRATEGIES = 100
 """Strategies of a job: a table and figures of more are not read."""
 
@@ -40,6 +43,7 @@ LONGEST_ABOUT = 10_000
 """Characters of the paragraph in a report."""
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Figure = Annotated[float, Field(allow_inf_nan=False)]
 
 _SHAPES = {
@@ -91,7 +95,7 @@ class PathTable(Table):
 
     kind: Literal["circle", "arc", "polyline"]
     center: Point | None = None
-    normal: Annotated[list[Number], Field(min_length=3, max_length=3)] = Field(default=[0.0, 0.0, 1.0])
+    normal: Row = Field(default=[0.0, 0.0, 1.0])
     angle_deg: Length | None = None
     points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
     turns_deg: (
@@ -179,6 +183,8 @@ class ExpectTable(Table):
     residual: Bound | None = None
     invariant: Bound | None = None
     same_joints: Bound | None = None
+    coverage: Bound | None = None
+    coverage_rcond: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -195,6 +201,41 @@ class VerdictTable(Table):
         return self
 
 
+class WorkspaceTable(Table):
+    """[workspace]: tool poses in the frame of the base; every strategy with leaves is asked how many it reaches."""
+
+    kind: Literal["box", "cylinder", "sphere", "poses"]
+    center: Point | None = None
+    half: Point | None = None
+    radius: Positive | None = None
+    half_height: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)] | None = None
+    file: str | None = None
+    rotation: Literal["down", "start"] | Annotated[list[Row], Field(min_length=3, max_length=3)] = "down"
+    tilt_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    spin_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
+    seed: Annotated[int, Field(ge=0)] = 0
+    limits: bool = True
+
+    @model_validator(mode="after")
+    def _complete(self) -> WorkspaceTable:
+        shape = {"center", "rotation", "tilt_deg", "spin_deg"}
+        uses = {
+            "box": {"half"} | shape, "cylinder": {"radius", "half_height"} | shape, "sphere": {"radius"} | shape,
+            "poses": {"file"},
+        }[self.kind]  # fmt: skip
+        missing = [
+            key
+            for key in ("center", "half", "radius", "half_height", "file")
+            if key in uses and getattr(self, key) is None
+        ]
+        if missing:
+            raise ValueError(f"kind = {self.kind!r} needs {' and '.join(missing)}; add it")
+        for key in sorted(self.model_fields_set - uses - {"kind", "samples", "seed", "limits"}):
+            raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
+        return self
+
+
 class Job(Table):
     """A whole job file."""
 
@@ -204,6 +245,7 @@ class Job(Table):
     task: TaskTable = TaskTable()
     start: StartTable
     path: PathTable
+    workspace: WorkspaceTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})
     verdict: VerdictTable = VerdictTable()

@@ -9,7 +9,7 @@ import numpy as np
 from ..sampling import Plan
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""
@@ -117,7 +117,7 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     k, m, n = len(q), task.m, task.n
     q = np.clip(q, lower, upper)
 
-    def look(at: Matrix, rows: Array) -> tuple[Matrix, Array]:
+    def look(at: Matrix, rows: Indices) -> tuple[Matrix, Array]:
         error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
         return error.reshape(-1, m), slope.reshape(-1, m, n)
 

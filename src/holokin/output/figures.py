@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..trajectory import Status, Trajectory
+from .coverage_plots import coverage_figure
 from .plots import (
     CLOCKWISE,
     COUNTER,
@@ -25,6 +26,12 @@ from .plots import (
 )
 from .result import JobResult, StrategyResult
 from .words import away, joint_unit, on_figure, stopped, ways_end
+
+MAPS = (
+    "Maps: planes through the centre of the workspace, the tool in its middle orientation, a cross at the start. "
+    "Points: the poses sampled, with all their tilts and turns."
+)
+"""What a figure of coverage shows."""
 
 COLUMNS = 3
 """Panels side by side, at most: more would be too small to read in a page."""
@@ -52,6 +59,14 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
         if any(s.cycles.cycles for s in result.drawn):
             with rc_context(style()):
                 yield "drift", "Joint drift after each cycle.", drift_figure(result)
+    for strategy in result.drawn:
+        if strategy.coverage is not None:
+            with rc_context(style()):
+                caption = f"{strategy.coverage.sentence}. {MAPS if strategy.slices else ''}"
+                yield (
+                    f"coverage-{result.stems[strategy.name]}", caption.strip(),
+                    coverage_figure(strategy.coverage, strategy.slices),
+                )  # fmt: skip
 
 
 def ways_figure(strategy: StrategyResult) -> Any:

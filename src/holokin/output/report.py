@@ -80,6 +80,8 @@ def _fill(result: JobResult, folder: FilePath, version: str) -> None:
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
             walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv")
+        if strategy.coverage is not None:
+            strategy.coverage.save(folder / f"{result.stems[strategy.name]}-workspace.csv")
     with writing(folder / "report.html"):
         (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
 
@@ -89,7 +91,8 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
     facts = {
         "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
         "robot_source": result.robot.source, "task": result.task, "start": result.start.tolist(),
-        "joint_names": list(result.robot.joint_names), "path_length_m": result.path.length,
+        "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
+        "path_length_m": result.path.length,
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
         "not_run": [vars(one) for one in result.not_run],
@@ -119,6 +122,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
         f"<p class='small'>{escape(_TERMS)}</p>",
+        *_coverage(result),
         "<h2>Figures</h2>",
         *(_figure(folder, stem, caption) for stem, caption in shown),
         "<h2>Everything measured</h2>",
@@ -128,6 +132,24 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
     ]
     page = _PAGE.format(title=escape(result.title), body="\n".join(parts))
     return _CONTROL.sub("\ufffd", page)
+
+
+def _coverage(result: JobResult) -> list[str]:
+    """What becomes of the poses of the workspace, by strategy; nothing in a job without one."""
+    found = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
+    if not found:
+        return []
+    causes = list(dict.fromkeys(cause for _, c in found for cause, _ in c.causes()))
+    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in found]
+    table = [
+        [escape(cause), *(f"{share[cause]:.1%}" if cause in share else "" for share in shares)] for cause in causes
+    ]
+    return [
+        "<h2>Workspace</h2>",
+        f"<p class='small'>{escape(result.workspace)}; {len(found[0][1])} poses, each gone to straight from the start."
+        "</p>",
+        _html_table(["", *(escape(name) for name, _ in found)], table),
+    ]
 
 
 def _cell(text: str) -> str:

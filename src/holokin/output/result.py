@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis import Verdict
+from ..designing import Coverage, Slice
 from ..path import Path
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
@@ -30,6 +31,8 @@ METRICS: dict[str, str] = {
     "residual": "how far the joints left their leaf: largest change of the constraint g",
     "invariant": "largest change of the given invariants",
     "same_joints": "largest joint difference between orientation representations [joint]",
+    "coverage": "share of the workspace that the leaf reaches",
+    "coverage_rcond": "least rcond of [J; J_g] over the poses of the workspace that it reaches",
 }
 """Every metric of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
 
@@ -48,6 +51,8 @@ class Check:
 class StrategyResult:
     """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
+    coverage, slices: of the job's workspace, where it has one and the strategy has leaves.
+
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """
 
@@ -60,6 +65,8 @@ class StrategyResult:
     trouble: str
     metrics: dict[str, float]
     checks: tuple[Check, ...] = field(default=())
+    coverage: Coverage | None = None
+    slices: tuple[Slice, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -88,6 +95,7 @@ class StrategyResult:
             "plane": list(v.plane),
             "metrics": {key: value if np.isfinite(value) else None for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
+            "coverage": self.coverage.summary() if self.coverage is not None else None,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,
         }
@@ -116,6 +124,7 @@ class JobResult:
     strategies: tuple[StrategyResult, ...]
     seconds: float
     not_run: tuple[NotRun, ...] = ()
+    workspace: str = ""
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

@@ -24,18 +24,20 @@ def columns(result: JobResult) -> tuple[Column, ...]:
         ("strategy", "left"),
         ("verdict", "left"),
         (f"drift / cycle\n[{joints}]", "right"),
-        (f"two ways apart\n[{joints}]", "right"),
+        (f"two ways\napart [{joints}]" if result.workspace else f"two ways apart\n[{joints}]", "right"),
         (f"tracking\n[{task}]", "right"),
         ("sigma\nmin", "right"),
         ("speed\n/ MP", "right"),
         ("peak\nspeed", "right"),
+        *((("work-\nspace", "right"),) if result.workspace else ()),
         ("expected", "left"),
     )
 
 
-def row(result: StrategyResult) -> list[str]:
-    """The cells of one strategy."""
+def row(result: StrategyResult, workspace: bool = False) -> list[str]:
+    """The cells of one strategy; with its share of the workspace in a job that has one."""
     f = result.metrics
+    covers = f"{f['coverage']:.1%}" if np.isfinite(f["coverage"]) else "-"
     return [
         result.name,
         "holonomic" if result.verdict.holonomic else "NOT holonomic",
@@ -45,6 +47,7 @@ def row(result: StrategyResult) -> list[str]:
         number(f["sigma"]),
         f"{f['speed']:.3f}" if np.isfinite(f["speed"]) else "-",
         number(f["peak_speed"]),
+        *([covers] if workspace else []),
         "FAILED" if not result.passed else "ok" if result.checks else "-",
     ]
 
@@ -53,7 +56,7 @@ def rows(result: JobResult) -> list[list[str]]:
     """The cells of every strategy: those that could not be run last."""
     width = len(columns(result))
     failed = [[one.name, "NOT run", *["-"] * (width - 3), "FAILED"] for one in result.not_run]
-    return [*map(row, result.strategies), *failed]
+    return [*(row(s, bool(result.workspace)) for s in result.strategies), *failed]
 
 
 def remarks(result: JobResult) -> list[tuple[str, str]]:

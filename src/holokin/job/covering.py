@@ -1,0 +1,73 @@
+"""[workspace]: how many of its poses each strategy with leaves reaches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from ..designing import Reach, coverage, coverage_slices, posture_reach
+from ..output.result import StrategyResult
+from ..recording import read_workspace
+from ..strategies import HolonomicStrategy
+from ..task import Task
+from ..types import Value, Vector
+from ..workspaces import PoseRange, Workspace, workspace
+from .build import naming
+from .schema import Job, WorkspaceTable
+
+
+@dataclass(frozen=True, eq=False)
+class Covering(Value):
+    """The workspace of a job, as its table asks for it."""
+
+    workspace: Workspace
+    table: WorkspaceTable
+    task: Task
+    start: Vector
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Which poses the arm reaches by any posture: the same for all strategies."""
+        asked = self.table
+        return posture_reach(self.task, self.workspace, self.start, samples=asked.samples, seed=asked.seed)
+
+    def added(self, result: StrategyResult, strategy: HolonomicStrategy, begin: Vector) -> StrategyResult:
+        """A result with the coverage of the leaf on which the strategy begins, and slices where there are planes."""
+        asked, space = self.table, self.workspace
+        covers = coverage(
+            strategy, begin, space, samples=asked.samples, seed=asked.seed, limits=asked.limits, reach=self.reach
+        )
+        slices = coverage_slices(strategy, begin, space, limits=asked.limits) if isinstance(space, PoseRange) else ()
+        least = float(covers.rcond[covers.reached].min()) if covers.reached.any() else np.nan
+        metrics = result.metrics | {"coverage": covers.share, "coverage_rcond": least}
+        return replace(result, metrics=metrics, coverage=covers, slices=slices)
+
+
+def build_covering(job: Job, task: Task, start: Vector, file: FilePath) -> Covering | None:
+    """The workspace of a job with what is asked of it; None for a job without. Raises: JobError, RecordingError."""
+    if job.workspace is None:
+        return None
+    return Covering(_workspace(job.workspace, task, start, file), job.workspace, task, start)
+
+
+def _workspace(table: WorkspaceTable, task: Task, start: Vector, file: FilePath) -> Workspace:
+    """The workspace of a job; a file of poses counts from the job file's folder.
+
+    Raises:
+        JobError, RecordingError.
+    """
+    if table.kind == "poses":
+        return read_workspace(file.parent / str(table.file))
+    solid = {
+        "box": (table.center, table.half),
+        "cylinder": (table.center, table.radius, table.half_height),
+        "sphere": (table.center, table.radius),
+    }[table.kind]
+    rotations = {"down": None, "start": task.robot.pose(start)[:3, :3]}
+    rotation = rotations[table.rotation] if isinstance(table.rotation, str) else table.rotation
+    angles = {"tilt": np.deg2rad(table.tilt_deg), "spin": np.deg2rad(table.spin_deg)}
+    with naming(file, "workspace"):
+        return workspace(**{table.kind: solid}, rotation=rotation, **angles)  # type: ignore[arg-type]

@@ -1,0 +1,169 @@
+"""Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes and returns it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..designing import Coverage, PoseStatus, Slice
+from .plots import INK
+from .words import on_figure
+
+CAUSES = {
+    PoseStatus.LIMIT: ("#e8a33d", "joint limit"),
+    PoseStatus.ALGORITHMIC: ("#c0392b", "leaf ends: law singular"),
+    PoseStatus.KINEMATIC: ("#7d3c98", "leaf ends: arm singular"),
+    PoseStatus.REPRESENTATION: ("#5b4636", "representation singular"),
+    PoseStatus.STOPPED: ("#1c1c1c", "no way on the leaf shown"),
+    PoseStatus.BEYOND_LIMITS: ("#aab2bd", "no posture within limits"),
+    PoseStatus.OUT_OF_REACH: ("#dde1e7", "out of reach"),
+}
+"""Colour and short name of each cause: what the law loses in strong colours, what no law reaches in greys."""
+
+SHADES = ("#dff0ea", "#7cc4ad", "#1f7a6b", "#0b3d3a")
+"""Reached poses from rcond 0, light, to the greatest of the picture, dark."""
+
+_AXES = "xyz"
+
+
+def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
+    """A slice as a map: reached cells shaded by rcond, the others in the colour of their cause; a cross at the start.
+
+    Args:
+        most: rcond of the darkest shade; by default the greatest of the slice.
+    """
+    from matplotlib.colors import to_rgb
+
+    status, rcond = part.grid(part.coverage.status), part.grid(part.coverage.rcond)
+    image = np.ones((*status.shape, 3))
+    reached = status == PoseStatus.REACHED
+    most = most or _greatest([part.coverage])
+    image[reached] = shades()(np.clip(rcond[reached] / most, 0, 1))[:, :3]
+    for cause, (color, _) in CAUSES.items():
+        image[status == cause] = to_rgb(color)
+    (i, j), (du, dv) = part.axes, (part.u[1] - part.u[0], part.v[1] - part.v[0])
+    extent = (part.u[0] - du / 2, part.u[-1] + du / 2, part.v[0] - dv / 2, part.v[-1] + dv / 2)
+    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+    tool = part.coverage.tool[:3, 3]
+    if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
+        axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6)
+    axes.grid(False)
+    axes.set_xlabel(f"{_AXES[i]} [m]")
+    axes.set_ylabel(f"{_AXES[j]} [m]")
+    axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
+    return axes
+
+
+def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None) -> Any:
+    """All poses at their positions in space: reached ones small, shaded by rcond, the others larger, by their cause.
+
+    Args:
+        axes: in space (projection "3d"), or in the plane where all poses are in one.
+        most: rcond of the darkest shade; by default the greatest of the coverage.
+    """
+    p, status = coverage.poses[:, :3, 3], coverage.status
+    flat = not hasattr(axes, "get_zlim")
+    points = p[:, :2].T if flat else p.T
+    most = most or _greatest([coverage])
+    reached = status == PoseStatus.REACHED
+    color = shades()(np.clip(coverage.rcond[reached] / most, 0, 1))
+    style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
+    for cause in reversed(CAUSES):  # what the law loses last, over the rest
+        here = status == cause
+        lost = cause < PoseStatus.BEYOND_LIMITS
+        axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
+    axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
+    if flat:
+        axes.set_aspect("equal")
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+    return axes
+
+
+def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
+    """The slices as views on one scale (from above, from the front, from the side), the cloud, causes and the scale.
+
+    The maps of x-y and x-z lie over each other, those of x-z and y-z side by side, as in a drawing.
+    """
+    from matplotlib.figure import Figure
+
+    p = coverage.poses[:, :3, 3]
+    ends = [(part.u, part.v) for part in slices] or [(p[:, 0], p[:, 1])]
+    sides = [[float(np.ptp(w)) for w in uv] for uv in ends]
+    flat = bool(np.ptp(p[:, 2]) < 1e-9)
+    views = len(slices) == 3
+    width, height = (sides[0][0] + sides[2][0], sides[0][1] + sides[1][1]) if views else (2 * sides[0][0], sides[0][1])
+    scale = min(6.6 / width, 6.0 / height)
+    left, right, bottom, top, gap = 0.75, 2.75, 0.6, 0.95, 0.75
+    size = (scale * width + left + right + gap, scale * height + bottom + top + (gap if views else 0))
+    figure = Figure(figsize=size)
+    ratios = {"width_ratios": [sides[0][0], sides[2][0]], "height_ratios": [sides[0][1], sides[1][1]]} if views else {}
+    rows = 2 if views else 1
+    grid = figure.add_gridspec(
+        rows, 2, **ratios, left=left / size[0], right=1 - right / size[0], bottom=bottom / size[1],
+        top=1 - top / size[1], wspace=2 * gap / (scale * width), hspace=2 * gap / (scale * height),
+    )  # fmt: skip
+    every = [coverage, *(part.coverage for part in slices)]
+    most = _greatest(every)
+    places = [grid[0, 0], grid[1, 0], grid[1, 1]] if views else [grid[0, 0]]
+    for part, place in zip(slices, places, strict=False):
+        slice_map(figure.add_subplot(place), part, most)
+    cloud = figure.add_subplot(grid[0, 1], projection=None if flat else "3d")
+    coverage_cloud(cloud, coverage, most)
+    cloud.set_title(f"{len(coverage)} poses: {coverage.share:.1%}", loc="left", fontsize=10)
+    if not flat:
+        _frame(cloud, p)
+    within = "within the joint limits" if coverage.limits else "joint limits aside"
+    head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
+    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
+    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0])
+    return figure
+
+
+def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float) -> None:
+    """The causes with their shares, and the scale of rcond, right of a place."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.patches import Patch
+
+    width, height = figure.get_size_inches()
+    patches = [
+        Patch(color=color, label=f"{name}: {coverage.count(cause) / len(coverage):.1%}")
+        for cause, (color, name) in CAUSES.items()
+        if any(c.count(cause) for c in every)
+    ]
+    if patches:
+        figure.legend(
+            handles=patches, loc="upper left", bbox_to_anchor=(left - 0.1 / width, 1 - 0.8 / height), fontsize=9
+        )
+    bar = figure.add_axes((left, 0.6 / height, 0.16 / width, min(2.2, height / 2 - 0.5) / height))
+    figure.colorbar(ScalarMappable(Normalize(0, most), shades()), cax=bar, label="reached: rcond of [J; J_g]")
+
+
+def shades() -> Any:
+    """The colour map of reached poses."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("reached", SHADES)
+
+
+def _greatest(every: Sequence[Coverage]) -> float:
+    """The greatest rcond of some coverages; 1 where nothing is reached."""
+    found = [c.rcond[c.reached].max() for c in every if c.reached.any()]
+    return float(max(found)) if found else 1.0
+
+
+def _frame(axes: Any, points: Any) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    axes.set_box_aspect(np.maximum(high - low, 0.25 * (high - low).max()), zoom=1.15)
+    axes.view_init(elev=22, azim=-60)
+    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
+        axis.pane.set_facecolor("#fafafa")
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_tick_params(labelsize=7, pad=-2)
+        axis.set_label_text(f"{name} [m]", fontsize=8)
+        axis.labelpad = -6
