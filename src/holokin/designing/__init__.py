@@ -3,6 +3,7 @@
 from .covered import Coverage, PoseStatus, Reach
 from .covering import coverage, posture_reach
 from .designed_law import Design, design
+from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
 from .section_metrics import SectionMetrics, section_metrics
 from .slicing import Slice, coverage_slices
@@ -10,6 +11,7 @@ from .slicing import Slice, coverage_slices
 __all__ = [
     "Coverage",
     "Design",
+    "NearestLaw",
     "Objective",
     "PoseStatus",
     "Reach",
@@ -18,6 +20,7 @@ __all__ = [
     "coverage",
     "coverage_slices",
     "design",
+    "nearest",
     "posture_reach",
     "section_metrics",
 ]
