@@ -77,17 +77,20 @@ class Ball(Value):
     """Tool positions within `radius` [m] of the tool at the posture `start` (n,), orientation kept there.
 
     `along` [joint units]: postures of the self-motion through the start, up to so far each way, belong to it too.
+    `turn` [rad]: so do tools that are turned by up to so much, about any axis.
     """
 
     start: Vector
     radius: float
     along: float = 0.0
+    turn: float = 0.0
 
 
 @typed
-def ball(start: ArrayLike, radius: float, *, along: float = 0.0) -> Ball:
+def ball(start: ArrayLike, radius: float, *, along: float = 0.0, turn: float = 0.0) -> Ball:
     """The region of tool positions about a posture. Raises: NotFiniteError, ArgumentError for a bad radius."""
     q = finite("the start of a ball", start, ("n",))
-    if not (np.isfinite(radius) and radius > 0 and np.isfinite(along) and along >= 0):
-        raise ArgumentError("the (radius, along) of a ball", (radius, along), "give a positive radius in metres")
-    return Ball(q, float(radius), float(along))
+    if not (0 < radius < np.inf and 0 <= along < np.inf and 0 <= turn <= np.pi):
+        cure = "give a positive radius in metres, and a turn of at most pi"
+        raise ArgumentError("the (radius, along, turn) of a ball", (radius, along, turn), cure)
+    return Ball(q, float(radius), float(along), float(turn))

@@ -153,6 +153,9 @@ def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0)
         v = rng.normal(size=d)
         v *= region.radius * rng.uniform() ** (1 / d) / np.linalg.norm(v)
         dx = np.concatenate([v, np.zeros(task.m - d)])
+        if region.turn > 0 and task.m > d:
+            w = rng.normal(size=task.m - d)
+            dx[d:] = region.turn * rng.uniform() ** (1 / len(w)) / np.linalg.norm(w) * w
         out[k] = transport(strategy, starts[rng.integers(len(starts))], dx, steps=8)
     return out
 

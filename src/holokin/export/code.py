@@ -80,8 +80,8 @@ class Source:
             raise ArgumentError("dt", self.dt, f"give a step from {SHORTEST:g} to {LONGEST:g} s")
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
-            fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations, {LARGEST:,} are the most"
-            raise ExportError(fact, "take a shorter law; of a radial one hk.strategies.fitted makes a polynomial")
+            fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations written out, {LARGEST:,} are the most"
+            raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
 
     @property
     def holonomic(self) -> HolonomicStrategy | None:
@@ -233,6 +233,9 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         branch = branch_code(source.holonomic) if source.holonomic else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
+    transport = source.strategy.looped.transport
+    if transport is not None:  # which comes with each of them, and is needed once
+        bodies, branch = transport.c + bodies.replace(transport.c, ""), branch.replace(transport.c, "")
     drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path")}
     leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
     parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}

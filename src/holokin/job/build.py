@@ -29,7 +29,7 @@ from ..tolerances import TOLERANCES
 from ..types import Vector
 from .read import dotted
 from .schema import Job
-from .strategies import ConstraintTable, StrategyTable
+from .strategies import ConstraintTable, Fitted, StrategyTable
 
 
 def build_robot(job: Job, file: FilePath) -> Robot:
@@ -128,6 +128,14 @@ def _check_begin(path: Path, relative: bool, tool: Vector, task: Task, file: Fil
 def _typed(point: Vector) -> str:
     """A point as one would type it into a job, within the tolerance of a start."""
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
+
+
+def build_strategy(job: Job, label: str, task: Task, start: Vector, title: str) -> Strategy:
+    """A strategy of the job, called `title`; a fitted one is fitted to another one of it. Raises: HolokinError."""
+    table = job.strategies[label]
+    if isinstance(table, Fitted):
+        return table.fit(build_strategy(job, table.of, task, start, table.of), start, title)
+    return table.build(task, start, title)
 
 
 def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:

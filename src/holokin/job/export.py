@@ -8,7 +8,7 @@ from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategies import Strategy
 from ..types import Vector
-from .build import build_begin, build_robot, build_start, build_tasks, naming
+from .build import build_begin, build_robot, build_start, build_strategy, build_tasks, naming
 from .schema import Job
 
 
@@ -40,7 +40,7 @@ def job_strategy(
     task = tasks[0 if orientation is None else known.index(orientation)]
     table = job.strategies[label]
     with naming(file, "strategies", label):
-        strategy = table.build(task, start, label)
+        strategy = build_strategy(job, label, task, start, label)
         return label, strategy, build_begin(table, strategy, start)[0]
 
 

@@ -36,6 +36,8 @@ from .build import (
     build_path,
     build_robot,
     build_start,
+    build_strategy,
+    build_strategy,
     build_tasks,
     naming,
 )
@@ -109,7 +111,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             say(title)
             try:
                 with naming(file, "strategies", label):
-                    strategy = table.build(task, start, title)
+                    strategy = build_strategy(job, label, task, start, title)
                     begin, note = build_begin(table, strategy, start)
                     found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):

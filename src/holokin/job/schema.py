@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
-from .strategies import AnyStrategy
+from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
 
 MOST_POINTS = 10_000
@@ -256,7 +256,12 @@ class Job(Table):
             if name not in self.strategies:
                 known = closest(name, list(self.strategies))
                 raise ValueError(f"expect.{brief(name, 100)}: is for no strategy of this job; {known}")
-        for name in self.strategies:
+        for name, table in self.strategies.items():
+            if isinstance(table, Fitted):
+                others = [other for other, its in self.strategies.items() if not isinstance(its, Fitted)]
+                if table.of not in others:
+                    fact = f"strategies.{brief(name, 60)}.of: {brief(table.of, 100)} is no other strategy of this job"
+                    raise ValueError(f"{fact}; {closest(table.of, others)}")
             if not 1 <= len(name) <= LONGEST_NAME or not name.isprintable():
                 fact = f"strategies.{brief(name, 60)}: is a name of {len(name)} characters"
                 raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}, none of them a control character")

@@ -7,18 +7,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from .. import constraints, strategies
+from ..analysis import ball, ball_postures
 from ..constraints import Constraint
-from ..strategies import Strategy
+from ..errors import ArgumentError
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..task import Task
 from ..types import Vector
-from .table import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
+from .table import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100
 """Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off."""
+
+MOST_DEGREE, MOST_FITTED = 6, 10_000
+"""Degree of a fitted polynomial, and postures that it is fitted to: in 7 variables degree 6 has 1,715 terms."""
 
 
 def _rectangular(rows: Any) -> Any:
@@ -269,6 +275,30 @@ class Radial(StrategyTable):
         else:
             given = strategies.weighted(task, matrix(self.weight, task.robot))
         return strategies.radial(given, start, steps=self.steps, name=name)
+
+
+class Fitted(StrategyTable):
+    """A strategy of the job with leaves, as a polynomial in a ball of tool positions about the start posture."""
+
+    kind: Literal["fitted"]
+    of: str
+    radius: Positive = 0.1
+    turn_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    along: Annotated[float, Field(ge=0, le=LARGEST)] = 0.2
+    degree: Annotated[int, Field(ge=1, le=MOST_DEGREE)] = 4
+    samples: Annotated[int, Field(ge=1, le=MOST_FITTED)] = 200
+
+    def fit(self, given: Strategy, start: Vector, name: str) -> Strategy:
+        """As `fitted`, to postures of `ball_postures`. Raises: HolokinError."""
+        task = given.task
+        along = self.along if task.n - task.m == 1 else 0.0
+        region = ball(start, self.radius, along=along, turn=float(np.deg2rad(self.turn_deg)))
+        positions = tuple(i for i, row in enumerate(task.rows) if row < 3)
+        rows = positions if positions and not self.turn_deg else None
+        if not isinstance(given, HolonomicStrategy):
+            raise ArgumentError("the strategy to fit", given, HolonomicStrategy.cure)
+        Q = ball_postures(given, region, self.samples)
+        return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
 
 
 def _kinds(parent: type[StrategyTable]) -> dict[str, type[StrategyTable]]:

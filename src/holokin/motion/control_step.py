@@ -296,13 +296,16 @@ def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:
 
 
 def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Compiled:
-    """As native code, or else on the virtual machine, which a warning tells."""
-    if enabled() and function.program.instructions <= LARGEST:
+    """As native code, or else on the virtual machine, which a warning tells, and of a step that is too long its engine."""
+    machine, size = "CasADi's virtual machine", function.program.instructions
+    if size > LARGEST:
+        machine += f" (the step takes {size:,} operations written out, {LARGEST:,} are the most for C)"
+    elif enabled():
         try:
             return _Compiled(strategy, function, parameters, StepKernel(*_generated(function)), engine())
         except NativeError as problem:
             tell(problem)
-    return _Compiled(strategy, function, parameters, None, "CasADi's virtual machine")
+    return _Compiled(strategy, function, parameters, None, machine)
 
 
 def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
