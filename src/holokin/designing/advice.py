@@ -12,7 +12,7 @@ from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..types import Flags, Value, Vector
 from ..workspaces import PoseRange, Workspace
-from .covering import Coverage
+from .covered import Coverage
 
 EQUAL = 0.01
 """Difference of coverage up to which two laws cover alike: a few of the poses, which others would decide otherwise."""

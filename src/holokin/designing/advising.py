@@ -23,7 +23,8 @@ from ..workspaces import workspace as pose_range
 from .advice import Advice, Law, Part
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
-from .covering import Coverage, Reach, coverage
+from .covered import Coverage, Reach
+from .covering import coverage
 from .designed_law import design
 from .lower_bound import least_costs
 from .objectives import Costs, Objective, costs_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .advice import CLOSE, EQUAL, Law, Part
-from .covering import Coverage
+from .covered import Coverage
 
 
 def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, limits: tuple[float, str, float] | None) -> tuple[str, ...]:
