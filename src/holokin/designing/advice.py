@@ -27,6 +27,13 @@ CLOSE = 0.03
 """Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
 
 
+def order(coverage: float, margin: float, rcond: float, squared_speed: float) -> tuple[float, bool, float]:
+    """By what laws are ranked, the least first: coverage, then whether they come near limits or singular postures, then
+    joint speed.
+    """
+    return -round(coverage / EQUAL), margin < ROOM or rcond < REGULAR, squared_speed
+
+
 @dataclass(frozen=True, eq=False)
 class Law(Value):
     """A law on one leaf, and what it does in the workspace.
@@ -51,9 +58,8 @@ class Law(Value):
 
     @property
     def order(self) -> tuple[float, bool, float]:
-        """By which laws are ranked: coverage first, then whether it keeps away from limits, then joint speed."""
-        near = self.margin < ROOM or self.rcond < REGULAR
-        return -round(self.coverage / EQUAL), near, self.squared_speed
+        """By what laws are ranked, see `order`."""
+        return order(self.coverage, self.margin, self.rcond, self.squared_speed)
 
     @property
     def sentence(self) -> str:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,12 +20,12 @@ from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector
 from ..workspaces import PoseCloud, PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
-from .advice import Advice, Law, Part
+from .advice import Advice, Law, Part, order
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
 from .covered import Coverage, Reach
 from .covering import coverage
-from .designed_law import design
+from .designed_law import Design, design
 from .lower_bound import least_costs
 from .objectives import Costs, Objective, costs_of
 from .reasons import reasons
@@ -164,8 +164,7 @@ class _Case:
             except HolokinError:
                 continue
             name = f"designed over {law.name}"
-            keys = {"kind": "designed", "base": dict(law.keys)}
-            found += tried(Candidate(name, keys, self.task, made.strategy), made.start[None], self.poses)
+            found += tried(Candidate(name, _keys(law, made), self.task, made.strategy), made.start[None], self.poses)
         return found
 
     def _floor(self, trials: list[Trial]) -> Vector:
@@ -307,9 +306,17 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
 
 
 def _order(trial: Trial) -> tuple[float, bool, float]:
-    from .advice import EQUAL, REGULAR, ROOM
+    return order(trial.coverage, trial.margin, trial.least_rcond, trial.mean_speed)
 
-    return -round(trial.coverage / EQUAL), trial.margin < ROOM or trial.least_rcond < REGULAR, trial.mean_speed
+
+def _keys(law: Candidate, made: Design) -> dict[str, Any]:
+    """What a job file says of a design over a law."""
+    base, u = {key: value for key, value in law.keys.items() if key != "leaf"}, made.polynomial.coordinates
+    return {
+        "kind": "designed", "base": base, "reference": u.chart.reference.tolist(), "directions": u.P.tolist(),
+        "middle": u.middle.tolist(), "scale": u.scale.tolist(),
+        "coefficients": made.polynomial.coefficients.tolist(),
+    }  # fmt: skip
 
 
 def _there(candidate: Candidate) -> Candidate:
