@@ -8,6 +8,7 @@ and result whether it is there, and keeps its numbers in one array.
 """
 
 from .emit import prelude as code_file
+from .inverse_kernel import InverseKernel
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
 from .native import compiler, enabled, engine, tell
 from .program import Port
@@ -15,6 +16,7 @@ from .program import Port
 __all__ = [
     "LARGEST",
     "FollowKernel",
+    "InverseKernel",
     "LeafRules",
     "Port",
     "StepKernel",

@@ -86,8 +86,7 @@ class Evaluator:
         except NativeError as problem:
             tell(problem)
             return
-        place = ctypes.cast(built.hk_sample, ctypes.c_void_p).value
-        self.call = module.Evaluator(place, self._inputs, self._results, self.machine, built)
+        self.call = _bound(module, built.hk_sample, self._inputs, self._results, self.machine, built, 0)
 
     def again(self) -> None:
         """The next call of the virtual machine asks a compiler."""
@@ -142,6 +141,28 @@ class _Memory(threading.local):
         results = [array.reshape(shape) for array, shape in zip(port.results, shapes, strict=False)]
         takes = [view.copy if view.ndim else view.item for view in results]
         self.all = (port.trigger, port.arguments, takes, port.numbers.tolist)
+
+
+def bound_call(
+    function: Any, inputs: Shapes, results: Shapes, other: Callable[..., Any], kept: Any, context: Array
+) -> Callable[..., Any] | None:
+    """A callable around a C function (in, out, context) -> 1 or 0, as `hk_sample`; None without Python's headers.
+
+    `other` is called where an argument does not fit, or it gives 0. `kept` is what the function belongs to.
+    """
+    try:
+        module = _module()
+    except NativeError as problem:
+        tell(problem)
+        return None
+    return None if module is None else _bound(module, function, inputs, results, other, kept, context.ctypes.data)
+
+
+def _bound(
+    module: Any, function: Any, inputs: Shapes, results: Shapes, other: Any, kept: Any, context: int
+) -> Callable[..., Any]:
+    place = ctypes.cast(function, ctypes.c_void_p).value
+    return module.Evaluator(place, tuple(inputs), tuple(results), other, kept, context)
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:

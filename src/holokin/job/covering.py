@@ -41,7 +41,9 @@ class Covering(Value):
         covers = coverage(
             strategy, begin, space, samples=asked.samples, seed=asked.seed, limits=asked.limits, reach=self.reach
         )
-        slices = coverage_slices(strategy, begin, space, limits=asked.limits) if isinstance(space, PoseRange) else ()
+        slices = ()
+        if isinstance(space, PoseRange) and asked.slices:
+            slices = coverage_slices(strategy, begin, space, steps=max(2, asked.slices), limits=asked.limits)
         least = float(covers.rcond[covers.reached].min()) if covers.reached.any() else np.nan
         metrics = result.metrics | {"coverage": covers.share, "coverage_rcond": least}
         return replace(result, metrics=metrics, coverage=covers, slices=slices)

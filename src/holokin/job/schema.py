@@ -30,6 +30,9 @@ MOST_POSTURES = 65_536
 MOST_POSES = 16_384
 """Tool poses of a workspace: shares are right to a thousandth, and those that are missed take a few ms each."""
 
+MOST_CELLS = 200
+"""Cells along the longest side of a slice: a pixel each in a picture on a page."""
+
 MOST_STRATEGIES = 100
 """Strategies of a job: a table and figures of more are not read."""
 
@@ -216,6 +219,7 @@ class WorkspaceTable(Table):
     samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
     seed: Annotated[int, Field(ge=0)] = 0
     limits: bool = True
+    slices: Annotated[int, Field(ge=0, le=MOST_CELLS)] = 31
 
     @model_validator(mode="after")
     def _complete(self) -> WorkspaceTable:
@@ -231,7 +235,7 @@ class WorkspaceTable(Table):
         ]
         if missing:
             raise ValueError(f"kind = {self.kind!r} needs {' and '.join(missing)}; add it")
-        for key in sorted(self.model_fields_set - uses - {"kind", "samples", "seed", "limits"}):
+        for key in sorted(self.model_fields_set - uses - {"kind", "samples", "seed", "limits", "slices"}):
             raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
         return self
 

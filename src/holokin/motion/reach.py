@@ -21,6 +21,10 @@ Panda's circle of 0.35 m, one start in three got there; with 8 starts one of the
 ROUND = 16
 """Random postures that are tried side by side before a target that none of them reached gets more."""
 
+ALIKE = 1.01
+"""Where half of a round's searches end within this factor of the least error that was found, no more are made: beyond
+the reach of an arm all of them lead to the same stretched posture."""
+
 LOOKS = 200
 """Postures that one search for a target looks at. A target that is reached takes some six."""
 
@@ -93,8 +97,9 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
     low = np.where(np.isfinite(robot.lower), robot.lower, near - np.pi)
     high = np.where(np.isfinite(robot.upper), robot.upper, near + np.pi)
     shares = np.random.default_rng(0).uniform(size=(RESTARTS, robot.n))
+    sure = np.zeros(len(q), dtype=bool)
     for first in range(0, RESTARTS, ROUND):
-        left = np.flatnonzero(missing > REACHED)
+        left = np.flatnonzero((missing > REACHED) & ~sure)
         if not left.size:
             break
         some = shares[first : first + ROUND]
@@ -106,6 +111,8 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
         better = found.missing[chosen] < missing[left]
         to, of = left[better], chosen[better]
         q[to], missing[to], ended[to] = found.q[of], found.missing[of], found.ended[of]
+        alike = (each <= ALIKE * missing[left, None]).sum(axis=1)
+        sure[left] = ended[left] & (alike >= ROUND / 2)
     return Nearest(q, missing, ended)
 
 

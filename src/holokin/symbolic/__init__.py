@@ -31,8 +31,10 @@ from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
+from .taylor import TaylorModel
 
 __all__ = [
+    "TaylorModel",
     "SX",
     "Enclosure",
     "Evaluator",

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..codegen.evaluator import Doubt, Evaluator, weak
+from ..codegen.inverse_kernel import InverseKernel
 from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
 from ..codegen.native import enabled, tell
 from ..codegen.program import Port, program
@@ -189,6 +190,22 @@ class Function:
             tell(problem)
             self._natives[method] = None
         return self._natives[method]
+
+    def inverse(self, more: Callable[[], str], stretches: Callable[[], str]) -> InverseKernel | None:
+        """Inverse kinematics about this function, a Newton step, see `InverseKernel`; None where there can be none.
+
+        Args:
+            more, stretches: make the C that it needs besides this function's.
+        """
+        if self.program.instructions > LARGEST or not enabled():
+            return None
+        if "inverse" not in self._natives:
+            try:
+                self._natives["inverse"] = InverseKernel(self.program, *self._shapes, more(), stretches())
+            except NativeError as problem:
+                tell(problem)
+                self._natives["inverse"] = None
+        return self._natives["inverse"]
 
     def c(self, name: str) -> str:
         """C99 of `static void NAME(const hk_t *x, hk_t *y)`: arguments, and results, one after another in rows.

@@ -9,7 +9,7 @@
 
 enum { HK_MOST = 8, HK_ROOM = 128 }; /* arguments, and results; numbers of lists and of arrays that are not in rows */
 
-typedef int (*hk_sample_t)(const double *const *in, double *const *out);
+typedef int (*hk_sample_t)(const double *const *in, double *const *out, const double *context);
 
 typedef struct {
   int dims; /* 0 for a float */
@@ -20,6 +20,7 @@ typedef struct {
   PyObject_HEAD
   vectorcallfunc call;
   hk_sample_t sample;
+  const double *context; /* what `sample` reads besides */
   int inputs, results;
   hk_shape in[HK_MOST], out[HK_MOST];
   PyObject *other; /* the callable for all else */
@@ -110,7 +111,7 @@ static PyObject *hk_call(PyObject *self, PyObject *const *args, size_t flagged, 
     }
     out[b] = (double *)PyArray_DATA((PyArrayObject *)made[b]);
   }
-  if (e->sample(in, out)) return hk_wrapped(e, made, single);
+  if (e->sample(in, out, e->context)) return hk_wrapped(e, made, single);
   for (int b = 0; b < e->results; b++) Py_XDECREF(made[b]);
   return hk_call_other(e, args, flagged, names);
 }
@@ -137,14 +138,16 @@ wrong:
 }
 
 static PyObject *hk_new(PyTypeObject *type, PyObject *args, PyObject *named) {
-  unsigned long long place;
+  unsigned long long place, context;
   PyObject *in, *out, *other, *kept;
   (void)named;
-  if (!PyArg_ParseTuple(args, "KO!O!OO", &place, &PyTuple_Type, &in, &PyTuple_Type, &out, &other, &kept)) return NULL;
+  if (!PyArg_ParseTuple(args, "KO!O!OOK", &place, &PyTuple_Type, &in, &PyTuple_Type, &out, &other, &kept, &context))
+    return NULL;
   hk_evaluator *e = (hk_evaluator *)type->tp_alloc(type, 0);
   if (!e) return NULL;
   e->call = hk_call;
   e->sample = (hk_sample_t)(size_t)place;
+  e->context = (const double *)(size_t)context;
   e->other = Py_NewRef(other);
   e->kept = Py_NewRef(kept);
   if ((e->inputs = hk_shapes(in, e->in)) < 0 || (e->results = hk_shapes(out, e->out)) < 0) Py_CLEAR(e);

@@ -1,0 +1,101 @@
+/* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers first; hk_constraint_body: q -> g.
+   A context is a row of numbers: the start, its pose (p, R), the leaf c, the joints' lower and upper limits. */
+enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + 12, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N };
+enum { HK_REACHED, HK_CLAMPED, HK_LIMIT, HK_LEAF_ENDS, HK_AT_SINGULAR, HK_NOT_CONVERGED, HK_NOT_FINITE, HK_NOT_A_ROTATION,
+       HK_OTHER_BRANCH };
+
+static const hk_rules hk_ours = HK_RULES;
+
+static int hk_finite(const double *x, int count) {
+  for (int i = 0; i < count; i++)
+    if (!(x[i] - x[i] == 0.0)) return 0;
+  return 1;
+}
+
+/* 1 where the rows of R are perpendicular, of length 1 and right-handed. */
+static int hk_rotates(const double *R) {
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j <= i; j++) {
+      const double dot = R[3 * i] * R[3 * j] + R[3 * i + 1] * R[3 * j + 1] + R[3 * i + 2] * R[3 * j + 2];
+      if (!(fabs(dot - (i == j)) < HK_ROTATION)) return 0;
+    }
+  return R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) + R[2] * (R[3] * R[7] - R[4] * R[6]) > 0.0;
+}
+
+/* The way from q, whose pose and level are given, to a pose `to` (p, R). q becomes the posture where it ended. */
+static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context, int side) {
+  double x[HK_N + 12 + HK_R], y[HK_N + 3];
+  hk_rules rules = hk_ours;
+  hk_way way;
+  rules.side = side;
+  hk_way_to(from, g, to, context + HK_LEAF, &way);
+  const int ended = hk_go(&way, &rules, q, x);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; ended == 0 && i < HK_N; i++)
+    if (!(q[i] >= context[HK_LOWER + i] && q[i] <= context[HK_UPPER + i])) return HK_LIMIT;
+  if (ended == 0) return HK_REACHED;
+  hk_aim(&way, 0.0, x);
+  hk_leaf_body(x, y);
+  if (ended == 2 || y[HK_N] > HK_REGULAR) return HK_NOT_CONVERGED;
+  return y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation ? HK_LEAF_ENDS : HK_AT_SINGULAR;
+}
+
+/* From the start. */
+static int hk_cold(const double *to, const double *context, double *q) {
+  for (int i = 0; i < HK_N; i++) q[i] = NAN;
+  if (!hk_finite(to, 12)) return HK_NOT_FINITE;
+  if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
+  for (int i = 0; i < HK_N; i++) q[i] = context[HK_START + i];
+  return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context, (int)context[HK_UPPER + HK_N]);
+}
+
+/* From the posture in q. */
+static int hk_warm(const double *to, const double *context, double *q) {
+  double T[18], from[12], g[HK_R + 1], x[HK_N + 12 + HK_R], y[HK_N + 3];
+  if (!hk_finite(to, 12) || !hk_finite(q, HK_N)) return HK_NOT_FINITE;
+  if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
+  hk_pose_body(q, T);
+  for (int i = 0; i < 3; i++) {
+    from[i] = T[4 * i + 3];
+    for (int j = 0; j < 3; j++) from[3 + 3 * i + j] = T[4 * i + j];
+  }
+  hk_constraint_body(q, g);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < 12; i++) x[HK_N + i] = from[i];
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = g[i];
+  hk_leaf_body(x, y);
+  if (!(y[HK_N] > hk_ours.singular && y[HK_N + 1] > hk_ours.representation)) return HK_AT_SINGULAR;
+  if (!(y[HK_N + 2] * context[HK_UPPER + HK_N] > 0.0)) return HK_OTHER_BRANCH;
+  return hk_answer(q, from, g, to, context, (int)context[HK_UPPER + HK_N]);
+}
+
+/* (p, R) of a 4x4 matrix by rows. */
+static void hk_read(const double *T, double *to) {
+  for (int i = 0; i < 3; i++) {
+    to[i] = T[4 * i + 3];
+    for (int j = 0; j < 3; j++) to[3 + 3 * i + j] = T[4 * i + j];
+  }
+}
+
+/* For a call from Python, evaluator.c: 1 where the pose in[0], (4, 4), is reached; near in[1] in the second. */
+int hk_call_cold(const double *const *in, double *const *out, const double *context) {
+  double to[12];
+  hk_read(in[0], to);
+  return hk_cold(to, context, out[0]) == HK_REACHED;
+}
+
+int hk_call_warm(const double *const *in, double *const *out, const double *context) {
+  double to[12];
+  hk_read(in[0], to);
+  for (int i = 0; i < HK_N; i++) out[0][i] = in[1][i];
+  return hk_warm(to, context, out[0]) == HK_REACHED;
+}
+
+/* Many poses (count, 12), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
+   the ways ended. */
+void hk_poses(long long count, const double *to, const double *context, int warm, double *q, long long *status) {
+  for (long long k = 0; k < count; k++) {
+    double *here = q + k * HK_N;
+    status[k] = warm ? hk_warm(to + 12 * k, context, here) : hk_cold(to + 12 * k, context, here);
+  }
+}

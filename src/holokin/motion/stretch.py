@@ -1,0 +1,131 @@
+"""Stretches of a way along a leaf that are shown to keep to its branch: tubes about curves, for native code.
+
+The way of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
+joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle c, at which Y = A^-1, by
+
+    P(t) = c + t v + t^2 w,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2
+
+(h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <= radius:
+
+    Y A(q) = 1 + t X1 + t^2 X2 + S,   (1 - t X1) Y A(q) = 1 + t^2 (X2 - X1^2) - t^3 X1 X2 + (1 - t X1) S.
+
+With K a bound of what differs from 1 there, and eta one of (1 - t X1) Y E on the curve, in the largest joint:
+eta + K radius <= radius, K < 1. By the contraction principle [Deu04, section 2.1] each pose of the stretch then has
+one posture on the level within `radius` of the curve, it lies within eta / (1 - K), A is regular there, and so it moves
+continuously. Stretches follow one another where one's posture lies within the other's radius.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import NativeError
+from ..strategies import HolonomicStrategy
+from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
+from ..tolerances import TOLERANCES
+from ..types import kept
+from .branch import branch_code
+from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR
+
+SLENDER = 0.04
+"""Radius of a stretch over the largest joint's motion in half of it: curves are right to less, thick ones enclose more."""
+
+CENTRED = 0.25
+"""Newton correction in the middle of a stretch that may be left, over its radius."""
+
+FULL = 0.98
+"""Room that a stretch may take: below 1, for round-off."""
+
+FIRST = 0.12
+"""Largest joint's motion [joint unit] in half of the first stretch that is tried."""
+
+SHORTEST = 2e-4
+"""The same for the last one that is tried, before the pieces of `follow` take over: they get closer to a fold."""
+
+STRETCHES = 2_000
+"""Stretches of one way tried at most, before the pieces of `follow` take over."""
+
+SHORT = 4_000
+"""Operations of the extended Jacobian up to which it has Taylor models."""
+
+TRIES = 5_000
+"""Pieces of `follow` of one way tried at most: inverse kinematics is asked in loops, where no answer is better than a late
+one."""
+
+ROTATION = 1e-5
+"""How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
+
+
+@kept
+def node(strategy: HolonomicStrategy) -> Function:
+    """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
+    e, task = strategy.expressions, strategy.task
+    p, R, c, one = symbol("p", 3), symbol("R", 3, 3), symbol("c", task.n - task.m), SX.eye(task.n)
+    found = e.rate(
+        horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
+        horzcat(strategy.leaf_gap(c), one[task.m :, :]),
+    )
+    outputs = {
+        "dq": found.X[:, 0], "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation,
+        "inverse": found.X[:, 1:],
+    }  # fmt: skip
+    return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+
+
+@kept
+def along(strategy: HolonomicStrategy) -> TaylorModel | None:
+    """The Taylor models of the extended Jacobian; None where there are none, or the angles' rows are no geometric ones."""
+    e = strategy.expressions
+    if not strategy.task.geometric:
+        return None
+    try:
+        model = TaylorModel("hk_along_body", {"q": e.q}, vertcat(e.J, e.planes))
+    except NativeError:
+        return None
+    return model if model.instructions <= SHORT else None
+
+
+@kept
+def bend(strategy: HolonomicStrategy) -> Function:
+    """(q, v) -> DA[v] v, the second derivative of [f; g] along a line."""
+    e, v = strategy.expressions, symbol("v", strategy.task.n)
+    moved = directional(vertcat(e.J, e.planes) @ v, e.q, v)
+    return Function("bend", {"q": e.q, "v": v}, {"bend": moved})
+
+
+def inverse_code(strategy: HolonomicStrategy) -> str:
+    """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
+    s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
+    r = task.n - task.m
+    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES)
+    numbers = {
+        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
+        "REGULAR": REGULAR, "RULES": f"{{{', '.join(map(repr, rules))}}}",
+    }  # fmt: skip
+    if models is not None:
+        numbers["STRETCHES"] = STRETCHES
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
+    angular = [int(flag) for flag in s.constraint.angular] if r else []
+    for name, values in (("rows", list(task.rows)), ("angular", angular)):
+        head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
+    return head + branch_code(s)
+
+
+def stretch_code(strategy: HolonomicStrategy) -> str:
+    """C that stretch.c needs; empty where there are no stretches."""
+    models = along(strategy)
+    if models is None:
+        return ""
+    return models.c + node(strategy).c("hk_node_body") + bend(strategy).c("hk_bend_body")
+
+
+def place_code(strategy: HolonomicStrategy) -> str:
+    """C of the tool's pose and of the constraint, which poses.c needs."""
+    e = strategy.expressions
+    T = SX.eye(4)
+    T[:3, :3], T[:3, 3] = e.kinematics.rotation, e.kinematics.position
+    pose = Function("pose", {"q": e.q}, {"T": T})
+    level = strategy.constraint_value.c("hk_constraint_body") if strategy.task.n > strategy.task.m else (
+        "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
+    )
+    return pose.c("hk_pose_body") + level
