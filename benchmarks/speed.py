@@ -114,13 +114,21 @@ def main(arguments: list[str] | None = None) -> int:
     def make() -> hk.motion.Controller:
         return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
 
+    def make_radial() -> hk.motion.Controller:
+        task = hk.pose(hk.load("panda"))
+        return hk.controller(hk.radial(hk.moore_penrose(task), START), dt=DT, start=START)
+
     servo, machine = make(), without_compiler(make)
+    carried, slowly = make_radial(), without_compiler(make_radial)
     floor_loop = Floor(servo, pose, twist)
     others, left_out = rivals(robot, START, DT)
     steps = {
         "C floor": floor_loop,
         "holokin, native": repeated(lambda: servo.step(START, pose, twist)),
         "holokin, virtual machine": repeated(lambda: machine.step(START, pose, twist)),
+        "radial of the pseudo-inverse, called from C": Floor(carried, pose, twist),
+        "radial, native": repeated(lambda: carried.step(START, pose, twist)),
+        "radial, virtual machine": repeated(lambda: slowly.step(START, pose, twist)),
     } | {name: repeated(lambda step=step: step(START, pose, twist)) for name, step in others}
     rounds, each = (5 if given.quick else 400), 5e-4
     times = in_turns(steps | machine_and_native(START, 3 if given.quick else None), rounds, each)
@@ -144,6 +152,7 @@ def main(arguments: list[str] | None = None) -> int:
     batch = min(_seconds(lambda: strategy.batch(Q, threads=1)) for _ in range(3)) / count
     curved = min(_seconds(lambda: planes.batch(Q[: count // 10], threads=1)) for _ in range(3)) / (count // 10)
     cold, warm = first_use(make)
+    others_first = first_use(make_radial)
     check = simulate(servo, task, loop, START, dt=0.01)
     loops = [
         (f"`follow` by leaf, circle of {samples:,} samples", follow),
@@ -154,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
     kept = memory(strategy, loop, scale)
     grown = growth(median_and_p99, given.quick)
     one = calls_page(times, floor)
-    text = page(rows, floor, one, loops, kept, (cold, warm), left_out, check.tracking_error(), *grown)
+    text = page(rows, floor, one, loops, kept, (cold, warm, *others_first), left_out, check.tracking_error(), *grown)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "speed.md").write_text(text, "utf-8")
     print(text)
@@ -169,7 +178,7 @@ def _seconds(call: Callable[[], object]) -> float:
 
 def page(
     rows: list[tuple[str, Timed]], floor: float, one: list[str], loops: list[tuple[str, float]],
-    kept: list[tuple[str, float, int]], first: tuple[float, float], left_out: list[str], tracking: float,
+    kept: list[tuple[str, float, int]], first: tuple[float, float, float, float], left_out: list[str], tracking: float,
     grown: list[Growth], both: list[Growth],
 ) -> str:  # fmt: skip
     """docs/speed.md."""
@@ -180,9 +189,10 @@ def page(
         "medians. Machines differ, ratios less so. Building and first use are by the clock on the wall.\n",
         f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores, {load()}.\n",
         "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
-        "path and to the leaf and with joint limits; the C floor is one call of the same step from C. The libraries",
-        "run as their own examples run them, pink and mink with one `Configuration` that is updated, a frame task and",
-        "a posture task; of each, the limits that it takes by default and none, and every solver it has here.\n",
+        "path and to the leaf and with joint limits; the C floor is one call of the same step from C. `radial` carries the",
+        "posture back to the centre in 4 Runge-Kutta steps at each of its steps. The libraries run as their own",
+        "examples run them, pink and mink with one `Configuration` that is updated, a frame task and a posture task; of",
+        "each, the limits that it takes by default and none, and every solver it has here.\n",
         "| one control step | median | p99 | in C floors | against holokin, native |",
         "|---|---:|---:|---:|---:|",
     ]
@@ -202,6 +212,7 @@ def page(
         *(f"| {what} | {found:.4g} | {wanted} |" for what, found, wanted in kept),
         "",
         f"First use of a strategy (build, compile, load) {first[0]:.2f} s; later, from the cache, {first[1]:.3f} s.",
+        f"The same of `radial` {first[2]:.2f} s and {first[3]:.3f} s.",
         f"The step followed the circle in a loop of 0.01 s to {1e3 * tracking:.2g} mm.",
         *growth_page(grown, both),
     ]

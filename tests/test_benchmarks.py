@@ -41,6 +41,10 @@ def test_it_runs_with_quick(module: str, tmp_path: Path) -> None:
     if more:
         page = (tmp_path / f"{module.rpartition('.')[2]}.md").read_text("utf-8")
         assert "nan" not in page
+        if module == "benchmarks.speed":
+            rows = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in page.splitlines() if line[:1] == "|"}
+            assert float(rows["radial of the pseudo-inverse, called from C"][3]) < 40
+            assert float(rows["radial, virtual machine"][3]) > 60
         for library in ("pink", "mink", "placo"):
             if importlib.util.find_spec(library) is None and module == "benchmarks.speed":
                 assert f"{library} ({library} is not installed)" in page
@@ -80,3 +84,14 @@ def test_a_call_from_python_costs_a_few_steps_in_c(tmp_path: Path, monkeypatch: 
     calls = {"floor": Floor(controller, pose, dx), "G": repeated(lambda: strategy(PANDA_START))}
     times = in_turns(calls, 50, 1e-3)
     assert times["G"].median < 5 * times["floor"].median
+
+
+@compiled
+def test_a_step_of_a_radial_law_takes_at_most_25_c_floors() -> None:
+    """By the processor's time: measured 20; written out it was 88 floors' worth of operations, and too long for C."""
+    task = hk.pose(hk.load("panda"))
+    pose, dx = task.robot.pose(PANDA_START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
+    laws = {"floor": hk.holonomic(task, hk.arm_angle()), "radial": hk.radial(hk.moore_penrose(task), PANDA_START)}
+    steps = {name: Floor(hk.controller(law, dt=1e-3, start=PANDA_START), pose, dx) for name, law in laws.items()}
+    times = in_turns(steps, 50, 1e-3)
+    assert times["radial"].median < 25 * times["floor"].median

@@ -75,8 +75,10 @@ def enclosed_change(strategy: HolonomicStrategy) -> Enclosure | None:
     """q -> dA/dq_k of the extended Jacobian, (n n n,), k slowest, then columns, enclosed over boxes of q.
 
     None where an enclosure would be too long, or too wide to be of use: factorisations, which copysign tells,
-    widen it without end.
+    widen it without end, and so do the steps of a loop.
     """
+    if strategy.looped is not strategy:
+        return None
     e, n = _turning(strategy), strategy.task.n
     A = vertcat(e.J, e.planes)
     if not short(A, e.q, SHORT // n):
