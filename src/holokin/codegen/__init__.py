@@ -8,6 +8,7 @@ and result whether it is there, and keeps its numbers in one array.
 """
 
 from .emit import prelude as code_file
+from .evaluator import weak
 from .inverse_kernel import InverseKernel
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
 from .native import compiler, enabled, engine, tell
@@ -27,4 +28,5 @@ __all__ = [
     "enabled",
     "engine",
     "tell",
+    "weak",
 ]

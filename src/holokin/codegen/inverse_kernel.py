@@ -38,7 +38,7 @@ class InverseKernel:
         whole = source(SCALAR, head, code + "".join(parts))
         long = made.instructions > LONG
         self._library: Any = library(
-            whole, long=long, interleaved=True, needs=("hk_call_cold", "hk_call_warm", "hk_poses")
+            whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses")
         )
         self._poses: Any = self._library.hk_poses
         self._poses.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int] + [ctypes.c_void_p] * 2

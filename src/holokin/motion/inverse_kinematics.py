@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..arguments import typed
+from ..codegen import InverseKernel, engine, weak
 from ..errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError, ShapeError
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
@@ -16,10 +18,7 @@ from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, num
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
-
-ROTATION = 1e-5
-"""How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
-
+from .stretch import ROTATION, TRIES, inverse_code, stretch_code
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
@@ -48,8 +47,7 @@ class InverseKinematics(Value):
             JointLimitError: only with limits=True: the posture is beyond them.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
-        p, R = self._target(pose)
-        return self._answer(p, R, self.start, self._go(p, R, self.start))
+        return self._calls[0](pose)
 
     def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
@@ -63,9 +61,7 @@ class InverseKinematics(Value):
         Raises:
             BranchError: q lies on another branch than the start, or as `ik(pose)`; the other errors, too, are its.
         """
-        p, R = self._target(pose)
-        begin = self.strategy.task.robot.checked(q, "the posture to begin from")
-        return self._answer(p, R, begin, self._go(p, R, begin))
+        return self._calls[1](pose, q)
 
     def batch(self, poses: ArrayLike, threads: int | None = None) -> Solutions:
         """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose)` finds it.
@@ -81,15 +77,42 @@ class InverseKinematics(Value):
         if given.shape[1:] not in ((4, 4), (3,), (2,)):
             raise ShapeError("tool poses", "(k, 4, 4), (k, 3) or (k, 2)", given.shape)
         p, R = self._targets(given)
-        last, status = np.full((len(given), len(self.start)), np.nan), self._refused(p, R)
-        for i in np.flatnonzero(status == InverseStatus.REACHED):
-            last[i], status[i] = self._go(p[i], R[i], self.start)
+        last = np.full((len(given), len(self.start)), np.nan)
+        if self._kernel is not None:
+            status = self._kernel(_in_rows(p, R), self._context, last, False, threads)
+        else:
+            status = self._refused(p, R)
+            for i in np.flatnonzero(status == InverseStatus.REACHED):
+                last[i], status[i] = self._walk(p[i], R[i], self.start)
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
         return Solutions(q, status, last)
 
+    @property
+    def engine(self) -> str:
+        """One line that says what runs."""
+        return engine() if self._kernel is not None else "CasADi's virtual machine"
+
+    def _cold(self, pose: ArrayLike) -> Vector:
+        """`ik(pose)` of any pose: the joints, or an error."""
+        p, R = self._target(pose)
+        return self._answer(p, R, *self._go(p, R, self.start))
+
+    def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
+        """`ik.near(pose, q)` of any pose."""
+        p, R = self._target(pose)
+        return self._answer(p, R, *self._go(p, R, self.strategy.task.robot.checked(q, "the posture to begin from")))
+
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""
+        if self._kernel is None:
+            return self._walk(p, R, begin)
+        q = begin[None].copy()
+        status = self._kernel(_in_rows(p[None], R[None]), self._context, q, begin is not self.start, 1)
+        return q[0], InverseStatus(int(status[0]))
+
+    def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+        """The same on the virtual machine."""
         s = self.strategy
         if begin is self.start:
             level = self._leaf
@@ -101,7 +124,7 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        last, ended = leaf_walk(s, begin)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        last, ended = leaf_walk(s, begin, TRIES)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
@@ -111,9 +134,8 @@ class InverseKinematics(Value):
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
 
-    def _answer(self, p: Vector, R: Matrix, begin: Vector, found: tuple[Vector, InverseStatus]) -> Vector:
+    def _answer(self, p: Vector, R: Matrix, q: Vector, status: InverseStatus) -> Vector:
         """The posture that was found, or the error that says why there is none."""
-        q, status = found
         if status is InverseStatus.REACHED:
             return q
         raise self._problem(p, R, q, status)
@@ -161,6 +183,27 @@ class InverseKinematics(Value):
         return status
 
     @cached_property
+    def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
+        """What serves `ik(pose)` and `ik.near(pose, q)`."""
+        cold, warm = weak(self._cold), weak(self._warm)
+        bound = None if self._kernel is None else self._kernel.calls(self._context, cold, warm)
+        return (cold, warm) if bound is None else bound
+
+    @cached_property
+    def _kernel(self) -> InverseKernel | None:
+        s = self.strategy
+        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
+
+    @cached_property
+    def _context(self) -> Vector:
+        """What the kernel reads besides: poses.c."""
+        robot, slack = self.strategy.task.robot, TOLERANCES.limit
+        beyond = np.full(robot.n, np.inf)
+        low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
+        place = self._pose[:3, 3], self._pose[:3, :3].ravel()
+        return np.concatenate([self.start, *place, self._leaf, low, high, [self._side]])
+
+    @cached_property
     def _pose(self) -> Matrix:
         return frozen(self.strategy.task.robot.pose(self.start, self.strategy.task.tip))
 
@@ -171,6 +214,11 @@ class InverseKinematics(Value):
     @cached_property
     def _side(self) -> float:
         return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+
+
+def _in_rows(p: Matrix, R: Array) -> Matrix:
+    """(k, 12): positions, and rotations by rows."""
+    return np.ascontiguousarray(np.hstack([p, R.reshape(-1, 9)]))
 
 
 def _beyond(robot: Robot, q: Vector) -> bool:

@@ -108,7 +108,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     angular = [int(flag) for flag in s.constraint.angular] if r else []
     for name, values in (("rows", list(task.rows)), ("angular", angular)):
         head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
-    return head + branch_code(s)
+    return head + branch_code(s) + _place_code(s)
 
 
 def stretch_code(strategy: HolonomicStrategy) -> str:
@@ -119,13 +119,13 @@ def stretch_code(strategy: HolonomicStrategy) -> str:
     return models.c + node(strategy).c("hk_node_body") + bend(strategy).c("hk_bend_body")
 
 
-def place_code(strategy: HolonomicStrategy) -> str:
+def _place_code(strategy: HolonomicStrategy) -> str:
     """C of the tool's pose and of the constraint, which poses.c needs."""
     e = strategy.expressions
     T = SX.eye(4)
     T[:3, :3], T[:3, 3] = e.kinematics.rotation, e.kinematics.position
     pose = Function("pose", {"q": e.q}, {"T": T})
-    level = strategy.constraint_value.c("hk_constraint_body") if strategy.task.n > strategy.task.m else (
-        "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
-    )
+    level = "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
+    if strategy.task.n > strategy.task.m:
+        level = strategy.constraint_value.c("hk_constraint_body")
     return pose.c("hk_pose_body") + level
