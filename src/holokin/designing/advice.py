@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,24 +14,48 @@ from ..types import Flags, Value, Vector
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
 
-EQUAL = 0.01
-"""Difference of coverage up to which two laws cover alike: a few of the poses, which others would decide otherwise."""
+EQUAL = 0.02
+"""Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
+otherwise."""
 
 ROOM = 0.02
-"""Share of a joint's range to its limit from which on a law keeps away from limits: 6 degrees of 300."""
+"""Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
 
 REGULAR = 0.01
-"""rcond from which on a law keeps away from singular postures: joints are then at most a hundred times as fast."""
+"""rcond from which on a posture keeps away from singular ones: joints are then at most a hundred times as fast."""
 
 CLOSE = 0.03
 """Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
 
 
-def order(coverage: float, margin: float, rcond: float, squared_speed: float) -> tuple[float, bool, float]:
-    """By what laws are ranked, the least first: coverage, then whether they come near limits or singular postures, then
-    joint speed.
+class Ranked(Protocol):
+    """What laws are ranked by."""
+
+    @property
+    def easy(self) -> float:
+        """Share of the poses that are served away from limits and singular postures."""
+        ...
+
+    @property
+    def squared_speed(self) -> float:
+        """Mean squared joint speed."""
+        ...
+
+
+Entry = TypeVar("Entry", bound=Ranked)
+
+
+def ranked(entries: Iterable[Entry]) -> list[Entry]:
+    """The best first: by the share of poses that are served away from limits and singular postures; of those that
+    serve alike, by joint speed.
     """
-    return -round(coverage / EQUAL), margin < ROOM or rcond < REGULAR, squared_speed
+    left, found = list(entries), list[Entry]()
+    while left:
+        most = max(one.easy for one in left)
+        alike = [one for one in left if one.easy >= most - EQUAL]
+        left = [one for one in left if one.easy < most - EQUAL]
+        found += sorted(alike, key=lambda one: one.squared_speed)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +63,8 @@ class Law(Value):
     """A law on one leaf, and what it does in the workspace.
 
     keys: what a job file says of it. start: the posture that its leaf goes through (n,). coverage: share of the poses
-    that it reaches within the joint limits, `served` (k,). margin: the least distance to a limit over the joint's
+    that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
+    postures. margin: the least distance to a limit over the joint's
     range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
     mean squared joint speed [rad^2/m^2]; speed: that over the least that any law can have there.
     """
@@ -50,6 +75,7 @@ class Law(Value):
     start: Vector
     coverage: float
     served: Flags
+    easy: float
     margin: float
     joint: str
     rcond: float
@@ -57,14 +83,9 @@ class Law(Value):
     speed: float
 
     @property
-    def order(self) -> tuple[float, bool, float]:
-        """By what laws are ranked, see `order`."""
-        return order(self.coverage, self.margin, self.rcond, self.squared_speed)
-
-    @property
     def sentence(self) -> str:
         """What it does, in words."""
-        said = f"{self.name} reaches {self.coverage:.1%} of the workspace within the joint limits"
+        said = f"it reaches {self.coverage:.1%} of the workspace within the joint limits"
         if not self.served.any():
             return said
         if np.isfinite(self.margin):

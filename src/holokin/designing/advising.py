@@ -20,7 +20,7 @@ from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Value, Vector
 from ..workspaces import PoseCloud, PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
-from .advice import Advice, Law, Part, order
+from .advice import Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
 from .covered import Coverage, Reach
@@ -39,6 +39,10 @@ POSES, SCREENED = 256, 4
 
 BASES, DEGREE, DESIGNED = 2, 2, 128
 """Laws that are designed over the best of the others; degree of their polynomials, and poses that they are made for."""
+
+GOALS = {"": Objective(squared_speed=1.0), ", off limits": Objective(squared_speed=1.0, joint_limits=1.0)}
+"""What they are designed for. Joint limits count softly: hard ones take minutes where they bind, and the trial that
+follows tells which poses are lost."""
 
 PARTS = 3
 """Laws whose part of the workspace is looked for where none serves the whole."""
@@ -138,18 +142,18 @@ class _Case:
             self.say(candidate.name)
             found = tried(candidate, self.starts, rough)
             if found:
-                best = min(found, key=_order)
+                best = ranked(found)[0]
                 trials += tried(_there(candidate), best.start[None], self.poses)
         if not trials:
             raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
-        trials.sort(key=_order)
+        trials = ranked(trials)
         trials += self._designed(trials)
         self.floor = self._floor(trials)
-        laws = sorted((self._law(trial) for trial in trials), key=lambda law: law.order)
+        laws = ranked(self._law(trial) for trial in trials)
         while laws[0].name not in self.checked:
             self.say(f"{laws[0].name}, pose by pose")
             laws[0] = self._looked_at(laws[0])
-            laws.sort(key=lambda law: law.order)
+            laws = ranked(laws)
         return tuple(laws)
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
@@ -157,20 +161,24 @@ class _Case:
         found: list[Trial] = []
         for trial in [t for t in trials if t.candidate.strategy is not None and t.served.any()][:BASES]:
             law = trial.candidate
-            self.say(f"a design over {law.name}")
             space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
-            try:
-                made = design(self.task, space, trial.start, base=law.strategy.constraint, degree=DEGREE, samples=DESIGNED)
-            except HolokinError:
-                continue
-            name = f"designed over {law.name}"
-            found += tried(Candidate(name, _keys(law, made), self.task, made.strategy), made.start[None], self.poses)
+            for words, goal in GOALS.items():
+                name = f"designed over {law.name}{words}"
+                self.say(name)
+                try:
+                    made = design(
+                        self.task, space, trial.start, base=law.strategy.constraint, objective=goal, degree=DEGREE,
+                        limits=False, samples=DESIGNED,
+                    )  # fmt: skip
+                except HolokinError:  # no law where there is none: the others stay
+                    continue
+                found += tried(Candidate(name, _keys(law, made), self.task, made.strategy), made.start[None], self.poses)
         return found
 
     def _floor(self, trials: list[Trial]) -> Vector:
         """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""
         say_least = np.full(len(self.poses), np.nan)
-        for trial in sorted(trials, key=_order)[:BASES]:
+        for trial in ranked(trials)[:BASES]:
             values = self.least(trial.q, trial.served, limits=False)
             say_least = np.fmin(say_least, values)
         return say_least
@@ -191,8 +199,8 @@ class _Case:
         known = trial.served & np.isfinite(self.floor)
         ratio = float(trial.speed[known].mean() / self.floor[known].mean()) if known.any() else np.nan
         return Law(
-            c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.margin,
-            robot.joint_names[trial.joint], trial.least_rcond, trial.mean_speed, ratio,
+            c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.easy, trial.margin,
+            robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio,
         )  # fmt: skip
 
     def _looked_at(self, law: Law) -> Law:
@@ -201,7 +209,7 @@ class _Case:
         self.checked[law.name] = found
         served = found.reached
         rcond = float(found.rcond[served].min()) if served.any() else 0.0
-        return replace(law, coverage=found.share, served=served, rcond=rcond)
+        return replace(law, coverage=found.share, served=served, easy=law.easy + found.share - law.coverage, rcond=rcond)
 
     def floor_of(self, law: Law) -> float:
         """The mean of the floor where a law serves."""
@@ -303,10 +311,6 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
         return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
     return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
-
-
-def _order(trial: Trial) -> tuple[float, bool, float]:
-    return order(trial.coverage, trial.margin, trial.least_rcond, trial.mean_speed)
 
 
 def _keys(law: Candidate, made: Design) -> dict[str, Any]:

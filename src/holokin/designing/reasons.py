@@ -13,7 +13,7 @@ from .covered import Coverage
 def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, limits: tuple[float, str, float] | None) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
     best = laws[0]
-    said = [f"{best.sentence[0].upper()}{best.sentence[1:]}."]
+    said = [f"Take {best.name}: {best.sentence}."]
     if len(laws) > 1:
         said.append(_next(best, laws[1]))
     if not best.served.all():
@@ -24,13 +24,13 @@ def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, limits: tup
 
 def _next(best: Law, other: Law) -> str:
     """What speaks against the law after the best."""
-    if best.order[0] < other.order[0]:
-        return f"Next comes {other.name}, which reaches {other.coverage:.1%}."
-    if best.order[1] < other.order[1]:
-        near = f"{other.joint} comes to {other.margin:.1%} of its range from its limit"
-        return f"Next comes {other.name}, which covers as much, but {near} (rcond {other.rcond:.2g})."
-    more = other.squared_speed / best.squared_speed - 1
-    return f"Next comes {other.name}, which covers as much with {more:.1%} more squared joint speed."
+    if best.easy <= other.easy + EQUAL:
+        more = other.squared_speed / best.squared_speed - 1
+        return f"Next comes {other.name}, which serves as much with {more:.1%} more squared joint speed."
+    said = f"Next comes {other.name}, which reaches {other.coverage:.1%}"
+    if best.coverage <= other.coverage + EQUAL:
+        said += f", but more of it near limits or singular postures ({1 - other.easy / other.coverage:.1%})"
+    return f"{said}."
 
 
 def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
@@ -49,8 +49,9 @@ def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:
         return "Its joint speed was not compared."
     if best.speed <= 1 + CLOSE:
         return f"No law can have less than {1 / best.speed:.1%} of its mean squared joint speed."
+    rest = "the rest is what one law for all poses needs, as far as those tried tell"
     if limits is not None:
         whole, joint, freed = limits
         said = f"Within the joint limits no law can come closer to the least than {whole - 1:.1%}"
-        return f"{said}; without those of {joint} it would be {freed - 1:.1%}."
-    return f"No joint limit prevents less: {best.speed - 1:.1%} above the least are what the laws that were tried need."
+        return f"{said}; without those of {joint} it would be {freed - 1:.1%}; {rest}."
+    return f"No joint limit keeps it above the least: {rest.removeprefix('the rest is ')} is {best.speed - 1:.1%}."

@@ -10,6 +10,7 @@ import numpy as np
 from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from .advice import REGULAR, ROOM
 from .candidates import Candidate
 from .coordinates import Coordinates
 from .lower_bound import least_slopes
@@ -77,6 +78,12 @@ class Trial(Value):
         """Share of the poses that are served."""
         return float(np.mean(self.served))
 
+    @property
+    def easy(self) -> float:
+        """Share of the poses that are served away from limits and singular postures."""
+        away = (self.margins.min(axis=1) >= ROOM) & ~(self.rcond < REGULAR)  # of radial it is not known
+        return float(np.mean(self.served & away))
+
     @cached_property
     def margins(self) -> Matrix:
         """Distance to the nearer limit over the joint's range (k, n), negative beyond it; inf without limits."""
@@ -101,7 +108,7 @@ class Trial(Value):
         return float(self.rcond[self.served].min()) if self.served.any() else 0.0
 
     @property
-    def mean_speed(self) -> float:
+    def squared_speed(self) -> float:
         """Mean squared joint speed where it serves; infinite where it does not."""
         return float(self.speed[self.served].mean()) if self.served.any() else np.inf
 
