@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from ..designing import Advice
+from ..designing import Advice, advise, choose_tip
 from ..errors import ArgumentError, HolokinError
+from ..robot import load
 from ..task import Task
 from ..workspaces import PoseRange, Workspace
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job
+from .workspace_words import parse_workspace
 from .writing import check_new, robot_name, table, toml, write_new
 
 SHARE = 0.5
@@ -52,6 +55,40 @@ def write_advice(
             write_new(path, text)
             return
     raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a job with another path")
+
+
+def advise_command(
+    robot: str, workspace: str | None, tip: str | None, base: str | None, task: str | None, start: str | None,
+    out: FilePath | None, say: Callable[[str], None],
+) -> tuple[Advice, Callable[[], FilePath]]:  # fmt: skip
+    """What `holokin advise` does: (advice, what writes its job and returns the file).
+
+    Raises:
+        JobError: the file exists; said before anything is looked at. As `advise`, `load` and `parse_workspace`.
+    """
+    if FilePath(robot).suffix.lower() == ".urdf" and tip is None:
+        tip = choose_tip(robot, base)
+    arm = load(robot, tip=tip, base=base)
+    path = out or FilePath(f"advice-{FilePath(robot).stem}.toml")
+    check_new(path)
+    space = None if workspace is None else parse_workspace(workspace, planar=arm.planar)
+    poses = workspace if workspace is not None and workspace.lower().endswith(".csv") else None
+    q0 = None if start is None else _posture(start)
+    found = advise(arm, space, task=task, start=q0, say=say)  # type: ignore[arg-type]
+
+    def write() -> FilePath:
+        write_advice(path, found, robot, tip=tip, base=base, poses=poses)
+        return path
+
+    return found, write
+
+
+def _posture(text: str) -> list[float]:
+    """Numbers with blanks or commas between them. Raises: ArgumentError."""
+    try:
+        return [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        raise ArgumentError("the start posture", text, "give numbers with blanks between them, in rad and m") from None
 
 
 def _text(

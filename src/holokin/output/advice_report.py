@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from ..designing import Advice, Law, coverage_slices
+from ..designing import Advice, Law
 from ..errors import ArgumentError, brief
 from ..files import replacing
-from ..workspaces import PoseRange
-from .coverage_plots import CAUSES, coverage_cloud, shades, slice_map
-from .figures import margins
+from .coverage_plots import CAUSES, coverage_cloud
 from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, style
 from .words import on_figure
 
@@ -86,13 +85,11 @@ def advice_figure(advice: Advice) -> Any:
 
     laws = advice.laws[:MOST_LAWS]
     figure = Figure(figsize=(12.6, 5.4))
-    names, speeds, arm = (figure.add_axes(box) for box in ((0.215, 0.12, 0.165, 0.7), (0.4, 0.12, 0.165, 0.7), (0, 0, 0.01, 0.01)))
-    arm.remove()
-    coverage_bars(names, laws)
-    speed_bars(speeds, laws)
+    coverage_bars(figure.add_axes((0.185, 0.11, 0.17, 0.72)), laws)
+    speed_bars(figure.add_axes((0.375, 0.11, 0.17, 0.72)), laws)
     flat = advice.task.robot.planar
-    scene = figure.add_axes((0.6, 0.1, 0.3, 0.74), projection=None if flat else "3d")
-    reached_scene(scene, advice)
+    place = (0.63, 0.11, 0.33, 0.72) if flat else (0.575, 0.05, 0.4, 0.8)
+    reached_scene(figure.add_axes(place, projection=None if flat else "3d"), advice)
     _legend(figure, advice)
     head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
     figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
@@ -104,10 +101,10 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
     """The share of the workspace that each law reaches, the best law on top."""
     rows = np.arange(len(laws))
     axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=0.66)
-    axes.set_yticks(rows, [on_figure(law.name, 44) for law in laws], fontsize=8)
+    axes.set_yticks(rows, [fill(on_figure(law.name, 80), 32) for law in laws], fontsize=8)
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("workspace reached [%]")
+    axes.set_xlabel("workspace reached [%]", fontsize=9)
     axes.grid(axis="y", visible=False)
     return axes
 
@@ -125,7 +122,7 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     axes.set_yticks(rows, [])
     axes.invert_yaxis()
     axes.set_xlim(0, 100 * (most - 1))
-    axes.set_xlabel("squared joint speed above the least [%]")
+    axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
     axes.grid(axis="y", visible=False)
     return axes
 
@@ -140,7 +137,7 @@ def reached_scene(axes: Any, advice: Advice) -> Any:
     coverage_cloud(axes, found)
     robot_stick(axes, robot, advice.start, INK, width=2.2)
     clouds = [found.poses[:, :3, 3], *robot.skeleton(advice.start)]
-    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.15)
+    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.25)
 
 
 def _legend(figure: Any, advice: Advice) -> None:
@@ -154,4 +151,4 @@ def _legend(figure: Any, advice: Advice) -> None:
         Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
         for color, name, count in marks
     ]
-    figure.legend(handles=handles, loc="lower right", bbox_to_anchor=(0.995, 0.02), fontsize=8)
+    figure.legend(handles=handles, loc="lower right", bbox_to_anchor=(0.995, 0.015), fontsize=8, ncols=len(handles))
