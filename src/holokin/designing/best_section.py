@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from ..types import Array, Matrix, Value, Vector
 from .coordinates import monomials_up_to
-from .descent import descend
+from .descent import Cost, descend
 from .objectives import Costs, Slopes
 from .section import Sampled, SectionSamples
 
-PENALTY = 10.0
+PENALTY = 500.0
 """Weight of the squares of violated limits, shares of half a joint's range, beside costs of 1, to begin with."""
 
-ROUNDS = 15
-"""Changes of the multipliers at most; five or six bring violations below `KEPT`."""
+HARDER = 8.0
+"""Growth of that weight where a round has not halved the worst violation."""
+
+STUCK = 0.99
+"""Worst violation after a round, as a share of that before, from which on the limits cannot be kept."""
+
+ROUNDS = 8
+"""Changes of the multipliers at most; three to six bring violations below `KEPT`."""
 
 KEPT = 2e-4
 """Violation [share of half a joint's range, or of rcond] that counts as none; limits are narrowed by as much."""
@@ -26,9 +31,9 @@ KEPT = 2e-4
 
 @dataclass(frozen=True, eq=False)
 class Limits(Value):
-    """Hard limits: allowed |q - middle| / half (n,), inf for a joint without limits, and the least rcond, 0 for none."""
+    """Hard limits: allowed |q - middle| / half (n,) or (S, n), inf for none, and the least rcond, 0 for none."""
 
-    allowed: Vector
+    allowed: Array
     rcond: float
 
     @property
@@ -41,14 +46,14 @@ class Limits(Value):
 class Search(Value):
     """A section's samples, the weights and scales of its costs, and its limits.
 
-    near: postures (S, n) of the section with a constant zeta.
+    near: the section with a constant zeta.
     """
 
     section: SectionSamples
     costs: Costs
     weights: dict[str, float]
     limits: Limits
-    near: Matrix
+    near: Sampled
 
     def cost(self, at: Sampled) -> Slopes:
         """The objective at a section, with its derivatives."""
@@ -63,60 +68,78 @@ class Search(Value):
         off = (at.Q - self.costs.middle) / self.costs.half
         over = np.abs(off) - self.limits.allowed + KEPT
         least = np.log(self.limits.rcond / at.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(at.Q), -1.0)
-        over[:, ~np.isfinite(self.limits.allowed)] = -1.0
-        return np.column_stack([over, least]), np.sign(off) / self.costs.half
+        return np.column_stack([np.maximum(over, -1.0), least]), np.sign(off) / self.costs.half
 
     def best(self, first: Matrix, degree: int) -> tuple[Matrix, Sampled, tuple[float, ...]]:
-        """(coefficients (r, t), their section, the least cost with each degree up to it), from a constant zeta (r, 1)."""
-        found, near, values = first, self.near, []
-        multipliers, penalty = None, PENALTY
+        """(coefficients (r, t), their section, the least cost with each degree), from coefficients of any lower degree."""
+        found, near, values, start = first, self.near, [], (np.zeros((len(self.near.Q), self._n + 1)), PENALTY)
         for k in range(degree + 1):
             t = len(monomials_up_to(self.section.leaves.coordinates.d, k))
+            if t < first.shape[1]:
+                continue
             found = np.pad(found, ((0, 0), (0, t - found.shape[1])))
-            found, near, multipliers, penalty = self._within_limits(found, near, multipliers, penalty)
-            at = self.section.at(found, near)
-            values.append(self.cost(at).value)
-        return found, at, tuple(values)
+            found, near, start = self._within_limits(found, near, start)
+            values.append(self.cost(near).value)
+        return found, near, tuple(values)
 
-    def _within_limits(self, first: Matrix, near: Matrix, multipliers: Any, penalty: float) -> Any:
+    def _within_limits(
+        self, first: Matrix, near: Sampled, start: tuple[Matrix, float]
+    ) -> tuple[Matrix, Sampled, tuple[Matrix, float]]:
+        """The best coefficients (r, t) within the limits, their section, and the multipliers and penalty to go on with.
+
+        Where the limits cannot be kept, those that violate them least.
+        """
         r, t = first.shape
         white = self._whitening[:t, :t]
-        x = (first @ np.linalg.inv(white)).ravel()
-        if multipliers is None:
-            multipliers = np.zeros((len(near), near.shape[1] + 1))
-        worst_before = np.inf
+        x, (multipliers, penalty) = (first @ np.linalg.inv(white)).ravel(), start
+        before = np.inf
         for _ in range(ROUNDS):
-
-            def cost(x: Vector, near: Matrix, multipliers=multipliers, penalty=penalty):
-                at = self.section.at(x.reshape(r, t) @ white, near)
-                if at is None:
-                    return None
-                total = self.cost(at).plus(self._penalty(at, multipliers, penalty), 1.0)
-                slope = self.section.slope(at, total, t)
-                return total.value, (slope @ white.T).ravel(), at.Q
-
+            cost = self._augmented(r, t, multipliers, penalty)
             x, _, near = descend(cost, x, near)
             if self.limits.none:
                 break
-            at = self.section.at(x.reshape(r, t) @ white, near)
-            over, _ = self.violations(at)
+            over, _ = self.violations(near)
             worst = float(over.max())
-            if worst <= KEPT and np.abs(multipliers * over).max() <= KEPT:
-                break
+            if worst <= KEPT and float(np.abs(multipliers * over).max()) <= KEPT:
+                return x.reshape(r, t) @ white, near, (multipliers, penalty)
             multipliers = np.maximum(0.0, multipliers + penalty * over)
-            if worst > 0.25 * worst_before:
-                penalty *= 4
-            worst_before = max(worst, 0.0)
-        return x.reshape(r, t) @ white, near, multipliers, penalty
+            if worst > STUCK * before:
+                break
+            penalty *= HARDER if worst > before / 2 else 1.0
+            before = worst
+        return x.reshape(r, t) @ white, near, start
+
+    def _augmented(self, r: int, t: int, multipliers: Matrix, penalty: float) -> Cost:
+        """The objective and the penalty of violated limits, over whitened coefficients."""
+        white = self._whitening[:t, :t]
+
+        def cost(x: Vector, near: Sampled) -> tuple[float, Vector, Sampled] | None:
+            at = self.section.at(x.reshape(r, t) @ white, near)
+            if at is None:
+                return None
+            total = self.cost(at).plus(self._penalty(at, multipliers, penalty), self._size)
+            slope = self.section.slope(at, total, t)
+            return total.value, (slope @ white.T).ravel(), at
+
+        return cost
+
+    @cached_property
+    def _size(self) -> float:
+        """The objective to begin with."""
+        return self.cost(self.near).value
+
+    @property
+    def _n(self) -> int:
+        return self.near.Q.shape[1]
 
     def _penalty(self, at: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
-        """sum max(0, multiplier + penalty over)^2 / (2 penalty), mean over the samples. [NW06, section 17.3]"""
+        """sum max(0, multiplier + penalty over)^2 / (2 penalty). [NW06, section 17.3]"""
         none = np.zeros_like(at.G)
         if self.limits.none:
             return Slopes(0.0, np.zeros_like(at.Q), none, np.zeros(len(at.Q)))
         over, by_q = self.violations(at)
-        push = np.maximum(0.0, multipliers + penalty * over) / len(at.Q)
-        value = float(np.sum(push**2) * len(at.Q) - np.sum(multipliers**2) / len(at.Q)) / (2 * penalty)
+        push = np.maximum(0.0, multipliers + penalty * over)
+        value = float(np.sum(push**2) - np.sum(multipliers**2)) / (2 * penalty)
         return Slopes(value, push[:, :-1] * by_q, none, -push[:, -1] / at.rcond)
 
     @cached_property

@@ -31,6 +31,9 @@ NARROWER = 3
 OVER = 1.2
 """What limits are narrowed by, over what was beyond them."""
 
+LEEWAY = 0.02
+"""Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
+
 FINER = 4
 """Poses that a design is checked at, for each one that it was searched at."""
 
@@ -47,7 +50,8 @@ class Design(Value):
         it is the least that a search along lines of the self-motions found, and may be too high.
     before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
-    limited, least_rcond: the hard limits that were asked for.
+    kept: at how many of those reached in the check all hard limits hold. impossible: at how many samples no posture at
+        all was found within the joint limits; there the search asked for the least violation.
     """
 
     strategy: HolonomicStrategy
@@ -61,8 +65,8 @@ class Design(Value):
     before: SectionMetrics
     after: SectionMetrics
     checked: SectionMetrics
-    limited: bool
-    least_rcond: float
+    kept: int
+    impossible: int
 
     @property
     def degree(self) -> int:
@@ -72,18 +76,17 @@ class Design(Value):
     @property
     def holds(self) -> bool:
         """True when no hard limit is violated at any pose that was checked and that the leaf reaches."""
-        c = self.checked
-        return (c.within_limits == c.reached or not self.limited) and c.rcond >= self.least_rcond
+        return self.kept == self.checked.reached
 
     def __str__(self) -> str:
-        goal = " + ".join(f"{w:g} {name.replace('_', ' ')}" for name, w in self.objective.weights.items())
+        goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         kind = "no law can have less than" if self.bound_traced else "a search over the self-motions came down to"
-        verdict = "All hard limits hold" if self.holds else "NOT all hard limits hold"
+        cause = f"; at {self.impossible} of the samples no posture is within them" if self.impossible else ""
         return (
             f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "
-            f"{self.base.name!r}; {kind} {self.bound:.5g}. {verdict} at {self.checked.poses} other poses: "
-            f"{self.checked}."
+            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; the hard limits "
+            f"hold at {self.kept} of those reached{cause}."
         )
 
 
@@ -143,27 +146,37 @@ def design(
     p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
     section = SectionSamples(leaves, terms, p, R, coordinates.at(Q))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
-    first = leaves.slopes(Q, np.zeros((len(Q), law.constraint.rows, coordinates.d)))
+    level = law.g(center)
+    first = leaves.slopes(Q, np.zeros((len(Q), len(level), coordinates.d)), np.tile(level, (len(Q), 1)))
     weights = _weights(goal, costs, first)
-    least = least_costs(coordinates, costs, Q, p, R, limits=limits, speeds="worst_speed" in weights)
-
-    hard = narrowed = _limits(costs, margin if limits else None, rcond)
+    hard = _limits(costs, margin if limits else None, rcond)
+    least = least_costs(coordinates, costs, Q, p, R, hard.allowed, speeds="worst_speed" in weights)
+    impossible = least.beyond > 0
+    if impossible.any():  # no law keeps the limits: then at least the bound of those that do not
+        nothing = np.full(task.n, np.inf)
+        least = replace(
+            least_costs(coordinates, costs, Q, p, R, nothing, speeds="worst_speed" in weights), beyond=least.beyond
+        )
+    kept = replace(hard, allowed=hard.allowed + np.where(impossible, least.beyond + LEEWAY, 0.0)[:, None])
+    search, found, best = Search(section, costs, weights, kept, first), level[:, None], first
+    values: tuple[float, ...] = ()
     other = workspace.poses(FINER * samples, seed + 1)
     for _ in range(NARROWER):
-        search = Search(section, costs, weights, narrowed, Q)
-        C, best, values = search.best(law.g(center)[:, None], degree)
-        zeta = Polynomial(coordinates, C)
+        found, best, more = replace(search, near=best).best(found, degree)
+        values = (*values[: degree + 1 - len(more)], *more)
+        zeta = Polynomial(coordinates, found)
         strategy = holonomic(task, tilted(law.constraint, zeta, chart=coordinates.chart), name="designed")
         middle = inverse(strategy, best.Q[0])(workspace.center)
         arrived, _ = reached(strategy, middle, other)
-        checked = measured(strategy, coordinates, costs, arrived, len(other))
-        over = np.max(np.abs(arrived - costs.middle) / costs.half - hard.allowed, axis=0)
-        short = max(1.0, hard.rcond / checked.rcond)
-        if short == 1.0 and (over <= 0).all():
+        over = np.abs(arrived - costs.middle) / costs.half - hard.allowed
+        rconds = strategy.gain.batch(arrived)[1]
+        fits = (over <= 0).all(axis=1) & (rconds >= rcond)
+        if fits.all() or impossible.any():
             break
-        narrowed = replace(
-            narrowed, allowed=narrowed.allowed - OVER * np.maximum(over, 0), rcond=narrowed.rcond * short**OVER
+        kept = Limits(
+            kept.allowed - OVER * np.maximum(over.max(axis=0), 0), kept.rcond * max(1.0, rcond / rconds.min()) ** OVER
         )
+        search = replace(search, limits=kept)
     return Design(
         strategy=strategy,
         start=middle,
@@ -171,13 +184,13 @@ def design(
         base=law,
         polynomial=zeta,
         costs=(search.cost(first).value, *values),
+        impossible=int(impossible.sum()),
         bound=_bound(least, weights),
         bound_traced=least.traced,
         before=measured(law, coordinates, costs, Q, len(poses)),
         after=measured(strategy, coordinates, costs, best.Q, len(poses)),
-        checked=checked,
-        limited=limits,
-        least_rcond=rcond,
+        checked=measured(strategy, coordinates, costs, arrived, len(other)),
+        kept=int(fits.sum()),
     )
 
 

@@ -25,8 +25,13 @@ LENGTH = 20.0
 FINER = 8
 """Walks round the best posture have steps shorter by this, twice: the least value is then right to 1e-5."""
 
-LINES = 24
-"""Lines searched for each redundant joint, where there are several."""
+LINES = 12
+"""Lines searched for each redundant joint, where there are several, of `STEPS` steps each way; a third of them with steps
+`SHORTER`, a third with steps shorter once more."""
+
+STEPS = 10
+
+SHORTER = 5
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -35,47 +40,53 @@ to a per cent."""
 
 @dataclass(frozen=True, eq=False)
 class LeastCosts(Value):
-    """The least costs at each tool pose (S,); `traced` is True where whole self-motions were walked, one curve each."""
+    """The least costs at each tool pose (S,), and how far postures are beyond the allowed joint limits there, at least.
+
+    `traced` is True where whole self-motions were walked, one curve each.
+    """
 
     squared_speed: Vector
     worst_speed: Vector
     joint_limits: Vector
+    beyond: Vector
     traced: bool
 
 
 def least_costs(
-    coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, *, limits: bool, speeds: bool
+    coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, allowed: Vector, *, speeds: bool
 ) -> LeastCosts:
     """The least costs over the self-motions through postures (S, n) at tool poses p (S, 3), R (S, 3, 3).
 
     Args:
-        limits: only postures within the joint limits count. speeds: whether the worst speed is asked for, too.
+        allowed: |q - middle| over half the range (n,) up to which postures count; inf for all. speeds: whether the worst
+            speed is asked for, too.
     """
     task = coordinates.chart
-    r, kinds = task.n - task.m, 3 if speeds else 2
+    r, kinds = task.n - task.m, 4 if speeds else 3
 
     def least(at: Matrix) -> Matrix:
         J, off = task.jacobian_batch(at)[0], np.abs(at - costs.middle) / costs.half
         G = least_slopes(J, coordinates.P, costs.joints)
         found = [np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2)), off.max(axis=1)]
-        values = np.array([*found, least_worst(J, coordinates.P, costs)] if speeds else found)
-        outside = limits & (off > 1 + TOLERANCES.limit).any(axis=1)
-        values[:, outside | ~np.isfinite(values).all(axis=0)] = np.inf
+        over = (off - allowed).max(axis=1)
+        values = np.array([over, *found, *([least_worst(J, coordinates.P, costs)] if speeds else [])])
+        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values).all(axis=0)] = np.inf
         return values
 
     walker, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
     best, rng = np.array([Q] * kinds), np.random.default_rng(0)
-    for line in range(1 if r == 1 else LINES * r):
-        v = rng.normal(size=Q.shape)
-        found, at = walker.best(least, best[line % kinds], v, STEP, LENGTH)
-        for finer in (STEP / FINER, STEP / FINER**2):
-            for kind in range(kinds):
-                near, there = walker.best(least, at[kind], v, finer, 2 * FINER * finer)
-                better = near < found
-                found[better], at[better] = near[better], there[better]
+    for k in range(1 if r == 1 else LINES * r):
+        v, step = rng.normal(size=Q.shape), STEP / SHORTER ** (3 * k // (LINES * r))
+        found, at = walker.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
         better = found < values
         values[better], best[better] = found[better], at[better]
-    return LeastCosts(values[0], values[2] if speeds else np.zeros(len(Q)), values[1], traced=r == 1)
+    for step in (STEP / FINER, STEP / FINER**2) if r == 1 else ():
+        for kind in range(kinds):
+            found, at = walker.best(least, best[kind], v, step, 2 * FINER * step)
+            better = found < values
+            values[better], best[better] = found[better], at[better]
+    worst = values[3] if speeds else np.zeros(len(Q))
+    return LeastCosts(values[1], worst, values[2], np.maximum(values[0], 0.0), traced=r == 1)
 
 
 def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:

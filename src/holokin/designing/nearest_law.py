@@ -52,6 +52,9 @@ FOLDS = 1e-4
 FLAT = 1e-9
 """Singular values of the least squares' matrix, as a share of the greatest, below which terms are not told apart."""
 
+JUDGED = 1024
+"""Postures, besides those of the search, that a law is judged at: figures are right to about a per cent."""
+
 BOUND = 16
 """Postures of the ball that go into the theorem's estimates; the bound itself is of the circle."""
 
@@ -153,7 +156,7 @@ def nearest(
             with `along` > 0, orientation kept, where positions alone count.
         base: phi, r rows, one to one along the self-motions of the region; by default the joints' part along the
             self-motion in the middle, or with a whole closed self-motion the hinge that turns round in it.
-        samples: postures of the search; as many others judge it.
+        samples: postures of the search; others judge it.
         length: metres that a turn of 1 rad counts as; by default the region's spread of positions over that of turns.
 
     Raises:
@@ -168,7 +171,7 @@ def nearest(
     start = task.robot.checked(region.start if isinstance(region, Ball) else region.center, "the middle of the region")
     phi, period = (base, None) if r > 1 else _base(task, base, start, region)
     law = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
-    Q = _postures(law, region, start, 2 * whole("samples", samples), seed)
+    Q = _postures(law, region, start, whole("samples", samples) + JUDGED, seed)
     chart = chart_of(task, task.robot.pose(start, task.tip)[:3, :3])
     coordinates = coordinates_of(chart, Q)
     metres = length_of(Objective(1.0, length=length), coordinates.turns, coordinates.spread)
@@ -176,7 +179,7 @@ def nearest(
     values = law.constraint_value.batch(Q).reshape(len(Q), r)
     middle, scale = (values.max(axis=0) + values.min(axis=0)) / 2, np.ptp(values, axis=0) / 2
     series = Series(coordinates, degree, middle, scale, period, np.zeros((r, 0)))
-    searched, judged = (_Sampled.of(strategy, law, series, weights, part) for part in np.array_split(Q, 2))
+    searched, judged = (_Sampled.of(strategy, law, series, weights, part) for part in (Q[JUDGED:], Q[:JUDGED]))
     C, steps = searched.best()
     found = along_leaves(task, law.constraint, replace(series, coefficients=frozen(C)))
     off, fold = judged.off(C)
@@ -187,12 +190,12 @@ def nearest(
         near = judged.deviation(judged.of_law(radial(strategy, start)) - judged.G)
     except SingularityError:
         near = None
-    return NearestLaw(
-        found, start, judged.deviation(off), near, bound, float(fold.min()), metres, C.shape[1], steps
-    )
+    return NearestLaw(found, start, judged.deviation(off), near, bound, float(fold.min()), metres, C.shape[1], steps)
 
 
-def _base(task: Task, base: Constraint | None, start: Vector, region: Region | Ball) -> tuple[Constraint | None, float | None]:
+def _base(
+    task: Task, base: Constraint | None, start: Vector, region: Region | Ball
+) -> tuple[Constraint | None, float | None]:
     """(base constraint, period), with one redundant joint: a period where the region holds closed self-motions that phi
     grows round.
     """
@@ -265,9 +268,7 @@ class _Sampled(Value):
     weights: Vector
 
     @classmethod
-    def of(
-        cls, strategy: Strategy, law: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix
-    ) -> _Sampled:
+    def of(cls, strategy: Strategy, law: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix) -> _Sampled:
         """Of a given law and a base law, at postures (S, n). Raises: SingularityError; ArgumentError: phi folds."""
         c, r, S = series.coordinates, law.constraint.rows, len(Q)
         at = TiltedLeaves(law, c).slopes(Q, np.zeros((S, r, c.d)))

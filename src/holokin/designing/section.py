@@ -11,15 +11,14 @@ sweep back through the slopes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
-from ..symbolic import SX, Function, dot, gradient, horzcat, symbol, vec
-from ..tolerances import TOLERANCES
+from ..symbolic import SX, Function, dot, gradient, symbol, vec
 from ..types import Array, Matrix, Value, Vector
 from .coordinates import Coordinates, Terms, values_and_slopes
 from .objectives import Slopes
@@ -27,22 +26,63 @@ from .objectives import Slopes
 NEWTONS = 8
 """Newton steps from a neighbouring posture: quadratic, so that four are enough where the leaf does not end."""
 
-CLOSE = 1e-10
-"""Correction [joint units] after which a posture is found."""
+CLOSE = 1e-6
+"""Correction [joint units] after which a posture is found: the next one would be of the order of its square."""
 
 LONGEST = 0.5
-"""A first correction [joint units] longer than this is not from a neighbour, and might lead to another branch."""
+"""A correction [joint units] longer than this is not from a neighbour, and might lead to another branch."""
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """Postures Q (S, n) of a section, slopes G (S, n, d), Z (S, n, r), rcond (S,), and zeta's slopes A (S, r, d)."""
+@dataclass(frozen=True, eq=False)
+class Sampled(Value):
+    """Postures Q (S, n) of a section with levels zeta (S, r) and slopes A (S, r, d) of zeta.
+
+    M (S, n, n) is [J; J_phi - A P^T J]; X (S, n, m) and Z (S, n, r) are the columns of its inverse, G = X P (S, n, d).
+    """
 
     Q: Matrix
-    G: Array
-    Z: Array
-    rcond: Vector
+    levels: Matrix
     A: Array
+    M: Array
+    X: Array
+    Z: Array
+    G: Array
+
+    @cached_property
+    def rcond(self) -> Vector:
+        """min |R_kk| / max |R_kk| (S,) of M = QR, its constraint rows scaled to length 1, as strategies tell it."""
+        return self._least / self._greatest
+
+    @property
+    def rcond_slope(self) -> Array:
+        """Derivative of rcond by M (S, n, n): d log R_kk = q_k^T dM R^-1 e_k, q_k the column of Q."""
+        Q, R, size = self._factors
+        every, back, out = np.arange(len(R)), np.linalg.inv(R), np.zeros_like(R)
+        for k, sign in ((self._diagonal.argmin(axis=1), 1.0), (self._diagonal.argmax(axis=1), -1.0)):
+            out += sign * Q[every, :, k][:, :, None] * back[every, :, k][:, None, :]
+        r = self.A.shape[1]
+        unit = self.M[:, -r:] / size
+        out[:, -r:] = (out[:, -r:] - np.sum(out[:, -r:] * unit, axis=2, keepdims=True) * unit) / size
+        return self.rcond[:, None, None] * out
+
+    @cached_property
+    def _factors(self) -> tuple[Array, Array, Array]:
+        r = self.A.shape[1]
+        size = np.linalg.norm(self.M[:, -r:], axis=2, keepdims=True)
+        Q, R = np.linalg.qr(np.concatenate([self.M[:, :-r], self.M[:, -r:] / size], axis=1))
+        return Q, R, size
+
+    @cached_property
+    def _diagonal(self) -> Matrix:
+        return np.abs(np.diagonal(self._factors[1], axis1=1, axis2=2))
+
+    @property
+    def _least(self) -> Vector:
+        return self._diagonal.min(axis=1)
+
+    @property
+    def _greatest(self) -> Vector:
+        return self._diagonal.max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,39 +92,53 @@ class TiltedLeaves(Value):
     base: HolonomicStrategy
     coordinates: Coordinates
 
-    def slopes(self, Q: Matrix, A: Array) -> Sampled:
-        """The sections through postures (S, n) with zeta' = A (S, r, d) [per metre or radian], unchecked."""
-        G, Z, rcond = self._slopes.batch(Q, _given(A))
-        return Sampled(Q, G.reshape(*Q.shape, A.shape[2]), Z.reshape(*Q.shape, A.shape[1]), rcond, A)
+    def slopes(self, Q: Matrix, A: Array, levels: Matrix | None = None) -> Sampled | None:
+        """The sections through postures (S, n) with zeta' = A (S, r, d) [per metre or radian]; None at a singular one."""
+        P, (S, r, _) = self.coordinates.P, A.shape
+        J, planes = (rows.reshape(S, -1, Q.shape[1]) for rows in self._rows.batch(Q))
+        M = np.concatenate([J, planes - A @ (P.T @ J)], axis=1)
+        try:
+            inverse = np.linalg.inv(M)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(inverse).all():
+            return None
+        X, Z = inverse[:, :, :-r], inverse[:, :, -r:]
+        return Sampled(Q, np.zeros((S, r)) if levels is None else levels, A, M, X, Z, X @ P)
 
     def back(self, at: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
-        """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given."""
-        by_q, by_A = self._back.batch(at.Q, _given(at.A), _given(by_G), by_rcond[:, None])
-        return by_q, by_A.reshape(at.A.shape)
+        """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given.
+
+        M G = [P; 0] gives dG = -M^-1 dM G, so the cost's derivative by M is -M^-T by_G G^T, and that by the posture is
+        one sweep back through J and J_phi alone.
+        """
+        P, r, GT = self.coordinates.P, at.A.shape[1], np.swapaxes(at.G, 1, 2)
+        by_J, by_rows = (-np.swapaxes(columns, 1, 2) @ by_G @ GT for columns in (at.X, at.Z))
+        if by_rcond.any():
+            by_M = by_rcond[:, None, None] * at.rcond_slope
+            by_J, by_rows = by_J + by_M[:, :-r], by_rows + by_M[:, -r:]
+        PJ = P.T @ at.M[:, :-r]
+        by_J = by_J - P @ np.swapaxes(at.A, 1, 2) @ by_rows
+        by_Q = self._turning.batch(at.Q, by_J, by_rows)
+        return by_Q, -by_rows @ np.swapaxes(PJ, 1, 2)
 
     @cached_property
-    def _expressions(self) -> tuple[dict[str, SX], SX, SX, SX]:
-        e, c = self.base.expressions, self.coordinates
-        J, P = c.chart.jacobian_expression(e.kinematics, e.q), SX(c.P)
-        r, d = e.planes.shape[0], c.d
-        A = symbol("A", r, d)
-        tilted = replace(e, J=J, planes=e.planes - A @ (P.T @ J))
-        wanted, along = horzcat(P, SX.zeros(J.shape[0], r)), horzcat(SX.zeros(r, d), SX.eye(r))
-        found = tilted.rate(wanted, along, written_out=True)
-        return {"q": e.q, "A": A}, found.X[:, :d], found.X[:, d:], found.rcond
+    def _expressions(self) -> tuple[SX, SX, SX]:
+        e = self.base.expressions
+        return e.q, self.coordinates.chart.jacobian_expression(e.kinematics, e.q), e.planes
 
     @cached_property
-    def _slopes(self) -> Function:
-        inputs, G, Z, rcond = self._expressions
-        return Function("section", inputs, {"G": G, "Z": Z, "rcond": rcond})
+    def _rows(self) -> Function:
+        q, J, planes = self._expressions
+        return Function("rows", {"q": q}, {"J": J, "planes": planes})
 
     @cached_property
-    def _back(self) -> Function:
-        inputs, G, _, rcond = self._expressions
-        by_G, by_rcond = symbol("by_G", *G.shape), symbol("by_rcond", 1)
-        total = dot(vec(by_G), vec(G)) + by_rcond * rcond
-        outputs = {"by_q": gradient(total, inputs["q"]).T, "by_A": gradient(total, inputs["A"]).T}
-        return Function("section_back", {**inputs, "by_G": by_G, "by_rcond": by_rcond}, outputs)
+    def _turning(self) -> Function:
+        """(q, weights of J, weights of J_phi) -> the derivative by q of their weighted sum."""
+        q, J, planes = self._expressions
+        by_J, by_planes = symbol("by_J", *J.shape), symbol("by_planes", *planes.shape)
+        total = dot(vec(by_J), vec(J)) + dot(vec(by_planes), vec(planes))
+        return Function("turning", {"q": q, "by_J": by_J, "by_planes": by_planes}, {"by_q": gradient(total, q).T})
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,16 +157,15 @@ class SectionSamples(Value):
         values, slopes = values_and_slopes(self.u, self.terms)
         return values, slopes / self.leaves.coordinates.scale
 
-    def at(self, coefficients: Matrix, near: Matrix) -> Sampled | None:
-        """The section of coefficients (r, t), postures looked for from those nearby (S, n); None where one is lost."""
+    def at(self, coefficients: Matrix, near: Sampled) -> Sampled | None:
+        """The section of coefficients (r, t), looked for from one nearby; None where a posture is lost."""
         values, slopes = self.basis
         t = coefficients.shape[1]
-        Q = self._solve(values[:, :t] @ coefficients.T, near)
+        levels = values[:, :t] @ coefficients.T
+        Q = self._solve(levels, near.Q + np.einsum("snr,sr->sn", near.Z, levels - near.levels))
         if Q is None:
             return None
-        found = self.leaves.slopes(Q, np.einsum("rt,std->srd", coefficients, slopes[:, :t]))
-        sound = np.isfinite(found.G).all() and found.rcond.min() > TOLERANCES.singular
-        return found if sound else None
+        return self.leaves.slopes(Q, np.einsum("rt,std->srd", coefficients, slopes[:, :t]), levels)
 
     def slope(self, at: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""
@@ -133,8 +186,3 @@ class SectionSamples(Value):
             if size < CLOSE:
                 return Q
         return None
-
-
-def _given(matrices: Array) -> Array:
-    """Matrices (S, a, d) as a `Function` takes them: (S, a) where d = 1."""
-    return matrices[:, :, 0] if matrices.shape[2] == 1 else matrices

@@ -21,6 +21,9 @@ STEP = 0.2
 SAME = 1e-6
 """Correction [joint units] of a posture that holds its pose already, at most."""
 
+SAME_WAY = 0.9
+"""Cosine between two directions in one place from which on they are one: else the curve comes by, and is not closed."""
+
 
 @dataclass(frozen=True, eq=False)
 class SelfMotions(Value):
@@ -42,12 +45,15 @@ class SelfMotions(Value):
         best, closed = np.array([Q] * len(values)), np.zeros(len(Q), dtype=bool)
         for sign in (1.0, -1.0):
             i = np.flatnonzero(~closed)
+            if not len(i):
+                break
             at, along, _ = self._step(Q[i], sign * v[i], i, np.zeros(len(i)))
+            first = along
             for k in range(int(np.ceil(length / step))):
                 at, along, sound = self._step(at, along, i, np.full(len(i), step))
-                back = (self._away(at, Q[i]) < 0.75 * step) & (k > 2)
-                closed[i[back]] = True
-                i, at, along = i[sound & ~back], at[sound & ~back], along[sound & ~back]
+                back = (self._away(at, Q[i]) < 0.6 * step) & (np.sum(along * first, axis=1) > SAME_WAY) & (k > 2)
+                closed[i[back & (np.linalg.norm(at - Q[i], axis=1) < step)]] = True  # else a hinge has made a turn
+                i, at, along, first = (kept[sound & ~back] for kept in (i, at, along, first))
                 if not len(i):
                     break
                 found = least(at)

@@ -76,7 +76,7 @@ def node(strategy: HolonomicStrategy) -> Function:
 def along(strategy: HolonomicStrategy) -> TaylorModel | None:
     """The Taylor models of the extended Jacobian; None where there are none, or the angles' rows are no geometric ones."""
     e = strategy.expressions
-    if not strategy.task.geometric:
+    if not strategy.task.geometric or strategy.looped is not strategy:  # a loop has no Taylor models
         return None
     try:
         model = TaylorModel("hk_along_body", {"q": e.q}, vertcat(e.J, e.planes))
