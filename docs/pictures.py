@@ -14,6 +14,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.job import open_job, run_job
+from holokin.output.coverage_plots import coverage_figure
 from holokin.output.figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.plots import PALETTE, style
 
@@ -146,6 +147,15 @@ def joints_over_cycles() -> None:
     save(figure, "panda-drift")
 
 
+def coverage_of_a_box() -> None:
+    """What a Panda with its arm angle kept reaches of a box of tool poses."""
+    law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
+    ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
+    box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
+    slices = hk.designing.coverage_slices(law, ready, box, steps=60)
+    save(coverage_figure(hk.coverage(law, ready, box, samples=512), slices), "coverage-arm-angle")
+
+
 def jobs() -> None:
     """One picture of each packaged job and each job of examples/."""
     for name in ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation", "panda-circle"):
@@ -161,7 +171,8 @@ def jobs() -> None:
 
 
 if __name__ == "__main__":
-    draws = {draw.__name__: draw for draw in (self_motion, planar_loops, leaves, joints_over_cycles, jobs)}
+    every = (self_motion, planar_loops, leaves, joints_over_cycles, coverage_of_a_box, jobs)
+    draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):
         for name in sys.argv[1:] or draws:
             draws[name]()

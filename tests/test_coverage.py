@@ -11,6 +11,7 @@ import pytest
 import holokin as hk
 from holokin.designing import PoseStatus, coverage_slices, posture_reach
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
+from holokin.motion.reach import nearest_postures
 
 LINKS = (0.5, 0.4, 0.3)
 LOCKED, UPPER, LEAST = 0.9, 1.6, 0.6
@@ -136,6 +137,18 @@ def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: hk.Stra
     cells = part.grid(part.coverage.status)
     assert np.array_equal(cells[inside], expected(np.hypot(x, y)[inside]))
     assert np.isnan(cells[~inside]).all()
+
+
+def test_the_nearest_posture_to_a_target_beyond_the_limits_is_as_straight_as_they_let_it_be(law: hk.Strategy) -> None:
+    """Straight out from the base the distance that is left is that to the circle of the arm, or of its limits."""
+    _, _, within, arm = circles()
+    targets = np.array([[1.25, 0, 0], [1.5, 0, 0], [3.0, 0, 0]])
+    begin = np.tile(START, (3, 1))
+    for limits, reach in ((True, within), (False, arm)):
+        found = nearest_postures(law.task, targets, np.tile(np.eye(3), (3, 1, 1)), begin, limits=limits)
+        assert found.missing == pytest.approx(targets[:, 0] - reach, rel=2e-3)
+        assert found.ended.all()
+        assert not found.reached.any()
 
 
 def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: hk.Strategy) -> None:

@@ -113,6 +113,13 @@ def test_a_workspace_table_that_is_wrong_is_refused_with_its_key(
     assert_refused(holokin("run", job(tmp_path, workspace=f"[workspace]\n{table}"), "--out", out), *words)
 
 
+def test_the_example_shows_what_it_says_also_with_fewer_poses(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "examples" / "panda-workspace.toml").read_text("utf-8")
+    assert "samples = 256" in text
+    (tmp_path / "few.toml").write_text(text.replace("samples = 256", "samples = 64\nslices = 0"), "utf-8")
+    assert run_job(*open_job(str(tmp_path / "few.toml"))).passed
+
+
 def test_pictures_draw_into_the_axes_that_they_are_given_and_name_every_cause() -> None:
     from matplotlib.figure import Figure
 
