@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -104,3 +106,90 @@ def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.R
     rng = np.random.default_rng(0)
     for q in start + rng.uniform(-0.15, 0.15, (10, 6)):
         assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
+
+
+def inner(poses: np.ndarray) -> np.ndarray:
+    """The same poses drawn together to where the leaf of a locked joint 3 ends hardly anywhere."""
+    poses = poses.copy()
+    poses[:, :3, 3] = [0.5, 0.0, 0.35] + 0.5 * (poses[:, :3, 3] - [0.5, 0.0, 0.3])
+    return poses
+
+
+def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
+    """In random order, sorted, each from the last answer, and after excursions out of reach."""
+    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
+    if "native" not in ik.engine:
+        pytest.skip("a minute on the virtual machine")
+    poses = inner(poses_of_the_box(20_000))
+    sorted_order = np.argsort(poses[:, 0, 3])
+    found, again = ik.batch(poses), ik.batch(poses[sorted_order], threads=1)
+    assert found.reached.mean() > 0.98
+    assert np.array_equal(again.q, found.q[sorted_order], equal_nan=True)
+    away, worst = poses[0].copy(), 0.0
+    away[:3, 3] = [1.4, 0.3, 0.2]
+    q = ik.start
+    for k, i in enumerate(sorted_order):
+        if k % 1000 == 999:
+            with pytest.raises(HolokinError):
+                ik.near(away, q)
+            lost = ik.batch(away[None])
+            assert not lost.reached[0]
+        if not found.reached[i]:
+            continue
+        q = ik.near(poses[i], q)
+        worst = max(worst, float(np.abs(q - found.q[i]).max()))
+    assert worst < 1e-12
+
+
+@pytest.mark.parametrize("law", ["lock", "arm angle", "position"])
+def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The virtual machine walks in the small pieces of `follow`: the straight way, gone otherwise."""
+    if law == "position":
+        rows = np.zeros((4, 7))
+        rows[range(4), [0, 2, 4, 6]] = 1.0
+        made = lambda: hk.holonomic(hk.position(panda), hk.linear(rows, name="four joints"))  # noqa: E731
+    else:
+        made = lambda: hk.holonomic(hk.pose(panda), hk.lock(2) if law == "lock" else hk.arm_angle())  # noqa: E731
+    poses = poses_of_the_box(6 if law == "arm angle" else 16, seed=4)
+    poses[2, :3, 3] = [0.9, 0.0, 0.9]
+    native = hk.inverse(made(), PANDA_START)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    machine = hk.inverse(made(), PANDA_START)
+    assert "virtual machine" in machine.engine
+    a, b = native.batch(poses), machine.batch(poses)
+    assert np.array_equal(a.reached, b.reached)
+    assert 3 <= a.reached.sum() < len(poses)
+    assert np.abs(a.q - b.q)[a.reached].max() < 1e-12
+    q = a.q[np.argmax(a.reached)]
+    pose = panda.pose(q + 0.02)
+    assert native.near(pose, q) == pytest.approx(machine.near(pose, q), abs=1e-12)
+
+
+def test_a_hand_that_goes_round_the_base_keeps_its_turn_and_a_new_one_does_not(planar_3r: hk.Robot) -> None:
+    """Where near and cold differ: round the hole that the locked arm cannot reach, by a full turn of the base joint."""
+    start = np.array([0.3, 0.9, 0.7])
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start)
+    tool, q = planar_3r.pose(start)[:2, 3], start
+    for angle in np.linspace(0, 2 * np.pi, 200)[1:]:
+        c, s = np.cos(angle), np.sin(angle)
+        q = ik.near([c * tool[0] - s * tool[1], s * tool[0] + c * tool[1]], q)
+    assert q - start == pytest.approx([2 * np.pi, 0, 0], abs=1e-11)
+    assert ik(tool) == pytest.approx(start, abs=1e-12)
+
+
+def test_threads_do_not_change_the_answers(ik) -> None:
+    poses = inner(poses_of_the_box(400, seed=2))
+    one, four = ik.batch(poses, threads=1), ik.batch(poses, threads=4)
+    assert np.array_equal(one.q, four.q, equal_nan=True)
+    assert np.array_equal(one.status, four.status)
+    with pytest.raises(ArgumentError):
+        ik.batch(poses, threads=0)
+
+
+def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    q = ik([1.5, 0.5])
+    again = pickle.loads(pickle.dumps(ik))  # noqa: S301
+    assert np.array_equal(again([1.5, 0.5]), q)
+    found = pickle.loads(pickle.dumps(ik.batch([[1.5, 0.5], [9.0, 0.0]])))  # noqa: S301
+    assert found.reached.tolist() == [True, False]

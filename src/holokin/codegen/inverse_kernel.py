@@ -21,6 +21,9 @@ from .source import body, source
 LEAST = 64
 """Poses from which a second thread is worth its start, 50 us: as long as a handful of them takes."""
 
+REGION = 4
+"""Numbers of hk_region of inverse.c, besides a posture: what a call near a posture leaves for the next one."""
+
 
 class InverseKernel:
     """hk_call_cold, hk_call_warm and hk_poses of poses.c, about a Newton step (q, p, R, c) -> (dq, rcond, margin, side).
@@ -51,9 +54,10 @@ class InverseKernel:
         """(pose) -> q and (pose, q) -> q, which hand to `cold` and `warm` what they do not take; None without headers.
 
         Args:
-            context: what poses.c reads besides; kept.
+            context: what poses.c reads besides.
         """
         n, found = self._joints, []
+        context = np.concatenate([context, np.zeros(n + REGION)])
         for name, shapes, other in (("cold", ((4, 4),), cold), ("warm", ((4, 4), (n,)), warm)):
             function = getattr(self._library, f"hk_call_{name}")
             found.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..codegen import InverseKernel, engine, weak
-from ..errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError, ShapeError
+from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
@@ -18,7 +18,10 @@ from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, num
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
-from .stretch import ROTATION, TRIES, inverse_code, stretch_code
+from .stretch import ROTATION, inverse_code, stretch_code
+FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
+"""What becomes of a pose that is out of reach for any posture, too."""
+
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
@@ -43,7 +46,7 @@ class InverseKinematics(Value):
 
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line.
-            OutOfReachError: no posture of the arm at all reaches it.
+            OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
             JointLimitError: only with limits=True: the posture is beyond them.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
@@ -59,7 +62,7 @@ class InverseKinematics(Value):
         by a full turn of a joint.
 
         Raises:
-            BranchError: q lies on another branch than the start, or as `ik(pose)`; the other errors, too, are its.
+            BranchError: q lies on another branch than the start. As `ik(pose)`, but for OutOfReachError: a loop would wait.
         """
         return self._calls[1](pose, q)
 
@@ -96,12 +99,17 @@ class InverseKinematics(Value):
     def _cold(self, pose: ArrayLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
         p, R = self._target(pose)
-        return self._answer(p, R, *self._go(p, R, self.start))
+        q, status = self._go(p, R, self.start)
+        if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
+            name = self.strategy.task.robot.name
+            fact = f"the pose is out of reach of {name!r}: no search came closer than {missing:.3g} (m or rad)"
+            raise OutOfReachError(fact, "give a pose nearer to the base")
+        return self._answer(q, status)
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """`ik.near(pose, q)` of any pose."""
         p, R = self._target(pose)
-        return self._answer(p, R, *self._go(p, R, self.strategy.task.robot.checked(q, "the posture to begin from")))
+        return self._answer(*self._go(p, R, self.strategy.task.robot.checked(q, "the posture to begin from")))
 
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""
@@ -124,7 +132,7 @@ class InverseKinematics(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        last, ended = leaf_walk(s, begin, TRIES)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        last, ended = leaf_walk(s, begin)(begin, straight_way(s.task, begin, p, R, (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
@@ -134,27 +142,16 @@ class InverseKinematics(Value):
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
 
-    def _answer(self, p: Vector, R: Matrix, q: Vector, status: InverseStatus) -> Vector:
-        """The posture that was found, or the error that says why there is none."""
-        if status is InverseStatus.REACHED:
-            return q
-        raise self._problem(p, R, q, status)
-
-    def _problem(self, p: Vector, R: Matrix, q: Vector, status: InverseStatus) -> HolokinError:
-        s = self.strategy
+    def _answer(self, q: Vector, status: InverseStatus) -> Vector:
+        """The posture that was found. Raises: what says why there is none."""
         if status is InverseStatus.LIMIT:
-            try:
-                s.task.robot.check_limits(q)
-            except JointLimitError as problem:
-                return problem
+            self.strategy.task.robot.check_limits(q)
         if status is InverseStatus.OTHER_BRANCH:
-            fact = f"the posture to begin from lies on another branch of {s.name!r} than the start"
-            return BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
-        missing = pose_out_of_reach(s.task, p, R, q, self.limits)
-        if missing is not None:
-            fact = f"the pose is out of reach of {s.task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
-            return OutOfReachError(fact, "give a pose nearer to the base")
-        return leaf_problem(s, q, WayEnd.STOPPED)
+            fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
+            raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
+        if status is not InverseStatus.REACHED:
+            raise leaf_problem(self.strategy, q, WayEnd.STOPPED)
+        return q
 
     def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
         """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
@@ -201,7 +198,7 @@ class InverseKinematics(Value):
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
         place = self._pose[:3, 3], self._pose[:3, :3].ravel()
-        return np.concatenate([self.start, *place, self._leaf, low, high, [self._side]])
+        return frozen(np.concatenate([self.start, *place, self._leaf, low, high, [self._side]]))
 
     @cached_property
     def _pose(self) -> Matrix:

@@ -25,9 +25,9 @@ from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, 
 from ..tolerances import TOLERANCES
 from ..types import kept
 from .branch import branch_code
-from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR
+from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 
-SLENDER = 0.04
+SLENDER = 0.02
 """Radius of a stretch over the largest joint's motion in half of it: curves are right to less, thick ones enclose more."""
 
 CENTRED = 0.25
@@ -42,15 +42,24 @@ FIRST = 0.12
 SHORTEST = 2e-4
 """The same for the last one that is tried, before the pieces of `follow` take over: they get closer to a fold."""
 
+WIDEST = 0.1
+"""Half the width [joint unit] of a region about a posture that is tried for short ways: some steps of a hand at 1 m/s."""
+
+ALIKE = 0.4
+"""Largest |1 - Y A| in a region: a way may be 1.4 / 0.6 times as long in it as Newton's first correction."""
+
+AHEAD = 0.7
+"""Share of its radius by which the middle of a region lies ahead of the posture for which it is made."""
+
 STRETCHES = 2_000
 """Stretches of one way tried at most, before the pieces of `follow` take over."""
 
 SHORT = 4_000
 """Operations of the extended Jacobian up to which it has Taylor models."""
 
-TRIES = 5_000
-"""Pieces of `follow` of one way tried at most: inverse kinematics is asked in loops, where no answer is better than a late
-one."""
+PIECES = 1_000
+"""Pieces of `follow` that native code tries at most after the stretches, which have come to within 1e-4 rad of a fold by
+then: inverse kinematics is asked in loops, where no answer is better than a late one."""
 
 ROTATION = 1e-5
 """How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
@@ -97,9 +106,9 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
     s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
     r = task.n - task.m
-    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES)
+    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, TRIES if models is None else PIECES)
     numbers = {
-        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
+        "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD, "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION,
         "REGULAR": REGULAR, "RULES": f"{{{', '.join(map(repr, rules))}}}",
     }  # fmt: skip
     if models is not None:

@@ -144,6 +144,74 @@ static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t *q, h
   for (int i = 0; i < HK_N; i++) q[i] = x[i];
   return share;
 }
+
+/* Postures within `radius` of c, largest joint: change < 1 is |1 - Y A| there. axes, turns: sizes of the columns of A for
+   the tool's rotation, all together, and of the rows of Y for it. */
+typedef struct {
+  hk_t c[HK_N], radius, change, axes, turns;
+} hk_region;
+
+/* A region about a posture a little farther on than q, where x has (q, p, R, c) and dq leads there; of radius 0 where
+   there is none. */
+static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_region *region) {
+  const hk_t nothing[HK_N] = {HK_C(0)}, step = hk_most(dq);
+  hk_t at[HK_N + 12 + HK_R], most = HK_C(0);
+  hk_stretch s;
+  hk_node node;
+  s.radius = region->radius > HK_C(0) ? HK_FMIN(HK_C(1.3) * region->radius, HK_C(HK_WIDEST)) : HK_C(HK_WIDEST);
+  region->radius = HK_C(0);
+  for (int tried = 0; tried < 3; tried++) {
+    for (int i = 0; i < HK_N + 12 + HK_R; i++) at[i] = x[i];
+    for (int i = 0; i < HK_N; i++) {
+      s.c[i] = at[i] = x[i] + (step > HK_C(0) ? dq[i] / step * (HK_C(HK_AHEAD) * s.radius) : HK_C(0));
+      s.v[i] = s.w[i] = HK_C(0);
+    }
+    hk_node_body(at, node.off);
+    if (!(node.measures[0] > rules->singular && node.measures[2] * rules->side > HK_C(0))) return;
+    most = hk_room(&s, node.inverse, nothing, HK_C(-1));
+    if (most <= HK_C(HK_ALIKE)) {
+      for (int i = 0; i < HK_N; i++) region->c[i] = at[i];
+      region->radius = s.radius, region->change = most, region->axes = s.axes, region->turns = s.turns;
+      return;
+    }
+    s.radius *= most < HK_INF ? HK_FMAX(HK_C(0.1), HK_C(0.9) * HK_C(HK_ALIKE) / most) : HK_C(0.1);
+  }
+}
+
+/* 1 where the way from q to the target in x, which has (q, p, R, c), stays in the region, by the first correction dq of
+   Newton: its rate is at most (1 + change) / (1 - change) of dq. */
+static int hk_within(const hk_region *region, const hk_t *x, const hk_t *dq) {
+  hk_t off = HK_C(0);
+  if (!(region->radius > HK_C(0))) return 0;
+  for (int i = 0; i < HK_N; i++) off = HK_FMAX(HK_FABS(x[i] - region->c[i]), off);
+  return off + (HK_C(1) + region->change) / (HK_C(1) - region->change) * hk_most(dq) <= region->radius;
+}
+
+/* q at the target in x, which has (q, p, R, c), where a region shows that it is on q's branch; else 0. */
+static int hk_go_within(hk_region *region, const hk_rules *rules, hk_t *x, hk_t *q) {
+  hk_t y[HK_N + 3], margin;
+  hk_leaf_body(x, y);
+  if (!(y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation && y[HK_N + 2] * rules->side > HK_C(0))) return 0;
+  if (!(hk_most(y) < HK_C(HK_WIDEST))) return 0;
+  if (!hk_within(region, x, y)) {
+    hk_explore(x, y, rules, region);
+    if (!hk_within(region, x, y)) return 0;
+  }
+  const hk_t step = hk_most(y) / (HK_C(1) - region->change) * (HK_C(1) + region->change);
+  for (int i = 0; i < HK_N; i++) x[i] += y[i];
+  if (!hk_newton(x, rules, &margin)) return 0;
+  hk_t off = HK_C(0), apart = HK_C(0);
+  for (int i = 0; i < HK_N; i++) {
+    off = HK_FMAX(HK_FABS(x[i] - region->c[i]), off);
+    apart = HK_FMAX(HK_FABS(x[i] - q[i]), apart);
+  }
+  /* Two postures with one pose, |e| = |q - q'| apart at most by `step` and what was found: |e| <= change |e|, and for the
+     rotations, which add up to none along q to q' but for their commutators, turns (axes |e|)^3 / 6 besides. */
+  const hk_t axes = region->axes * (step + apart);
+  if (!(off <= region->radius && region->change + region->turns * region->axes * axes * axes / HK_C(6) < HK_C(0.9))) return 0;
+  for (int i = 0; i < HK_N; i++) q[i] = x[i];
+  return 1;
+}
 #endif
 
 /* Go the way from the posture q: 0 at its end, 1 where it could not go on, 2 where it took too many pieces. q becomes

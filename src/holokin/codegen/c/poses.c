@@ -1,6 +1,8 @@
 /* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers first; hk_constraint_body: q -> g.
-   A context is a row of numbers: the start, its pose (p, R), the leaf c, the joints' lower and upper limits. */
-enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + 12, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N };
+   A context is a row of numbers: the start, its pose (p, R), the leaf c, the joints' lower and upper limits, the sign of
+   det there; then room for a region, of calls from Python, which come one at a time. */
+enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + 12, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N,
+       HK_SIDE = HK_UPPER + HK_N, HK_REGION };
 enum { HK_REACHED, HK_CLAMPED, HK_LIMIT, HK_LEAF_ENDS, HK_AT_SINGULAR, HK_NOT_CONVERGED, HK_NOT_FINITE, HK_NOT_A_ROTATION,
        HK_OTHER_BRANCH };
 
@@ -22,18 +24,22 @@ static int hk_rotates(const double *R) {
   return R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) + R[2] * (R[3] * R[7] - R[4] * R[6]) > 0.0;
 }
 
+static int hk_beyond_limits(const double *q, const double *context) {
+  for (int i = 0; i < HK_N; i++)
+    if (!(q[i] >= context[HK_LOWER + i] && q[i] <= context[HK_UPPER + i])) return 1;
+  return 0;
+}
+
 /* The way from q, whose pose and level are given, to a pose `to` (p, R). q becomes the posture where it ended. */
-static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context, int side) {
+static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context) {
   double x[HK_N + 12 + HK_R], y[HK_N + 3];
   hk_rules rules = hk_ours;
   hk_way way;
-  rules.side = side;
+  rules.side = context[HK_SIDE];
   hk_way_to(from, g, to, context + HK_LEAF, &way);
   const int ended = hk_go(&way, &rules, q, x);
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  for (int i = 0; ended == 0 && i < HK_N; i++)
-    if (!(q[i] >= context[HK_LOWER + i] && q[i] <= context[HK_UPPER + i])) return HK_LIMIT;
-  if (ended == 0) return HK_REACHED;
+  if (ended == 0) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
   hk_aim(&way, 0.0, x);
   hk_leaf_body(x, y);
   if (ended == 2 || y[HK_N] > HK_REGULAR) return HK_NOT_CONVERGED;
@@ -46,14 +52,23 @@ static int hk_cold(const double *to, const double *context, double *q) {
   if (!hk_finite(to, 12)) return HK_NOT_FINITE;
   if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
   for (int i = 0; i < HK_N; i++) q[i] = context[HK_START + i];
-  return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context, (int)context[HK_UPPER + HK_N]);
+  return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context);
 }
 
-/* From the posture in q. */
-static int hk_warm(const double *to, const double *context, double *q) {
+/* From the posture in q; region: one that may hold, which becomes one that does. */
+static int hk_warm(const double *to, const double *context, double *region, double *q) {
   double T[18], from[12], g[HK_R + 1], x[HK_N + 12 + HK_R], y[HK_N + 3];
   if (!hk_finite(to, 12) || !hk_finite(q, HK_N)) return HK_NOT_FINITE;
   if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
+#ifdef HK_STRETCHES
+  hk_rules rules = hk_ours;
+  rules.side = context[HK_SIDE];
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < 12 + HK_R; i++) x[HK_N + i] = i < 12 ? to[i] : context[HK_LEAF + i - 12];
+  if (hk_go_within((hk_region *)region, &rules, x, q)) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
+#else
+  (void)region;
+#endif
   hk_pose_body(q, T);
   for (int i = 0; i < 3; i++) {
     from[i] = T[4 * i + 3];
@@ -65,8 +80,8 @@ static int hk_warm(const double *to, const double *context, double *q) {
   for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = g[i];
   hk_leaf_body(x, y);
   if (!(y[HK_N] > hk_ours.singular && y[HK_N + 1] > hk_ours.representation)) return HK_AT_SINGULAR;
-  if (!(y[HK_N + 2] * context[HK_UPPER + HK_N] > 0.0)) return HK_OTHER_BRANCH;
-  return hk_answer(q, from, g, to, context, (int)context[HK_UPPER + HK_N]);
+  if (!(y[HK_N + 2] * context[HK_SIDE] > 0.0)) return HK_OTHER_BRANCH;
+  return hk_answer(q, from, g, to, context);
 }
 
 /* (p, R) of a 4x4 matrix by rows. */
@@ -88,14 +103,16 @@ int hk_call_warm(const double *const *in, double *const *out, const double *cont
   double to[12];
   hk_read(in[0], to);
   for (int i = 0; i < HK_N; i++) out[0][i] = in[1][i];
-  return hk_warm(to, context, out[0]) == HK_REACHED;
+  return hk_warm(to, context, (double *)context + HK_REGION, out[0]) == HK_REACHED;
 }
 
 /* Many poses (count, 12), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
    the ways ended. */
 void hk_poses(long long count, const double *to, const double *context, int warm, double *q, long long *status) {
+  double region[HK_N + 4];
+  for (int i = 0; i < HK_N + 4; i++) region[i] = 0.0;
   for (long long k = 0; k < count; k++) {
     double *here = q + k * HK_N;
-    status[k] = warm ? hk_warm(to + 12 * k, context, here) : hk_cold(to + 12 * k, context, here);
+    status[k] = warm ? hk_warm(to + 12 * k, context, region, here) : hk_cold(to + 12 * k, context, here);
   }
 }

@@ -2,7 +2,7 @@
    (q, p, R, c) and gives (dq, rcond, margin, sign of det, A^-1); hk_bend_body takes (q, v) and gives DA[v] v;
    hk_along_body the Taylor models of A, column by column. */
 typedef struct {
-  hk_t share, half, c[HK_N], v[HK_N], w[HK_N], radius, reach;
+  hk_t share, half, c[HK_N], v[HK_N], w[HK_N], radius, reach, axes, turns;
 } hk_stretch;
 
 static hk_t hk_most(const hk_t *x) {
@@ -28,11 +28,13 @@ static inline void hk_product(const hk_t *Y, const hk_t *X, hk_t *Z) {
 }
 
 /* How much of its room a stretch takes: up to 1 each tool pose of the way has one posture within `radius` of the curve,
-   and that within `reach`. Y: A^-1 at its middle; off: the Newton correction there; turn: of the tool over half of it. */
+   and that within `reach`. Y: A^-1 at its middle; off: the Newton correction there; turn: of the tool over half of it, or
+   below 0 for the first of these alone, of the change of A. */
 static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t turn) {
   enum { SIZE = HK_N * HK_WIDE };
   hk_model x[HK_N], A[HK_N * HK_N];
-  hk_t Y[SIZE], P[SIZE], X1[SIZE], X2[SIZE], X11[SIZE], X12[SIZE], width[HK_N], gap[HK_N], load[HK_N], eta[HK_N];
+  hk_t Y[SIZE], P[SIZE], X1[SIZE], X2[SIZE], X3[SIZE], X11[SIZE], X12[SIZE], X13[SIZE];
+  hk_t width[HK_N], gap[HK_N], load[HK_N], eta[HK_N];
   for (int i = 0; i < HK_N; i++) {
     hk_model_constant(s->c[i], x + i);
     x[i].a = s->v[i], x[i].b = s->w[i], x[i].s = x[i].e[i] = s->radius;
@@ -45,7 +47,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       const hk_model *one = A + j * HK_N + i;
       Y[i * HK_WIDE + j] = inverse[i * HK_N + j];
       width[i] += one->r;
-      gap[i] += one->r * (HK_FABS(s->v[j]) + HK_C(2) * HK_FABS(s->w[j])) / HK_C(4);
+      gap[i] += one->r0 * (HK_FABS(s->v[j]) + HK_C(2) * HK_FABS(s->w[j])) / HK_C(5);
     }
   }
   for (int i = 0; i < HK_N; i++)
@@ -54,10 +56,14 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
   for (int i = 0; i < HK_N; i++)
     for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].b;
   hk_product(Y, P, X2);
+  for (int i = 0; i < HK_N; i++)
+    for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].c;
+  hk_product(Y, P, X3);
   hk_product(X1, X1, X11);
   hk_product(X1, X2, X12);
+  hk_product(X1, X3, X13);
   for (int i = 0; i < HK_N; i++) { /* load: the change of A off the middle; eta: what the curve misses */
-    hk_t first = HK_C(0), second = HK_C(0), third = HK_C(0), rest = HK_C(0);
+    hk_t first = HK_C(0), second = HK_C(0), third = HK_C(0), fourth = HK_C(0), rest = HK_C(0);
     load[i] = HK_C(0);
     for (int j = 0; j < HK_N; j++) {
       const int e = i * HK_WIDE + j;
@@ -65,10 +71,11 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       rest += HK_FABS(Y[e]) * gap[j];
       first += X1[e] * s->v[j];
       second += X2[e] * s->v[j] + HK_C(2) * X1[e] * s->w[j];
-      third += X2[e] * s->w[j];
+      third += X3[e] * s->v[j] + HK_C(2) * X2[e] * s->w[j];
+      fourth += HK_C(2) * X3[e] * s->w[j];
     }
     first = HK_FABS(first + HK_C(2) * s->w[i]) / HK_C(2);
-    eta[i] = HK_FABS(off[i]) + first + HK_FABS(second) / HK_C(3) + HK_FABS(third) / HK_C(2) + rest;
+    eta[i] = HK_FABS(off[i]) + first + HK_FABS(second) / HK_C(3) + HK_FABS(third) / HK_C(4) + HK_FABS(fourth) / HK_C(5) + rest;
   }
   for (int j = 0; j < HK_N; j++) { /* the columns of A, by the joint that they depend on */
     for (int l = 0; l < HK_N; l++)
@@ -93,19 +100,21 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
     wide += HK_SQRT(axis) * s->radius;
     missed += HK_SQRT(axis) * eta[j];
   }
-  for (int i = 0; i < HK_N; i++) { /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
+  s->axes = wide / s->radius, s->turns = HK_SQRT(hk_most(turns));
+  for (int i = 0; i < HK_N && turn >= HK_C(0); i++) { /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
     load[i] += HK_C(0.6) * HK_SQRT(turns[i]) * wide * wide / s->radius;
     eta[i] += HK_C(1.8) * HK_SQRT(turns[i]) * missed * turn;
   }
 #else
   (void)turn;
+  s->axes = s->turns = HK_C(0);
 #endif
   hk_t most = HK_C(0), change = HK_C(0), missing = HK_C(0);
   for (int i = 0; i < HK_N; i++) { /* by (1 - t X1) Y instead of Y, which takes the change along t away */
     hk_t all = load[i], miss = eta[i];
     for (int j = 0; j < HK_N; j++) {
       const int e = i * HK_WIDE + j;
-      all += HK_FABS(X1[e]) * load[j] + HK_FABS(X2[e] - X11[e]) + HK_FABS(X12[e]);
+      all += HK_FABS(X1[e]) * load[j] + HK_FABS(X2[e] - X11[e]) + HK_FABS(X3[e] - X12[e]) + HK_FABS(X13[e]);
       miss += HK_FABS(X1[e]) * eta[j];
     }
     most = HK_FMAX(all + miss / s->radius, most);
