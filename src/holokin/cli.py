@@ -245,13 +245,13 @@ def advise(
         typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file; see docs/advise.md.'),
     ] = None,
     tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
-    base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root of the URDF.")] = None,
+    base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,
     position: Annotated[bool, typer.Option("--position", help="The tool's orientation is free.")] = False,
     start: Annotated[
         str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="The job file to write, ending in .toml; a picture of its name stands beside it.")
+        Path | None, typer.Option(help="The job file to write, ending in .toml; with a picture of its name.")
     ] = None,
 ) -> None:
     """Find the law for a robot and its work: all that fit are compared on a workspace.

@@ -16,9 +16,8 @@ from ..motion.reach import nearest_postures
 from ..robot import Robot, load
 from ..strategies import moore_penrose, radial
 from ..task import Task, pose, position
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Value, Vector
-from ..workspaces import PoseCloud, PoseRange, Workspace, pose_cloud
+from ..types import Array, ArrayLike, Flags, Matrix, Vector
+from ..workspaces import PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
 from .advice import Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
@@ -27,10 +26,10 @@ from .covered import Coverage, Reach
 from .covering import coverage
 from .designed_law import Design, design
 from .lower_bound import least_costs
-from .objectives import Costs, Objective, costs_of
+from .objectives import Objective, costs_of
 from .reasons import reasons
 from .served_part import largest_part
-from .starts import comfort, fitting_task, inside, postures_at, regular_starts
+from .starts import comfort, fitting_task, postures_at, regular_starts
 from .tips import choose_tip
 from .trials import Poses, Trial, posed, tried
 
@@ -46,6 +45,12 @@ follows tells which poses are lost."""
 
 PARTS = 3
 """Laws whose part of the workspace is looked for where none serves the whole."""
+
+FREE = 1e9
+"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
+
+NOTHING = 0.002
+"""Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
 
 SIDE = 0.15
 """Half side of a workspace that is proposed, over the length of the arm."""
@@ -90,7 +95,8 @@ def advise(
     say("the robot")
     arm, chosen = _robot(robot, tip, base)
     work = _task(arm, tip if isinstance(robot, Robot) else None, task)
-    given = {"tip": chosen is None, "task": task is not None, "start": start is not None, "workspace": workspace is not None}
+    words = {"tip": chosen is None, "task": task, "start": start, "workspace": workspace}
+    given = {word: value is not None and value is not False for word, value in words.items()}
     q0 = None if start is None else arm.checked(start, "the start posture")
     if q0 is not None:
         arm.check_limits(q0)
@@ -159,7 +165,9 @@ class _Case:
     def _designed(self, trials: list[Trial]) -> list[Trial]:
         """Laws designed over the best of the others."""
         found: list[Trial] = []
-        for trial in [t for t in trials if t.candidate.strategy is not None and t.served.any()][:BASES]:
+        # derivatives of a cost's gradient make designs over stationary laws three times as slow
+        plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
+        for trial in [t for t in plain if t.served.any()][:BASES]:
             law = trial.candidate
             space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
             for words, goal in GOALS.items():
@@ -172,25 +180,29 @@ class _Case:
                     )  # fmt: skip
                 except HolokinError:  # no law where there is none: the others stay
                     continue
-                found += tried(Candidate(name, _keys(law, made), self.task, made.strategy), made.start[None], self.poses)
+                designed = Candidate(name, _keys(law, made), self.task, made.strategy)
+                found += tried(designed, made.start[None], self.poses)
         return found
 
     def _floor(self, trials: list[Trial]) -> Vector:
         """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""
         say_least = np.full(len(self.poses), np.nan)
         for trial in ranked(trials)[:BASES]:
-            values = self.least(trial.q, trial.served, limits=False)
+            values = self.least(trial.q, trial.served, np.full(self.task.n, FREE))
             say_least = np.fmin(say_least, values)
         return say_least
 
-    def least(self, Q: Matrix, which: Array, *, limits: bool, costs: Costs | None = None) -> Vector:
-        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others."""
+    def least(self, Q: Matrix, which: Flags, allowed: Vector) -> Vector:
+        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others.
+
+        Args:
+            allowed: distance from the middle of its range over half of that, up to which a joint may go (n,).
+        """
         T, found = self.poses.T[which], np.full(len(self.poses), np.nan)
-        least = least_costs(
-            self.coordinates, costs or self.costs, Q[which], np.ascontiguousarray(T[:, :3, 3]),
-            np.ascontiguousarray(T[:, :3, :3]), limits=limits, speeds=False,
-        )  # fmt: skip
-        found[which] = least.squared_speed
+        p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+        if which.any():
+            least = least_costs(self.coordinates, self.costs, Q[which], p, R, allowed, speeds=False)
+            found[which] = least.squared_speed
         return found
 
     def _law(self, trial: Trial) -> Law:
@@ -209,7 +221,8 @@ class _Case:
         self.checked[law.name] = found
         served = found.reached
         rcond = float(found.rcond[served].min()) if served.any() else 0.0
-        return replace(law, coverage=found.share, served=served, easy=law.easy + found.share - law.coverage, rcond=rcond)
+        easy = law.easy + found.share - law.coverage
+        return replace(law, coverage=found.share, served=served, easy=easy, rcond=rcond)
 
     def floor_of(self, law: Law) -> float:
         """The mean of the floor where a law serves."""
@@ -222,18 +235,19 @@ class _Case:
         Q, which = self.checked[law.name].q, law.served & np.isfinite(self.floor)
         floor = float(self.floor[which].mean())
 
-        def least(costs: Costs) -> float:
-            values = self.least(Q, which, limits=True, costs=costs)[which]
+        def least(allowed: Vector) -> float:
+            values = self.least(Q, which, allowed)[which]
             return float(np.mean(np.maximum(values, self.floor[which]))) / floor
 
-        whole = least(self.costs)
-        if whole < 1.002:
+        limited = np.isfinite(self.costs.half)
+        within = np.where(limited, 1.0, FREE)
+        whole = least(within)
+        if not whole > 1 + NOTHING:
             return None
-        freed = {}
-        for j in np.flatnonzero(np.isfinite(self.costs.half)):
-            half = self.costs.half.copy()
-            half[j] = np.inf
-            freed[self.task.robot.joint_names[j]] = least(replace(self.costs, half=half))
+        freed = {
+            self.task.robot.joint_names[j]: least(np.where(np.arange(self.task.n) == j, FREE, within))
+            for j in np.flatnonzero(limited)
+        }
         joint = min(freed, key=lambda name: freed[name])
         return whole, joint, freed[joint]
 
@@ -268,9 +282,11 @@ def _robot(robot: Robot | str | Path, tip: str | None, base: str | None) -> tupl
 
 def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
     """The task asked for, or one that fits. Raises: ArgumentError: no joint is left free."""
-    found = fitting_task(robot, tip) if kind is None else pose(robot, tip=tip) if kind == "pose" else position(robot, tip)
+    if kind is None:
+        return fitting_task(robot, tip)
+    found = pose(robot, tip=tip) if kind == "pose" else position(robot, tip)
     if found.n == found.m:
-        cure = "the robot is not redundant for this task, and hk.inverse finds the joints of a pose: give task='position'"
+        cure = "the robot is not redundant for this task: hk.inverse finds the joints of a pose; or leave the task out"
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
     return found
 

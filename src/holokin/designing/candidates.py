@@ -56,6 +56,11 @@ class Candidate(Value):
     strategy: HolonomicStrategy | None = None
     level: float | None = None
 
+    @property
+    def kind(self) -> str:
+        """Its kind, as job files call it."""
+        return str(self.keys["kind"])
+
 
 def candidates(task: Task, starts: Matrix) -> list[Candidate]:
     """The laws that fit: each has r = n - m rows and fixes the self-motion at one of the starts (k, n) at least.

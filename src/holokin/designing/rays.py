@@ -28,7 +28,7 @@ ROUNDS = 400
 """Rounds of steps at most: lines of regular leaves take ten."""
 
 NEWTONS = 5
-"""Corrections of a step: from 0.35 rad, each at most an eighth of the last, they get to 1e-4 at worst, then quadratic."""
+"""Corrections of a step: from 0.35 rad, each at most an eighth of the last one; they are quadratic long before."""
 
 EXACT = 1e-8
 """A correction after which a posture is right for comparisons [rad or m]."""

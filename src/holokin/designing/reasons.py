@@ -10,7 +10,9 @@ from .advice import CLOSE, EQUAL, Law, Part
 from .covered import Coverage
 
 
-def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, limits: tuple[float, str, float] | None) -> tuple[str, ...]:
+def reasons(
+    laws: Sequence[Law], found: Coverage, part: Part | None, limits: tuple[float, str, float] | None
+) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
     best = laws[0]
     said = [f"Take {best.name}: {best.sentence}."]
@@ -54,4 +56,4 @@ def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:
         whole, joint, freed = limits
         said = f"Within the joint limits no law can come closer to the least than {whole - 1:.1%}"
         return f"{said}; without those of {joint} it would be {freed - 1:.1%}; {rest}."
-    return f"No joint limit keeps it above the least: {rest.removeprefix('the rest is ')} is {best.speed - 1:.1%}."
+    return f"No joint limit costs it speed: {best.speed - 1:.1%} is what one law for all poses needs, as far as those tried tell."

@@ -1,4 +1,4 @@
-"""What somebody would begin with: a task that leaves joints free, and start postures that are regular and comfortable."""
+"""What somebody would begin with: a task that leaves joints free, and regular, comfortable start postures."""
 
 from __future__ import annotations
 

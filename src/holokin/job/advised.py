@@ -54,7 +54,7 @@ def write_advice(
         if _runs(text, path):
             write_new(path, text)
             return
-    raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a job with another path")
+    raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a path of your own")
 
 
 def advise_command(
@@ -143,7 +143,7 @@ def _radii(space: Workspace) -> list[float]:
 
 def _runs(text: str, path: FilePath) -> bool:
     """Whether the law does what is expected and the pseudo-inverse follows the path, too."""
-    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # the verdicts and the coverage, which take long, are known
+    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # verdicts and coverage take long, and are known
     keys.pop("workspace", None)
     try:
         return run_job(path.stem, Job.model_validate(keys), path).passed

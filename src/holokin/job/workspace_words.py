@@ -13,8 +13,11 @@ from ..workspaces import Workspace, workspace
 from .covering import build_workspace
 from .read import read_workspace_table
 
-EXAMPLE = 'write "box X Y Z HX HY HZ", "cylinder X Y Z RADIUS HALF-HEIGHT" or "sphere X Y Z RADIUS" in metres, and '
-EXAMPLE += 'behind it, as needed, "tilt DEG", "spin DEG", "rpy DEG DEG DEG"; or give a .toml file with a [workspace] table, or a .csv file'
+EXAMPLE = (
+    'write "box X Y Z HX HY HZ", "cylinder X Y Z RADIUS HALF-HEIGHT" or "sphere X Y Z RADIUS" in metres, and behind '
+    'it, as needed, "tilt DEG", "spin DEG", "rpy DEG DEG DEG"; or give a .toml file with a [workspace] table, or a '
+    ".csv file of poses"
+)
 """What may be typed."""
 
 SIZES = {"box": (6, 4), "cylinder": (5,), "sphere": (4, 3)}
@@ -71,7 +74,8 @@ def _phrases(text: str) -> dict[str, list[float]]:
         last.append(number)
     for word, count in TURNS.items():
         if word in found and len(found[word]) != count:
-            raise ArgumentError("the workspace", text, f"give {count} number{'s' * (count > 1)} after {word}, in degrees")
+            cure = f"give {count} number{'s' * (count > 1)} after {word}, in degrees"
+            raise ArgumentError("the workspace", text, cure)
     return found
 
 

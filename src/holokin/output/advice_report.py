@@ -118,7 +118,8 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
         inside = np.isfinite(value) and value > 70 * (most - 1)
         at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
-        axes.text(at, row, text, va="center", ha="right" if inside else "left", fontsize=8, color="white" if inside else INK)
+        side, color = ("right", "white") if inside else ("left", INK)
+        axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
     axes.set_yticks(rows, [])
     axes.invert_yaxis()
     axes.set_xlim(0, 100 * (most - 1))
