@@ -13,7 +13,7 @@ from . import analysis, auditing, constraints, designing, export, laws, motion, 
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Coverage, Design, Objective, coverage, design
+from .designing import Advice, Coverage, Design, Objective, advise, coverage, design
 from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
@@ -27,6 +27,7 @@ from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
 
 __all__ = [
+    "Advice",
     "Constraint",
     "ControlLaw",
     "Coverage",
@@ -41,6 +42,7 @@ __all__ = [
     "Trajectory",
     "Verdict",
     "Workspace",
+    "advise",
     "analysis",
     "arc",
     "arm_angle",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -32,6 +32,11 @@ class Ranked(Protocol):
     """What laws are ranked by."""
 
     @property
+    def coverage(self) -> float:
+        """Share of the poses that are served."""
+        ...
+
+    @property
     def easy(self) -> float:
         """Share of the poses that are served away from limits and singular postures."""
         ...
@@ -46,16 +51,23 @@ Entry = TypeVar("Entry", bound=Ranked)
 
 
 def ranked(entries: Iterable[Entry]) -> list[Entry]:
-    """The best first: by the share of poses that are served away from limits and singular postures; of those that
-    serve alike, by joint speed.
+    """The best first: by coverage; of those that cover alike, by the share that is served away from limits and singular
+    postures; of those alike in this, too, by joint speed.
     """
-    left, found = list(entries), list[Entry]()
-    while left:
-        most = max(one.easy for one in left)
-        alike = [one for one in left if one.easy >= most - EQUAL]
-        left = [one for one in left if one.easy < most - EQUAL]
-        found += sorted(alike, key=lambda one: one.squared_speed)
+    found: list[Entry] = []
+    for group in _alike(entries, lambda one: one.coverage):
+        for part in _alike(group, lambda one: one.easy):
+            found += sorted(part, key=lambda one: one.squared_speed)
     return found
+
+
+def _alike(entries: Iterable[Entry], share: Callable[[Entry], float]) -> Iterator[list[Entry]]:
+    """Groups of entries whose shares are nearly those of the best in them, the best first."""
+    left = list(entries)
+    while left:
+        least = max(map(share, left)) - EQUAL
+        yield [one for one in left if share(one) >= least]
+        left = [one for one in left if share(one) < least]
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,11 +49,17 @@ PARTS = 3
 FREE = 1e9
 """Distance from the middle of a joint's range, over half of it, that no joint gets to."""
 
+SUSPECTS = 3
+"""Joints, those that the law leads nearest to their limits, of which is asked what their limits cost."""
+
 NOTHING = 0.002
 """Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
 
-SIDE = 0.15
-"""Half side of a workspace that is proposed, over the length of the arm."""
+SIDES = (0.15, 0.1, 0.07, 0.05)
+"""Half sides of a workspace that is proposed, over the length of the arm: the first that the arm reaches nearly."""
+
+NEARLY = 0.97
+"""Share of its poses that are reached then within the joint limits, by some posture."""
 
 TILT, SPIN = 0.25, 0.5
 """Its turns [rad]: those of a tool that follows a gently curved surface."""
@@ -233,6 +239,8 @@ class _Case:
         without its limits), where limits cost anything.
         """
         Q, which = self.checked[law.name].q, law.served & np.isfinite(self.floor)
+        if not which.any():
+            return None
         floor = float(self.floor[which].mean())
 
         def least(allowed: Vector) -> float:
@@ -244,9 +252,10 @@ class _Case:
         whole = least(within)
         if not whole > 1 + NOTHING:
             return None
+        near = np.argsort(np.quantile(np.abs(Q[which] - self.costs.middle) / self.costs.half, 0.9, axis=0))[::-1]
         freed = {
             self.task.robot.joint_names[j]: least(np.where(np.arange(self.task.n) == j, FREE, within))
-            for j in np.flatnonzero(limited)
+            for j in near[:SUSPECTS]
         }
         joint = min(freed, key=lambda name: freed[name])
         return whole, joint, freed[joint]
@@ -300,10 +309,14 @@ def _first(task: Task) -> Vector:
 def _proposed(task: Task, start: Vector) -> PoseRange:
     """A box round the tool at a start posture, with turns about its orientation there."""
     robot, at = task.robot, task.robot.pose(start, task.tip)
-    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints) or 1.0
-    sides = SIDE * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
+    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
     turns = {} if robot.planar or task.orientation is None else {"tilt": TILT, "spin": SPIN}
-    return pose_range(box=(at[:3, 3], sides), rotation=at[:3, :3], **turns)
+    for side in SIDES:
+        half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
+        found = pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], **turns)
+        if side == SIDES[-1] or _reached(task, found.poses(POSES // SCREENED), start)[1].within.mean() >= NEARLY:
+            break
+    return found
 
 
 def _reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:

@@ -26,13 +26,13 @@ def reasons(
 
 def _next(best: Law, other: Law) -> str:
     """What speaks against the law after the best."""
-    if best.easy <= other.easy + EQUAL:
-        more = other.squared_speed / best.squared_speed - 1
-        return f"Next comes {other.name}, which serves as much with {more:.1%} more squared joint speed."
-    said = f"Next comes {other.name}, which reaches {other.coverage:.1%}"
-    if best.coverage <= other.coverage + EQUAL:
-        said += f", but more of it near limits or singular postures ({1 - other.easy / other.coverage:.1%})"
-    return f"{said}."
+    if best.coverage > other.coverage + EQUAL:
+        return f"Next comes {other.name}, which reaches {other.coverage:.1%}."
+    if best.easy > other.easy + EQUAL:
+        share = 1 - other.easy / other.coverage
+        return f"Next comes {other.name}, which covers as much, but {share:.1%} of it near limits or singular postures."
+    more = other.squared_speed / best.squared_speed - 1
+    return f"Next comes {other.name}, which serves as much with {more:.1%} more squared joint speed."
 
 
 def _not_served(found: Coverage, part: Part | None, best: Law) -> str:

@@ -25,6 +25,12 @@ SPREAD = 8
 SEEDS = 96
 """Random postures from which those of a tool pose are searched for."""
 
+CENTRED, STEP = (2, 5, 12), 0.3
+"""Steps after which postures on the way to the middle of the joints' ranges are kept; share of the way of a step."""
+
+EXACT = 1e-3
+"""Error [m or rad] of a start's tool pose that does not matter: the start itself says which leaf it is."""
+
 
 def fitting_task(robot: Robot, tip: str | None = None) -> Task:
     """A task with fewer rows than joints: the pose, else the position, else the first rows of it.
@@ -55,7 +61,8 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     """Postures (k, n) within the joint limits with the tool at a pose (4, 4), far from each other; none where there
     are none. The most comfortable is the first.
 
-    Searched for from random postures, so that they are of all branches and all over the self-motions.
+    Searched for from random postures, so that they are of all branches and all over the self-motions, and moved from
+    there by self-motion towards the middle of the joints' ranges.
     """
     p, R = pose[:3, 3], pose[:3, :3]
     lower, upper = allowed(task.robot)
@@ -63,7 +70,8 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
         return np.zeros((0, task.n))
     found = nearest_postures(task, np.tile(p, (SEEDS, 1)), np.tile(R, (SEEDS, 1, 1)), near, limits=True)
-    Q = found.q[found.reached]
+    Q = _centred(task, found.q[found.reached], p, R)
+    Q = Q[inside(task.robot, Q)]
     values = np.array([comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
     away = np.full(len(Q), np.inf)
@@ -71,6 +79,23 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
         away = np.minimum(away, np.linalg.norm(Q - Q[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(away * values)))
     return Q[chosen]
+
+
+def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
+    """Postures (k, n) with the tool at a pose, and others behind them (j k, n) on their ways to the middle of the
+    joints' ranges.
+    """
+    lower, upper = allowed(task.robot)
+    middle, found = (lower + upper) / 2, [Q]
+    for k in range(max(CENTRED)):
+        J = task.jacobian_batch(Q)[0]
+        off = STEP * (middle - Q)
+        e = task.error(Q, p, R) - np.einsum("kmn,kn->km", J, off)
+        Q = Q + off + np.einsum("knm,km->kn", np.linalg.pinv(J), e)
+        if k + 1 in CENTRED:
+            sound = np.abs(task.error(Q, p, R)).max(axis=1, initial=0.0) < EXACT
+            found.append(Q[sound])
+    return np.vstack(found)
 
 
 def comfort(task: Task, q: Vector) -> float:
