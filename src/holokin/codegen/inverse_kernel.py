@@ -40,11 +40,11 @@ class InverseKernel:
         parts += [*map(prelude, ("inverse.c", "poses.c"))]
         whole = source(SCALAR, head, code + "".join(parts))
         long = made.instructions > LONG
-        self._library: Any = library(
-            whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses")
-        )
+        self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
         self._poses: Any = self._library.hk_poses
-        self._poses.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int] + [ctypes.c_void_p] * 2
+        self._poses.argtypes = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int] + [
+            ctypes.c_void_p
+        ] * 2
         self._poses.restype = None
         self._joints = inputs[0][0]
 
@@ -82,5 +82,3 @@ class InverseKernel:
             with ThreadPoolExecutor(workers) as pool:
                 list(pool.map(part, range(len(edges) - 1)))
         return status
-
-

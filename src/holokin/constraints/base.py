@@ -177,14 +177,26 @@ def tilted(
         ShapeError (when bound): rho has another number of rows.
     """
 
-    def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        tilt = as_expression(rho((chart or task).value_expression(k)))
-        if tilt.shape != (constraint.rows, 1):
-            raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), tilt.shape)
-        return constraint.expand(task, k, q) - tilt
+    def tilt(task: Task, k: Kinematics) -> SX:
+        value = as_expression(rho((chart or task).value_expression(k)))
+        if value.shape != (constraint.rows, 1):
+            raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), value.shape)
+        return value
 
-    margin = constraint.margin
-    return Constraint(name or f"tilted {constraint.name}", constraint.rows, expression, constraint.angular, margin)
+    def slopes(task: Task, k: Kinematics, q: SX) -> SX:
+        return constraint.slopes(task, k, q) - jacobian(tilt(task, k), q)
+
+    looped = constraint.looped and tilted(constraint.looped, rho, chart=chart, name=name)
+    return Constraint(
+        name or f"tilted {constraint.name}",
+        constraint.rows,
+        lambda task, k, q: constraint.expand(task, k, q) - tilt(task, k),
+        constraint.angular,
+        constraint.margin,
+        slopes if constraint.derivative is not None else None,
+        looped,
+        constraint.transport,
+    )
 
 
 def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinematics, SX], SX] | None:

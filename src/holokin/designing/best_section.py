@@ -25,6 +25,9 @@ STUCK = 0.99
 ROUNDS = 8
 """Changes of the multipliers at most; three to six bring violations below `KEPT`."""
 
+OVER = 1.2
+"""What limits are narrowed by, over what was beyond them."""
+
 KEPT = 2e-4
 """Violation [share of half a joint's range, or of rcond] that counts as none; limits are narrowed by as much."""
 
@@ -35,6 +38,10 @@ class Limits(Value):
 
     allowed: Array
     rcond: float
+
+    def narrowed(self, over: Vector, share: float) -> Limits:
+        """Narrower by what was beyond them (n,), and by the share that rcond fell short of."""
+        return Limits(self.allowed - OVER * np.maximum(over, 0.0), self.rcond * max(1.0, share) ** OVER)
 
     @property
     def none(self) -> bool:

@@ -13,23 +13,21 @@ from ..motion import inverse
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import ArrayLike, Matrix, Value, Vector, not_negative, whole
+from ..types import Array, ArrayLike, Matrix, Value, Vector, not_negative, whole
 from ..workspaces import Workspace
 from .best_section import Limits, Search
 from .coordinates import Polynomial, chart_of, coordinates_of, monomials_up_to
 from .lower_bound import LeastCosts, least_costs
-from .objectives import POWER, Costs, Objective, as_objective, costs_of
+from .objectives import POWER, Costs, Objective, as_objective, costs_of, joint_weights
 from .section import Sampled, SectionSamples, TiltedLeaves
 from .section_metrics import SectionMetrics, measured, reached
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
-NARROWER = 3
-"""Times that limits are narrowed where poses between the samples are beyond them."""
-
-OVER = 1.2
-"""What limits are narrowed by, over what was beyond them."""
+ROUNDS = 4
+"""Searches at most: another one follows where the design reaches samples that the base law did not, and, with limits
+narrowed, where poses between the samples are beyond them."""
 
 LEEWAY = 0.02
 """Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
@@ -115,7 +113,8 @@ def design(
         start: a posture (n,) on the branch that is to be used.
         objective: an `Objective`, or the name of one cost.
         base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
-            self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there.
+            self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding joints
+            scaled as in `Objective`).
         degree: of zeta, 0 to 4.
         limits: True makes joint limits hard. margin: distance kept from them [joint units].
         rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
@@ -139,64 +138,55 @@ def design(
     whole("seed", seed, 0)
 
     poses = workspace.poses(whole("samples", samples), seed)
-    law, center = _base(task, base, q0, workspace.center)
+    other = workspace.poses(FINER * samples, seed + 1)
+    law, center = _base(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(law, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
-    leaves, terms = TiltedLeaves(law, coordinates), monomials_up_to(coordinates.d, degree)
-    p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
-    section = SectionSamples(leaves, terms, p, R, coordinates.at(Q))
+    leaves, found = TiltedLeaves(law, coordinates), law.g(center)[:, None]
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
-    level = law.g(center)
-    first = leaves.slopes(Q, np.zeros((len(Q), len(level), coordinates.d)), np.tile(level, (len(Q), 1)))
-    weights = _weights(goal, costs, first)
     hard = _limits(costs, margin if limits else None, rcond)
-    least = least_costs(coordinates, costs, Q, p, R, hard.allowed, speeds="worst_speed" in weights)
-    impossible = least.beyond > 0
-    if impossible.any():  # no law keeps the limits: then at least the bound of those that do not
-        nothing = np.full(task.n, np.inf)
-        least = replace(
-            least_costs(coordinates, costs, Q, p, R, nothing, speeds="worst_speed" in weights), beyond=least.beyond
-        )
-    kept = replace(hard, allowed=hard.allowed + np.where(impossible, least.beyond + LEEWAY, 0.0)[:, None])
-    search, found, best = Search(section, costs, weights, kept, first), level[:, None], first
-    values: tuple[float, ...] = ()
-    other = workspace.poses(FINER * samples, seed + 1)
-    for _ in range(NARROWER):
-        found, best, more = replace(search, near=best).best(found, degree)
-        values = (*values[: degree + 1 - len(more)], *more)
+    search, least = _posed(leaves, costs, goal, hard, degree, Q, there, found)
+    before, values = measured(law, coordinates, costs, Q, len(poses)), (search.cost(search.near).value,)
+    for _ in range(ROUNDS):
+        found, best, more = search.best(found, degree)
+        values = (*values[: degree + 2 - len(more)], *more)
         zeta = Polynomial(coordinates, found)
         strategy = holonomic(task, tilted(law.constraint, zeta, chart=coordinates.chart), name="designed")
         middle = inverse(strategy, best.Q[0])(workspace.center)
         arrived, _ = reached(strategy, middle, other)
+        if len(best.Q) < len(poses):
+            Q, there = reached(strategy, middle, poses)
+            if len(Q) > len(best.Q):
+                search, least = _posed(leaves, costs, goal, hard, degree, Q, there, found, search.weights)
+                continue
         over = np.abs(arrived - costs.middle) / costs.half - hard.allowed
         rconds = strategy.gain.batch(arrived)[1]
         fits = (over <= 0).all(axis=1) & (rconds >= rcond)
-        if fits.all() or impossible.any():
+        if fits.all() or least.beyond.any():
             break
-        kept = Limits(
-            kept.allowed - OVER * np.maximum(over.max(axis=0), 0), kept.rcond * max(1.0, rcond / rconds.min()) ** OVER
-        )
-        search = replace(search, limits=kept)
+        search = replace(search, near=best, limits=search.limits.narrowed(over.max(axis=0), rcond / rconds.min()))
     return Design(
         strategy=strategy,
         start=middle,
         objective=goal,
         base=law,
         polynomial=zeta,
-        costs=(search.cost(first).value, *values),
-        impossible=int(impossible.sum()),
-        bound=_bound(least, weights),
+        costs=values,
+        impossible=int(np.sum(least.beyond > 0)),
+        bound=_bound(least, search.weights),
         bound_traced=least.traced,
-        before=measured(law, coordinates, costs, Q, len(poses)),
+        before=before,
         after=measured(strategy, coordinates, costs, best.Q, len(poses)),
         checked=measured(strategy, coordinates, costs, arrived, len(other)),
         kept=int(fits.sum()),
     )
 
 
-def _base(task: Task, base: Constraint | None, q0: Vector, middle: Matrix) -> tuple[HolonomicStrategy, Vector]:
+def _base(
+    task: Task, base: Constraint | None, q0: Vector, middle: Matrix, units: Vector
+) -> tuple[HolonomicStrategy, Vector]:
     """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
-    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0)
+    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
     try:
         center = inverse(law, q0)(middle)
     except PathError as problem:
@@ -204,12 +194,32 @@ def _base(task: Task, base: Constraint | None, q0: Vector, middle: Matrix) -> tu
             f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
         )
         raise OutOfReachError(fact, "give a start there, another base, or another workspace") from problem
-    return (law, center) if base is not None else (_along_self_motion(task, center), center)
+    return (law, center) if base is not None else (_along_self_motion(task, center, units), center)
 
 
-def _along_self_motion(task: Task, q: Vector) -> HolonomicStrategy:
-    """Z^T q = const, Z (n, r) the self-motions at a posture."""
-    return holonomic(task, linear(null_space(task.jacobian(q)).T, name="the joints' way along the self-motion"))
+def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrategy:
+    """Z^T D q = const, D = diag(units), Z (n, r) the self-motions at a posture in coordinates D q."""
+    Z = null_space(task.jacobian(q) / units)
+    return holonomic(task, linear(Z.T * units, name="the joints' way along the self-motion"))
+
+
+def _posed(
+    leaves: TiltedLeaves, costs: Costs, goal: Objective, hard: Limits, degree: int,
+    Q: Matrix, there: Array, coefficients: Matrix, weights: dict[str, float] | None = None,
+) -> tuple[Search, LeastCosts]:  # fmt: skip
+    """The search at poses (S, 4, 4) with postures (S, n) of a section of coefficients (r, t), and the least costs there."""
+    c = leaves.coordinates
+    p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
+    section = SectionSamples(leaves, monomials_up_to(c.d, degree), p, R, c.at(Q))
+    near = section.through(Q, coefficients)
+    weights = weights or _weights(goal, costs, near)
+    least = least_costs(c, costs, Q, p, R, hard.allowed, speeds="worst_speed" in weights)
+    over = least.beyond
+    if over.any():  # no law keeps the limits: then the bound is that of those which do not
+        free = np.full(Q.shape[1], np.inf)
+        least = replace(least_costs(c, costs, Q, p, R, free, speeds="worst_speed" in weights), beyond=over)
+    allowed = hard.allowed + np.where(over > 0, over + LEEWAY, 0.0)[:, None]
+    return Search(section, costs, weights, replace(hard, allowed=allowed), near), least
 
 
 def _limits(costs: Costs, margin: float | None, rcond: float) -> Limits:

@@ -165,10 +165,6 @@ def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -
     Raises:
         ArgumentError: weights that do not fit, or limits that a cost needs and the robot has not.
     """
-    if objective.joint_weights is None:
-        weights = _default_weights(robot)
-    else:
-        weights = finite("the joint weights", objective.joint_weights, (robot.n,))
     limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     moving = np.isfinite(robot.max_velocity) & (robot.max_velocity > 0)
     cure = "give them in the robot description, or weigh another cost"
@@ -179,7 +175,7 @@ def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -
     lower, upper = np.where(limited, robot.lower, -1.0), np.where(limited, robot.upper, 1.0)
     length = length_of(objective, turns, spread)
     return Costs(
-        joints=weights,
+        joints=joint_weights(robot, objective),
         speeds=np.where(moving, 1 / np.where(moving, robot.max_velocity, 1.0), 0.0),
         middle=(lower + upper) / 2,
         half=np.where(limited, (upper - lower) / 2, np.inf),
@@ -196,14 +192,20 @@ def length_of(objective: Objective, turns: Flags, spread: Vector) -> float:
     return float(np.sqrt(np.mean(spread[~turns] ** 2) / np.mean(spread[turns] ** 2)))
 
 
-def _default_weights(robot: Robot) -> Vector:
-    """1 for hinges; for sliding joints (hinges' speed limit / their own)^2. Raises: ArgumentError without limits."""
+def joint_weights(robot: Robot, objective: Objective) -> Vector:
+    """What a squared joint speed counts (n,): as given, or 1 for hinges and (hinges' speed limit / own)^2 for sliders.
+
+    Raises:
+        ArgumentError: joints in m and in rad without speed limits, or weights that do not fit. ShapeError.
+    """
+    if objective.joint_weights is not None:
+        return finite("the joint weights", objective.joint_weights, (robot.n,))
     hinges, speeds = robot.hinges, robot.max_velocity
     weights = np.ones(robot.n)
     if hinges.all() or not hinges.any():
         return weights
     if not np.isfinite(speeds).all() or not (speeds > 0).all():
-        cure = "give joint_weights= in the objective: it has joints in m and in rad"
+        cure = "give joint_weights= in the objective: the robot has joints in m and in rad"
         raise ArgumentError("the joint speed limits", speeds.tolist(), cure)
     weights[~hinges] = np.mean(speeds[hinges]) ** 2 / speeds[~hinges] ** 2
     return weights

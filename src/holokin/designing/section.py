@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..errors import SingularityError, SingularityKind
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, symbol, vec
@@ -123,22 +124,21 @@ class TiltedLeaves(Value):
         return by_Q, -by_rows @ np.swapaxes(PJ, 1, 2)
 
     @cached_property
-    def _expressions(self) -> tuple[SX, SX, SX]:
-        e = self.base.expressions
-        return e.q, self.coordinates.chart.jacobian_expression(e.kinematics, e.q), e.planes
-
-    @cached_property
     def _rows(self) -> Function:
-        q, J, planes = self._expressions
-        return Function("rows", {"q": q}, {"J": J, "planes": planes})
+        law = self.base.looped
+        e = law.expressions
+        J = self.coordinates.chart.jacobian_expression(e.kinematics, e.q)
+        return Function("rows", {"q": e.q}, {"J": J, "planes": e.planes}, None, law.transport)
 
     @cached_property
     def _turning(self) -> Function:
         """(q, weights of J, weights of J_phi) -> the derivative by q of their weighted sum."""
-        q, J, planes = self._expressions
-        by_J, by_planes = symbol("by_J", *J.shape), symbol("by_planes", *planes.shape)
-        total = dot(vec(by_J), vec(J)) + dot(vec(by_planes), vec(planes))
-        return Function("turning", {"q": q, "by_J": by_J, "by_planes": by_planes}, {"by_q": gradient(total, q).T})
+        e = self.base.expressions
+        J = self.coordinates.chart.jacobian_expression(e.kinematics, e.q)
+        by_J, by_planes = symbol("by_J", *J.shape), symbol("by_planes", *e.planes.shape)
+        total = dot(vec(by_J), vec(J)) + dot(vec(by_planes), vec(e.planes))
+        inputs = {"q": e.q, "by_J": by_J, "by_planes": by_planes}
+        return Function("turning", inputs, {"by_q": gradient(total, e.q).T})
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +166,17 @@ class SectionSamples(Value):
         if Q is None:
             return None
         return self.leaves.slopes(Q, np.einsum("rt,std->srd", coefficients, slopes[:, :t]), levels)
+
+    def through(self, Q: Matrix, coefficients: Matrix) -> Sampled:
+        """The section of coefficients (r, t) at postures (S, n) that are on it. Raises: SingularityError."""
+        values, slopes = self.basis
+        t = coefficients.shape[1]
+        A = np.einsum("rt,std->srd", coefficients, slopes[:, :t])
+        found = self.leaves.slopes(Q, A, values[:, :t] @ coefficients.T)
+        if found is None:
+            self.leaves.base.batch(Q)
+            raise SingularityError(SingularityKind.ALGORITHMIC, Q[0], self.leaves.base.name, 0.0)
+        return found
 
     def slope(self, at: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""

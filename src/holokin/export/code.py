@@ -80,7 +80,9 @@ class Source:
             raise ArgumentError("dt", self.dt, f"give a step from {SHORTEST:g} to {LONGEST:g} s")
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
-            fact = f"{longest} of {self.strategy.name!r} takes {size:,} operations written out, {LARGEST:,} are the most"
+            fact = (
+                f"{longest} of {self.strategy.name!r} takes {size:,} operations written out, {LARGEST:,} are the most"
+            )
             raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
 
     @property

@@ -23,6 +23,7 @@ FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CON
 """What becomes of a pose that is out of reach for any posture, too."""
 
 
+
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
     """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
