@@ -18,6 +18,9 @@ EQUAL = 0.02
 """Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
 otherwise."""
 
+EASY = 0.05
+"""Difference of the share that is served away from limits and singular postures up to which two laws are alike in it."""
+
 ROOM = 0.02
 """Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
 
@@ -55,17 +58,17 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
     postures; of those alike in this, too, by joint speed.
     """
     found: list[Entry] = []
-    for group in _alike(entries, lambda one: one.coverage):
-        for part in _alike(group, lambda one: one.easy):
+    for group in _alike(entries, lambda one: one.coverage, EQUAL):
+        for part in _alike(group, lambda one: one.easy, EASY):
             found += sorted(part, key=lambda one: one.squared_speed)
     return found
 
 
-def _alike(entries: Iterable[Entry], share: Callable[[Entry], float]) -> Iterator[list[Entry]]:
+def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: float) -> Iterator[list[Entry]]:
     """Groups of entries whose shares are nearly those of the best in them, the best first."""
     left = list(entries)
     while left:
-        least = max(map(share, left)) - EQUAL
+        least = max(map(share, left)) - apart
         yield [one for one in left if share(one) >= least]
         left = [one for one in left if share(one) < least]
 

@@ -19,7 +19,7 @@ from ..task import Task, pose, position
 from ..types import Array, ArrayLike, Flags, Matrix, Vector
 from ..workspaces import PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
-from .advice import Advice, Law, Part, ranked
+from .advice import EQUAL, ROOM, Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
 from .covered import Coverage, Reach
@@ -39,9 +39,12 @@ POSES, SCREENED = 256, 4
 BASES, DEGREE, DESIGNED = 2, 2, 128
 """Laws that are designed over the best of the others; degree of their polynomials, and poses that they are made for."""
 
-GOALS = {"": Objective(squared_speed=1.0), ", off limits": Objective(squared_speed=1.0, joint_limits=1.0)}
-"""What they are designed for. Joint limits count softly: hard ones take minutes where they bind, and the trial that
-follows tells which poses are lost."""
+GOALS = {
+    "": {"objective": Objective(squared_speed=1.0), "limits": True},
+    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
+}
+"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
+a compromise between joint speed and distance to limits."""
 
 PARTS = 3
 """Laws whose part of the workspace is looked for where none serves the whole."""
@@ -180,15 +183,20 @@ class _Case:
                 name = f"designed over {law.name}{words}"
                 self.say(name)
                 try:
-                    made = design(
-                        self.task, space, trial.start, base=law.strategy.constraint, objective=goal, degree=DEGREE,
-                        limits=False, samples=DESIGNED,
-                    )  # fmt: skip
+                    more = goal | {"base": law.strategy.constraint, "degree": DEGREE, "samples": DESIGNED}
+                    made = design(self.task, space, trial.start, margin=self._room if goal["limits"] else 0.0, **more)
                 except HolokinError:  # no law where there is none: the others stay
                     continue
                 designed = Candidate(name, _keys(law, made), self.task, made.strategy)
                 found += tried(designed, made.start[None], self.poses)
+                if found[-1].coverage >= trial.coverage - EQUAL:
+                    break
         return found
+
+    @property
+    def _room(self) -> float:
+        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
+        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
 
     def _floor(self, trials: list[Trial]) -> Vector:
         """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""

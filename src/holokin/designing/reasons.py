@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .advice import CLOSE, EQUAL, Law, Part
+from .advice import CLOSE, EASY, EQUAL, Law, Part
 from .covered import Coverage
 
 
@@ -28,7 +28,7 @@ def _next(best: Law, other: Law) -> str:
     """What speaks against the law after the best."""
     if best.coverage > other.coverage + EQUAL:
         return f"Next comes {other.name}, which reaches {other.coverage:.1%}."
-    if best.easy > other.easy + EQUAL:
+    if best.easy > other.easy + EASY:
         share = 1 - other.easy / other.coverage
         return f"Next comes {other.name}, which covers as much, but {share:.1%} of it near limits or singular postures."
     more = other.squared_speed / best.squared_speed - 1
