@@ -59,7 +59,7 @@ NOTHING = 0.002
 """Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
 
 SIDES = (0.15, 0.1, 0.07, 0.05)
-"""Half sides of a workspace that is proposed, over the length of the arm: the first that the arm reaches nearly."""
+"""Half sides of a workspace that is proposed, over the length of the arm: the first that the arm reaches nearly whole."""
 
 NEARLY = 0.97
 """Share of its poses that are reached then within the joint limits, by some posture."""
@@ -176,7 +176,7 @@ class _Case:
         found: list[Trial] = []
         # derivatives of a cost's gradient make designs over stationary laws three times as slow
         plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
-        for trial in [t for t in plain if t.served.any()][:BASES]:
+        for trial in [t for t in plain if t.served.any()][: self._few(BASES)]:
             law = trial.candidate
             space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
             for words, goal in GOALS.items():
@@ -192,6 +192,10 @@ class _Case:
                 if found[-1].coverage >= trial.coverage - EQUAL:
                     break
         return found
+
+    def _few(self, count: int) -> int:
+        """So many, or one with several redundant joints, where designs and bounds take five times as long."""
+        return count if self.task.n - self.task.m == 1 else 1
 
     @property
     def _room(self) -> float:
@@ -263,7 +267,7 @@ class _Case:
         near = np.argsort(np.quantile(np.abs(Q[which] - self.costs.middle) / self.costs.half, 0.9, axis=0))[::-1]
         freed = {
             self.task.robot.joint_names[j]: least(np.where(np.arange(self.task.n) == j, FREE, within))
-            for j in near[:SUSPECTS]
+            for j in near[: self._few(SUSPECTS)]
         }
         joint = min(freed, key=lambda name: freed[name])
         return whole, joint, freed[joint]

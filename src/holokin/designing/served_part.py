@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from itertools import product
+
+import numpy as np
 
 from ..types import Array
 from ..workspaces import PoseRange
@@ -32,14 +35,20 @@ def largest_part(workspace: PoseRange, serves: Serves) -> tuple[float, PoseRange
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            fits = serves(shrunk(workspace, middle, turns_too).poses(TESTED))
+            fits = serves(tested(shrunk(workspace, middle, turns_too), 0))
             low, high = (middle, high) if fits else (low, middle)
         while low > LEAST:
             part = shrunk(workspace, low, turns_too)
-            if serves(part.poses(TESTED, seed=1)):
+            if serves(tested(part, 1)):
                 return low, part
             low *= SAFER
     return None
+
+
+def tested(part: PoseRange, seed: int) -> Array:
+    """Poses (k, 4, 4) of a part: even ones, and the corners of a box with the middle orientation."""
+    corners = np.array(list(product((0.0, 1.0), repeat=3)))
+    return np.concatenate([part.poses(TESTED, seed), part.at(part.solid.points(corners))])
 
 
 def shrunk(workspace: PoseRange, share: float, turns_too: bool) -> PoseRange:
