@@ -19,7 +19,7 @@ EQUAL = 0.02
 otherwise."""
 
 EASY = 0.05
-"""Difference of the share that is served away from limits and singular postures up to which two laws are alike in it."""
+"""Difference of the share that is served away from limits and singular postures up to which it counts as alike."""
 
 ROOM = 0.02
 """Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""

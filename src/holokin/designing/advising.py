@@ -37,7 +37,7 @@ POSES, SCREENED = 256, 4
 """Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
 
 BASES, DEGREE, DESIGNED = 2, 2, 128
-"""Laws that are designed over the best of the others; degree of their polynomials, and poses that they are made for."""
+"""Laws that are designed over the best of the others; degree of their polynomials; poses they are made for."""
 
 GOALS = {
     "": {"objective": Objective(squared_speed=1.0), "limits": True},
@@ -59,7 +59,7 @@ NOTHING = 0.002
 """Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
 
 SIDES = (0.15, 0.1, 0.07, 0.05)
-"""Half sides of a workspace that is proposed, over the length of the arm: the first that the arm reaches nearly whole."""
+"""Half sides of a workspace that is proposed, over the length of the arm: the first one nearly all in reach."""
 
 NEARLY = 0.97
 """Share of its poses that are reached then within the joint limits, by some posture."""
@@ -178,12 +178,13 @@ class _Case:
         plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
         for trial in [t for t in plain if t.served.any()][: self._few(BASES)]:
             law = trial.candidate
+            base = None if law.strategy is None else law.strategy.constraint
             space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
             for words, goal in GOALS.items():
                 name = f"designed over {law.name}{words}"
                 self.say(name)
                 try:
-                    more = goal | {"base": law.strategy.constraint, "degree": DEGREE, "samples": DESIGNED}
+                    more = goal | {"base": base, "degree": DEGREE, "samples": DESIGNED}
                     made = design(self.task, space, trial.start, margin=self._room if goal["limits"] else 0.0, **more)
                 except HolokinError:  # no law where there is none: the others stay
                     continue
@@ -322,13 +323,16 @@ def _proposed(task: Task, start: Vector) -> PoseRange:
     """A box round the tool at a start posture, with turns about its orientation there."""
     robot, at = task.robot, task.robot.pose(start, task.tip)
     length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
-    turns = {} if robot.planar or task.orientation is None else {"tilt": TILT, "spin": SPIN}
-    for side in SIDES:
+    tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
+
+    def box(side: float) -> PoseRange:
         half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
-        found = pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], **turns)
-        if side == SIDES[-1] or _reached(task, found.poses(POSES // SCREENED), start)[1].within.mean() >= NEARLY:
-            break
-    return found
+        return pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], tilt=tilt, spin=spin)
+
+    for side in SIDES[:-1]:
+        if _reached(task, box(side).poses(POSES // SCREENED), start)[1].within.mean() >= NEARLY:
+            return box(side)
+    return box(SIDES[-1])
 
 
 def _reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:

@@ -16,7 +16,7 @@ from ..strategies import HolonomicStrategy
 from ..symbolic import Function
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 FIRST = 0.35
 """Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""
@@ -82,9 +82,7 @@ def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels
     return lines.rays(q, share)
 
 
-def _newton(
-    correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector
-) -> tuple[Matrix, Flags]:
+def _newton(correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
     """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
     at, good, last = q.copy(), np.ones(len(q), dtype=bool), np.full(len(q), FIRST / TOLERANCES.contraction)
     for _ in range(NEWTONS):
@@ -110,7 +108,7 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> Rays:
     h = 1.0 / STEPS
     for i in range(STEPS):
 
-        def rate(at: Matrix, s: float, live: Array = live) -> Matrix:
+        def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
             R = lines.at(live, np.full(len(live), s))[1]
             dx, _ = task.rates(R, velocity[live], angular[live])
             return least_rate(task, at, dx)
@@ -160,7 +158,7 @@ class _Lines:
         """Velocity and angular velocity (s k, 3) over a whole line."""
         return self.move, self.turn
 
-    def at(self, which: Array, share: Vector) -> tuple[Matrix, Array]:
+    def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
         """Positions and rotations of some lines at their shares."""
         from scipy.spatial.transform import Rotation
 

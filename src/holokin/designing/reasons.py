@@ -56,4 +56,4 @@ def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:
         whole, joint, freed = limits
         said = f"Within the joint limits no law can come closer to the least than {whole - 1:.1%}"
         return f"{said}; without those of {joint} it would be {freed - 1:.1%}; {rest}."
-    return f"No joint limit costs it speed: {best.speed - 1:.1%} is what one law for all poses needs, as far as those tried tell."
+    return f"No joint limit costs it speed: the {best.speed - 1:.1%} are {rest.removeprefix('the rest is ')}."

@@ -117,7 +117,7 @@ def allowed(robot: Robot) -> tuple[Vector, Vector]:
 
 def inside(robot: Robot, Q: Matrix) -> Flags:
     """Which postures (k, n) are within the joint limits (k,)."""
-    return ((robot.lower <= Q) & (robot.upper >= Q)).all(axis=1)
+    return np.all((robot.lower <= Q) & (robot.upper >= Q), axis=1)
 
 
 def regular(task: Task, q: Vector) -> float:

@@ -116,7 +116,7 @@ class Trial(Value):
 def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
     """A trial from each of the starts (s, n) that the law can begin at."""
     task = candidate.task
-    if candidate.level is not None:
+    if candidate.strategy is not None and candidate.level is not None:
         starts = _on_leaf(task, candidate.strategy, starts, candidate.level)
     if not len(starts):
         return []
@@ -136,10 +136,10 @@ def _trial(candidate: Candidate, start: Vector, rays: Rays, i: int, speed: Vecto
     return Trial(candidate, start, q, reached, served, np.where(served, speed, np.nan), rcond)
 
 
-def _on_leaf(task: Task, strategy: HolonomicStrategy | None, starts: Matrix, level: float) -> Matrix:
+def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:
     """Those starts, moved by self-motion to the leaf of a level, that get there within the joint limits."""
     moved = []
-    for q in starts if strategy is not None else []:
+    for q in starts:
         rays = along_leaf(strategy, q[None], task.robot.pose(q, task.tip)[None], np.full(task.n - task.m, level))
         if rays.reached[0, 0] and inside(task.robot, rays.q[0])[0]:
             moved.append(rays.q[0, 0])

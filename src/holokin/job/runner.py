@@ -37,7 +37,6 @@ from .build import (
     build_robot,
     build_start,
     build_strategy,
-    build_strategy,
     build_tasks,
     naming,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,8 @@ def parse_workspace(text: str, *, planar: bool = False) -> Workspace:
     if "rpy" in found:
         rotation = rotation_from_rpy(np.deg2rad(found["rpy"]).tolist())
     try:
-        return workspace(**{name: _sizes(name, found[name])}, rotation=rotation, tilt=angles[0], spin=angles[1])
+        sizes: Any = {name: _sizes(name, found[name])}
+        return workspace(**sizes, rotation=rotation, tilt=angles[0], spin=angles[1])
     except HolokinError as problem:
         raise ArgumentError("the workspace", text, f"{problem}") from problem
 

@@ -13,12 +13,13 @@ from ..errors import ArgumentError, brief
 from ..files import replacing
 from .coverage_plots import CAUSES, coverage_cloud
 from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, style
+from .table import Column
 from .words import on_figure
 
 MOST_LAWS = 12
 """Laws in the figure: the best ones."""
 
-COLUMNS = (
+COLUMNS: tuple[Column, ...] = (
     ("law", "left"), ("workspace\nreached", "right"), ("nearest limit\n[of its range]", "right"), ("joint", "left"),
     ("rcond\nmin", "right"), ("joint speed^2\n/ least", "right"),
 )  # fmt: skip
