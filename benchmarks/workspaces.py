@@ -14,6 +14,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.designing import PoseStatus, posture_reach
+from holokin.strategies import HolonomicStrategy
 
 READY = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
 """The usual ready posture of a Panda; the tool looks down."""
@@ -23,7 +24,7 @@ LOST = (PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC, PoseStatus.REPRESENTATION,
 HEAD = "law | poses | reached | random poses, before | joint limit | leaf ends | no posture found | rcond, least"
 
 
-def laws(task: hk.Task) -> list[tuple[str, hk.Strategy, np.ndarray, str]]:
+def laws(task: hk.Task) -> list[tuple[str, HolonomicStrategy, np.ndarray, str]]:
     """(name, law, start, count of the earlier run) of all."""
     centring = hk.holonomic(task, hk.stationary(hk.constraints.centring_cost()))
     return [
@@ -34,7 +35,13 @@ def laws(task: hk.Task) -> list[tuple[str, hk.Strategy, np.ndarray, str]]:
         ("joint 1 locked", hk.holonomic(task, hk.lock(0)), READY, "335"),
         ("arm angle, stereographic", hk.holonomic(task, hk.arm_angle()), READY, "165"),
         ("arm angle, conventional", hk.holonomic(task, hk.arm_angle(definition="conventional")), READY, ""),
-        ("radial about the start", hk.radial(hk.moore_penrose(task), READY), READY, "338"),
+        ("radial about the start, 4 steps", hk.radial(hk.moore_penrose(task), READY), READY, ""),
+        (
+            "radial about the start, 16 steps",
+            hk.radial(hk.moore_penrose(task), READY, steps=16),
+            READY,
+            "338, unknown steps",
+        ),
     ]
 
 

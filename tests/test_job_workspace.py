@@ -73,12 +73,14 @@ def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     assert len(again.poses(1000)) == 200
 
 
-@pytest.mark.parametrize(("bound", "code"), [("{ above = 0.3 }", 0), ("{ above = 0.99 }", 1)])
-def test_a_share_can_be_expected(tmp_path: Path, out: Path, holokin: Command, bound: str, code: int) -> None:
-    file = job(tmp_path, expect=f"[expect.lock]\ncoverage = {bound}\n")
+def test_a_share_that_was_expected_and_is_not_reached_fails_the_job(
+    tmp_path: Path, out: Path, holokin: Command
+) -> None:
+    file = job(tmp_path, expect="[expect.lock]\ncoverage = { above = 0.99 }\ncoverage_rcond = { below = 1 }\n")
     outcome = holokin("run", file, "--out", out)
-    assert outcome.code == code
-    assert ("expected coverage > 0.99" in outcome.out) == bool(code)
+    assert outcome.code == 1
+    assert "expected coverage > 0.99, found 0." in outcome.out
+    assert "expected coverage_rcond" not in outcome.out
 
 
 def test_a_file_of_poses_counts_from_the_job_file(tmp_path: Path) -> None:
@@ -116,7 +118,7 @@ def test_a_workspace_table_that_is_wrong_is_refused_with_its_key(
 def test_the_example_shows_what_it_says_also_with_fewer_poses(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "examples" / "panda-workspace.toml").read_text("utf-8")
     assert "samples = 256" in text
-    (tmp_path / "few.toml").write_text(text.replace("samples = 256", "samples = 64\nslices = 0"), "utf-8")
+    (tmp_path / "few.toml").write_text(text.replace("samples = 256", "samples = 128\nslices = 0"), "utf-8")
     assert run_job(*open_job(str(tmp_path / "few.toml"))).passed
 
 
@@ -137,6 +139,7 @@ def test_pictures_draw_into_the_axes_that_they_are_given_and_name_every_cause() 
     assert coverage_cloud(figure.add_subplot(projection="3d"), covers).name == "3d"
     whole = coverage_figure(covers, slices)
     labels = [text.get_text() for legend in whole.legends for text in legend.get_texts()]
+    assert labels.pop() == "tool at the start"
     assert [label.rpartition(":")[0] for label in labels] == [
         name for cause, (_, name) in CAUSES.items() if covers.count(cause) or slices[0].coverage.count(cause)
     ]

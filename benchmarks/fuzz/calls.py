@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import analysis, constraints, laws, motion, recording, strategies
+from holokin import analysis, constraints, designing, laws, motion, recording, strategies
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
@@ -57,6 +57,7 @@ def kit() -> dict[str, Any]:
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
     walk = hk.follow(held, loop, q, samples=8)
+    space = hk.workspace(box=(start[:2], [0.2, 0.1]))
     rng = np.random.default_rng(0)
     return {
         "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
@@ -65,6 +66,7 @@ def kit() -> dict[str, Any]:
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
         "servo": hk.controller(held, dt=0.01, start=q), "closed": laws.closed_loop(law),
         "leaf": analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
+        "space": space, "covered": hk.coverage(held, q, space, samples=4),
     }  # fmt: skip
 
 
@@ -175,6 +177,18 @@ def calls() -> dict[str, Call]:
             3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
         "read_recording": (hk.read_recording, ("no.csv", robot), {"degrees": False, "topic": None}),
+        "workspace": (hk.workspace, (), {
+            "box": ([0.5, 0, 0.3], [0.1, 0.1, 0.1]), "cylinder": None, "sphere": None, "rotation": one, "tilt": 0.5,
+            "spin": 0.5}),
+        "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
+        "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
+        "read_workspace": (hk.read_workspace, ("no.csv",), {"degrees": False}),
+        "coverage": (hk.coverage, (held, q, k["space"]), {
+            "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
+        "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
+        "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
+        "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
+        "Coverage.save": (k["covered"].save, ("covered.csv",), {}),
         "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),
         "Robot.jacobian": (robot.jacobian, (q,), {"tip": "tool"}),
         "Robot.pose_batch": (robot.pose_batch, (Q,), {"tip": None}),

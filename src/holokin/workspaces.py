@@ -155,6 +155,11 @@ class Workspace(Value, ABC):
     def center(self) -> Matrix:
         """The pose (4, 4) in its middle."""
 
+    @property
+    def size(self) -> int | None:
+        """Number of its poses; None where there is no end of them."""
+        return None
+
     @abstractmethod
     def poses(self, count: int, seed: int = 0) -> Array:
         """Some of its poses (count, 4, 4), the same for the same seed."""
@@ -220,6 +225,11 @@ class PoseCloud(Workspace):
 
     given: Array
     source: str = "given poses"
+
+    @property
+    def size(self) -> int:
+        """Number of its poses."""
+        return len(self.given)
 
     @property
     def center(self) -> Matrix:

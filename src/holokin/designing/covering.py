@@ -14,11 +14,12 @@ from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Indices, Matrix, Vector
-from ..workspaces import PoseCloud, Workspace
+from ..workspaces import Workspace
 from .covered import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024
-"""Poses by default: a share is then right to about 1 %, since even points do better than the 1.5 % of random ones."""
+"""Poses by default: shares of two known sets were then right to 0.3 % in a plane and 0.6 % in six dimensions (rms over
+200 seeds), where random poses have 1.4 %."""
 
 BEHIND = 1e-6
 """How far behind the end of a way [joint units] a change of sign is looked for: ways end nearer to a singularity."""
@@ -27,8 +28,8 @@ PIECE = 256
 """Poses between two reports of progress."""
 
 KINEMATIC = 1e-3
-"""Smallest over largest singular value of J, in the robot's own units, below which an arm that stops is singular
-itself."""
+"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is singular: in a
+Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least where a law alone is singular."""
 
 
 @typed
@@ -68,7 +69,7 @@ def coverage(
     if limits:
         robot.check_limits(start)
     ik = inverse(strategy, start)
-    count = samples if samples is not None else len(workspace.given) if isinstance(workspace, PoseCloud) else SAMPLES
+    count = samples if samples is not None else workspace.size or SAMPLES
     poses = workspace.poses(count, seed)
     _check_planar(task, start, poses)
     q, last, found = np.empty((len(poses), task.n)), np.empty((len(poses), task.n)), np.empty(len(poses), dtype=int)
@@ -139,8 +140,9 @@ def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Ind
     s = np.linalg.svd(strategy.task.jacobian_batch(last[known])[0], compute_uv=False)
     margin = strategy.gain.batch(last[known])[2]
     kind = np.where(s[:, -1] > KINEMATIC * s[:, 0], PoseStatus.ALGORITHMIC, PoseStatus.KINEMATIC)
-    kind = np.where(margin > TOLERANCES.representation, kind, PoseStatus.REPRESENTATION)
-    ends = np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
+    undefined = margin < 2 * TOLERANCES.representation
+    kind = np.where(undefined, PoseStatus.REPRESENTATION, kind)
+    ends = undefined | np.isin(found[known], (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR))
     for i in np.flatnonzero(~ends):
         ends[i] = _folds(strategy, poses[known[i]], last[known[i]])
     status[known[ends]] = kind[ends]

@@ -50,7 +50,7 @@ def coverage_slices(
         steps: cells along the longest side, at least 2; they are squares, or nearly.
 
     Raises:
-        As `coverage`.
+        JointLimitError, SingularityError, ArgumentError, ShapeError, NotFiniteError: as `coverage`.
     """
     whole("steps", steps, 2)
     solid = workspace.solid

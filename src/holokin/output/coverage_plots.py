@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..designing import Coverage, PoseStatus, Slice
+from ..types import Matrix
 from .plots import INK
 from .words import on_figure
 
@@ -15,7 +16,7 @@ CAUSES = {
     PoseStatus.LIMIT: ("#e8a33d", "joint limit"),
     PoseStatus.ALGORITHMIC: ("#c0392b", "leaf ends: law singular"),
     PoseStatus.KINEMATIC: ("#7d3c98", "leaf ends: arm singular"),
-    PoseStatus.REPRESENTATION: ("#5b4636", "representation singular"),
+    PoseStatus.REPRESENTATION: ("#5b4636", "leaf ends: representation"),
     PoseStatus.STOPPED: ("#1c1c1c", "no way on the leaf shown"),
     PoseStatus.BEYOND_LIMITS: ("#aab2bd", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#dde1e7", "out of reach"),
@@ -50,6 +51,7 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
         axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6)
     axes.grid(False)
+    axes.locator_params(nbins=5)
     axes.set_xlabel(f"{_AXES[i]} [m]")
     axes.set_ylabel(f"{_AXES[j]} [m]")
     axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
@@ -73,8 +75,10 @@ def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None) -> 
     for cause in reversed(CAUSES):  # what the law loses last, over the rest
         here = status == cause
         lost = cause < PoseStatus.BEYOND_LIMITS
-        axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
-    axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
+        if here.any():  # an empty cloud would move the limits of the axes
+            axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
+    if reached.any():
+        axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
     if flat:
         axes.set_aspect("equal")
         axes.set_xlabel("x [m]")
@@ -90,27 +94,23 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     from matplotlib.figure import Figure
 
     p = coverage.poses[:, :3, 3]
-    ends = [(part.u, part.v) for part in slices] or [(p[:, 0], p[:, 1])]
-    sides = [[float(np.ptp(w)) for w in uv] for uv in ends]
     flat = bool(np.ptp(p[:, 2]) < 1e-9)
-    views = len(slices) == 3
-    width, height = (sides[0][0] + sides[2][0], sides[0][1] + sides[1][1]) if views else (2 * sides[0][0], sides[0][1])
-    scale = min(6.6 / width, 6.0 / height)
+    widths, heights, places = _layout(p, slices)
+    scale = min(6.6 / sum(widths), 6.0 / sum(heights))
+    wide, tall = scale * sum(widths), max(scale * sum(heights), 2.4)
     left, right, bottom, top, gap = 0.75, 2.75, 0.6, 0.95, 0.75
-    size = (scale * width + left + right + gap, scale * height + bottom + top + (gap if views else 0))
+    size = (wide + left + right + gap * (len(widths) - 1), tall + bottom + top + gap * (len(heights) - 1))
     figure = Figure(figsize=size)
-    ratios = {"width_ratios": [sides[0][0], sides[2][0]], "height_ratios": [sides[0][1], sides[1][1]]} if views else {}
-    rows = 2 if views else 1
     grid = figure.add_gridspec(
-        rows, 2, **ratios, left=left / size[0], right=1 - right / size[0], bottom=bottom / size[1],
-        top=1 - top / size[1], wspace=2 * gap / (scale * width), hspace=2 * gap / (scale * height),
+        len(heights), len(widths), width_ratios=widths, height_ratios=heights, left=left / size[0],
+        right=1 - right / size[0], bottom=bottom / size[1], top=1 - top / size[1],
+        wspace=gap * len(widths) / wide, hspace=gap * len(heights) / tall,
     )  # fmt: skip
     every = [coverage, *(part.coverage for part in slices)]
     most = _greatest(every)
-    places = [grid[0, 0], grid[1, 0], grid[1, 1]] if views else [grid[0, 0]]
-    for part, place in zip(slices, places, strict=False):
-        slice_map(figure.add_subplot(place), part, most)
-    cloud = figure.add_subplot(grid[0, 1], projection=None if flat else "3d")
+    for part, place in zip(slices, places, strict=True):
+        slice_map(figure.add_subplot(grid[place]), part, most)
+    cloud = figure.add_subplot(grid[0, len(widths) - 1], projection=None if flat else "3d")
     coverage_cloud(cloud, coverage, most)
     cloud.set_title(f"{len(coverage)} poses: {coverage.share:.1%}", loc="left", fontsize=10)
     if not flat:
@@ -122,10 +122,24 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     return figure
 
 
+def _layout(points: Matrix, slices: Sequence[Slice]) -> tuple[list[float], list[float], list[tuple[int, int]]]:
+    """(widths of the columns, heights of the rows [m], (row, column) of each slice); the cloud is at the top right."""
+    sides = [(float(np.ptp(part.u)), float(np.ptp(part.v))) for part in slices]
+    if len(sides) == 3:
+        widths, heights, places = [sides[0][0], sides[2][0]], [sides[0][1], sides[1][1]], [(0, 0), (1, 0), (1, 1)]
+    elif sides:
+        widths, heights, places = [sides[0][0]] * 2, [sides[0][1]], [(0, 0)]
+    else:
+        widths, heights, places = [float(np.ptp(points[:, 0]))], [float(np.ptp(points[:, 1]))], []
+    least = max(0.3 * max(*widths, *heights), 1e-3)  # thin or single ones shall be seen
+    return [max(w, least) for w in widths], [max(h, least) for h in heights], places
+
+
 def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float) -> None:
     """The causes with their shares, and the scale of rcond, right of a place."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     width, height = figure.get_size_inches()
@@ -134,10 +148,10 @@ def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: f
         for cause, (color, name) in CAUSES.items()
         if any(c.count(cause) for c in every)
     ]
-    if patches:
-        figure.legend(
-            handles=patches, loc="upper left", bbox_to_anchor=(left - 0.1 / width, 1 - 0.8 / height), fontsize=9
-        )
+    cross = {"color": INK, "marker": "+", "linestyle": "", "markersize": 9, "markeredgewidth": 1.6}
+    start = [Line2D([], [], label="tool at the start", **cross)] if len(every) > 1 else []
+    corner = (left - 0.1 / width, 1 - 0.8 / height)
+    figure.legend(handles=[*patches, *start], loc="upper left", bbox_to_anchor=corner, fontsize=9)
     bar = figure.add_axes((left, 0.6 / height, 0.16 / width, min(2.2, height / 2 - 0.5) / height))
     figure.colorbar(ScalarMappable(Normalize(0, most), shades()), cax=bar, label="reached: rcond of [J; J_g]")
 
@@ -155,11 +169,11 @@ def _greatest(every: Sequence[Coverage]) -> float:
     return float(max(found)) if found else 1.0
 
 
-def _frame(axes: Any, points: Any) -> None:
+def _frame(axes: Any, points: Matrix) -> None:
     from matplotlib.ticker import MaxNLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
-    axes.set_box_aspect(np.maximum(high - low, 0.25 * (high - low).max()), zoom=1.15)
+    axes.set_box_aspect(np.maximum(high - low, max(0.25 * float((high - low).max()), 1e-3)), zoom=1.15)
     axes.view_init(elev=22, azim=-60)
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.pane.set_facecolor("#fafafa")
