@@ -42,7 +42,9 @@ def test_it_runs_with_quick(module: str, tmp_path: Path) -> None:
         page = (tmp_path / f"{module.rpartition('.')[2]}.md").read_text("utf-8")
         assert "nan" not in page
         if module == "benchmarks.speed":
-            rows = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in page.splitlines() if line[:1] == "|"}
+            rows = {
+                line.split(" | ")[0].strip("| "): line.split(" | ") for line in page.splitlines() if line[:1] == "|"
+            }
             assert float(rows["radial of the pseudo-inverse, called from C"][3]) < 40
             assert float(rows["radial, virtual machine"][3]) > 60
         for library in ("pink", "mink", "placo"):

@@ -13,7 +13,7 @@ from . import analysis, auditing, constraints, designing, export, laws, motion, 
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Advice, Coverage, Design, Objective, advise, coverage, design
+from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
 from .motion import ControlLaw, controller, drift, follow, inverse, move_to_leaf, path_spread, simulate
@@ -33,6 +33,7 @@ __all__ = [
     "Coverage",
     "Design",
     "HolokinError",
+    "NearestLaw",
     "Objective",
     "Path",
     "Robot",
@@ -78,6 +79,7 @@ __all__ = [
     "moore_penrose",
     "motion",
     "move_to_leaf",
+    "nearest",
     "null_basis",
     "path_spread",
     "polyline",

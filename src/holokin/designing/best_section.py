@@ -78,7 +78,7 @@ class Search(Value):
         return np.column_stack([np.maximum(over, -1.0), least]), np.sign(off) / self.costs.half
 
     def best(self, first: Matrix, degree: int) -> tuple[Matrix, Sampled, tuple[float, ...]]:
-        """(coefficients (r, t), their section, the least cost with each degree), from coefficients of any lower degree."""
+        """(coefficients (r, t), their section, the least cost with each degree), from those of a lower degree."""
         found, near, values, start = first, self.near, [], (np.zeros((len(self.near.Q), self._n + 1)), PENALTY)
         for k in range(degree + 1):
             t = len(monomials_up_to(self.section.leaves.coordinates.d, k))

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import ArgumentError
 from ..symbolic import SX, Function, jacobian, symbol, vertcat
 from ..task import Task
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 MOVES = 1e-6
 """Half width [m or rad] of poses along a direction from which on the workspace reaches in it: well over round-off."""
@@ -82,7 +82,7 @@ def coordinates_of(chart: Task, Q: Matrix) -> Coordinates:
     return Coordinates(chart, P, middle, np.ptp(w, axis=0) / 2, w.std(axis=0))
 
 
-def _directions(x: Matrix, rows: Array) -> Matrix:
+def _directions(x: Matrix, rows: Indices) -> Matrix:
     """Orthonormal directions (m, d) among some rows in which values (k, m) vary; the axes where all do."""
     values = x[:, rows] - x[:, rows].mean(axis=0)
     axes = np.linalg.svd(values, full_matrices=False)[2] if len(rows) else np.zeros((0, 0))

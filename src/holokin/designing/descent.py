@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Vector
+from ..types import Matrix, Vector
 
 FIRST = 0.1
 """Length of the first step."""
@@ -35,9 +35,10 @@ def descend(cost: Cost, x: Vector, state: Any) -> tuple[Vector, float, Any]:
     if found is None:
         return x, np.inf, state
     value, slope, state = found
-    inverse, fresh, small = np.eye(len(x)), True, 0
+    inverse: Matrix = np.eye(len(x))
+    fresh, small = True, 0
     for _ in range(STEPS):
-        way = -inverse @ slope
+        way: Vector = -inverse @ slope
         length = min(1.0, FIRST / float(np.linalg.norm(way) or 1.0)) if fresh else 1.0
         new = None
         for _ in range(HALVINGS):
@@ -57,7 +58,7 @@ def descend(cost: Cost, x: Vector, state: Any) -> tuple[Vector, float, Any]:
         if along > 1e-10 * float(np.linalg.norm(move) * np.linalg.norm(turn)):
             if fresh:
                 inverse = np.eye(len(x)) * along / float(turn @ turn)
-            half = np.eye(len(x)) - np.outer(move, turn) / along
+            half: Matrix = np.eye(len(x)) - np.outer(move, turn) / along
             inverse, fresh = half @ inverse @ half.T + np.outer(move, move) / along, False
         if small >= 2:
             break

@@ -13,10 +13,10 @@ from ..motion import inverse
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import Array, ArrayLike, Matrix, Value, Vector, not_negative, whole
+from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, not_negative, whole
 from ..workspaces import Workspace
 from .best_section import Limits, Search
-from .coordinates import Polynomial, chart_of, coordinates_of, monomials_up_to
+from .coordinates import Coordinates, Polynomial, chart_of, coordinates_of, monomials_up_to
 from .lower_bound import LeastCosts, least_costs
 from .objectives import POWER, Costs, Objective, as_objective, costs_of, joint_weights
 from .section import Sampled, SectionSamples, TiltedLeaves
@@ -25,7 +25,7 @@ from .section_metrics import SectionMetrics, measured, reached
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Searches at most: another one follows where the design reaches samples that the base law did not, and, with limits
 narrowed, where poses between the samples are beyond them."""
 
@@ -40,8 +40,8 @@ FINER = 4
 class Design(Value):
     """The best section that was found, as a strategy, and what it was chosen by.
 
-    strategy: an ordinary one; its leaf through `start` (n,), the posture at the middle of the workspace, is the section,
-        phi(q) = polynomial(x).
+    strategy: an ordinary one; its leaf through `start` (n,), the posture at the middle of the workspace, is the
+        section phi(q) = polynomial(x).
     costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
         has the cost's unit, with several it is 1 to begin with.
     bound: no section can have a lower objective at these samples. With several redundant joints (`bound_traced` False)
@@ -83,8 +83,8 @@ class Design(Value):
         cause = f"; at {self.impossible} of the samples no posture is within them" if self.impossible else ""
         return (
             f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "
-            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; the hard limits "
-            f"hold at {self.kept} of those reached{cause}."
+            f"{self.base.name!r}; {kind} {self.bound:.5g}. Checked at {self.checked.poses} poses: {self.checked}; "
+            f"the hard limits hold at {self.kept} of those reached{cause}."
         )
 
 
@@ -113,8 +113,8 @@ def design(
         start: a posture (n,) on the branch that is to be used.
         objective: an `Objective`, or the name of one cost.
         base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
-            self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding joints
-            scaled as in `Objective`).
+            self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding
+            joints scaled as in `Objective`).
         degree: of zeta, 0 to 4.
         limits: True makes joint limits hard. margin: distance kept from them [joint units].
         rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
@@ -147,39 +147,64 @@ def design(
     hard = _limits(costs, margin if limits else None, rcond)
     search, least = _posed(leaves, costs, goal, hard, degree, Q, there, found)
     before, values = measured(law, coordinates, costs, Q, len(poses)), (search.cost(search.near).value,)
-    for _ in range(ROUNDS):
-        found, best, more = search.best(found, degree)
-        values = (*values[: degree + 2 - len(more)], *more)
-        zeta = Polynomial(coordinates, found)
-        strategy = holonomic(task, tilted(law.constraint, zeta, chart=coordinates.chart), name="designed")
-        middle = inverse(strategy, best.Q[0])(workspace.center)
-        arrived, _ = reached(strategy, middle, other)
-        if len(best.Q) < len(poses):
-            Q, there = reached(strategy, middle, poses)
-            if len(Q) > len(best.Q):
-                search, least = _posed(leaves, costs, goal, hard, degree, Q, there, found, search.weights)
-                continue
-        over = np.abs(arrived - costs.middle) / costs.half - hard.allowed
-        rconds = strategy.gain.batch(arrived)[1]
-        fits = (over <= 0).all(axis=1) & (rconds >= rcond)
-        if fits.all() or least.beyond.any():
+    found, best, more = search.best(found, degree)
+    result, values = _checked(law, coordinates, costs, hard, found, best, workspace.center, other), (*values, *more)
+    for _ in range(ROUNDS - 1):
+        Q, there = reached(result.strategy, result.middle, poses) if len(best.Q) < len(poses) else (best.Q, poses)
+        if len(Q) > len(best.Q):
+            search, least = _posed(leaves, costs, goal, hard, degree, Q, there, found, search.weights)
+        elif result.fits.all() or least.beyond.any():
             break
-        search = replace(search, near=best, limits=search.limits.narrowed(over.max(axis=0), rcond / rconds.min()))
+        else:
+            search = replace(search, near=best, limits=search.limits.narrowed(result.over, result.short))
+        found, best, more = search.best(found, degree)
+        result = _checked(law, coordinates, costs, hard, found, best, workspace.center, other)
+        values = (*values[: degree + 2 - len(more)], *more)
     return Design(
-        strategy=strategy,
-        start=middle,
+        strategy=result.strategy,
+        start=result.middle,
         objective=goal,
         base=law,
-        polynomial=zeta,
+        polynomial=result.zeta,
         costs=values,
         impossible=int(np.sum(least.beyond > 0)),
         bound=_bound(least, search.weights),
         bound_traced=least.traced,
         before=before,
-        after=measured(strategy, coordinates, costs, best.Q, len(poses)),
-        checked=measured(strategy, coordinates, costs, arrived, len(other)),
-        kept=int(fits.sum()),
+        after=measured(result.strategy, coordinates, costs, best.Q, len(poses)),
+        checked=measured(result.strategy, coordinates, costs, result.arrived, len(other)),
+        kept=int(result.fits.sum()),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Checked(Value):
+    """A law of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits (k,),
+    by how much joints are beyond them at most (n,), and by what share rcond falls short.
+    """
+
+    strategy: HolonomicStrategy
+    zeta: Polynomial
+    middle: Vector
+    arrived: Matrix
+    fits: Flags
+    over: Vector
+    short: float
+
+
+def _checked(
+    law: HolonomicStrategy, coordinates: Coordinates, costs: Costs, hard: Limits,
+    coefficients: Matrix, best: Sampled, center: Matrix, poses: Array,
+) -> _Checked:  # fmt: skip
+    """The law of coefficients (r, t) at other poses (k, 4, 4), reached on its leaf from the middle of the workspace."""
+    zeta = Polynomial(coordinates, coefficients)
+    strategy = holonomic(law.task, tilted(law.constraint, zeta, chart=coordinates.chart), name="designed")
+    middle = inverse(strategy, best.Q[0])(center)
+    arrived, _ = reached(strategy, middle, poses)
+    over = np.abs(arrived - costs.middle) / costs.half - hard.allowed
+    rconds = strategy.gain.batch(arrived)[1]
+    fits = (over <= 0).all(axis=1) & (rconds >= hard.rcond)
+    return _Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), hard.rcond / float(rconds.min()))
 
 
 def _base(
@@ -207,7 +232,7 @@ def _posed(
     leaves: TiltedLeaves, costs: Costs, goal: Objective, hard: Limits, degree: int,
     Q: Matrix, there: Array, coefficients: Matrix, weights: dict[str, float] | None = None,
 ) -> tuple[Search, LeastCosts]:  # fmt: skip
-    """The search at poses (S, 4, 4) with postures (S, n) of a section of coefficients (r, t), and the least costs there."""
+    """The search at poses (S, 4, 4), from postures (S, n) of a section of coefficients (r, t), and the least costs."""
     c = leaves.coordinates
     p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
     section = SectionSamples(leaves, monomials_up_to(c.d, degree), p, R, c.at(Q))

@@ -26,12 +26,14 @@ FINER = 8
 """Walks round the best posture have steps shorter by this, twice: the least value is then right to 1e-5."""
 
 LINES = 12
-"""Lines searched for each redundant joint, where there are several, of `STEPS` steps each way; a third of them with steps
-`SHORTER`, a third with steps shorter once more."""
+"""Lines searched for each redundant joint, where there are several; a second and a third third of them have steps that
+are shorter by `SHORTER` and by its square."""
 
 STEPS = 10
+"""Steps of such a line each way."""
 
 SHORTER = 5
+"""See `LINES`."""
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -58,8 +60,8 @@ def least_costs(
     """The least costs over the self-motions through postures (S, n) at tool poses p (S, 3), R (S, 3, 3).
 
     Args:
-        allowed: |q - middle| over half the range (n,) up to which postures count; inf for all. speeds: whether the worst
-            speed is asked for, too.
+        allowed: |q - middle| over half the range (n,) up to which postures count; inf for all.
+        speeds: whether the worst speed is asked for, too.
     """
     task = coordinates.chart
     r, kinds = task.n - task.m, 4 if speeds else 3
@@ -70,19 +72,20 @@ def least_costs(
         found = [np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2)), off.max(axis=1)]
         over = (off - allowed).max(axis=1)
         values = np.array([over, *found, *([least_worst(J, coordinates.P, costs)] if speeds else [])])
-        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values).all(axis=0)] = np.inf
+        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values[1:]).all(axis=0)] = np.inf
         return values
 
-    walker, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
+    motions, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
     best, rng = np.array([Q] * kinds), np.random.default_rng(0)
+    v = np.zeros_like(Q)
     for k in range(1 if r == 1 else LINES * r):
         v, step = rng.normal(size=Q.shape), STEP / SHORTER ** (3 * k // (LINES * r))
-        found, at = walker.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
+        found, at = motions.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
         better = found < values
         values[better], best[better] = found[better], at[better]
     for step in (STEP / FINER, STEP / FINER**2) if r == 1 else ():
         for kind in range(kinds):
-            found, at = walker.best(least, best[kind], v, step, 2 * FINER * step)
+            found, at = motions.best(least, best[kind], v, step, 2 * FINER * step)
             better = found < values
             values[better], best[better] = found[better], at[better]
     worst = values[3] if speeds else np.zeros(len(Q))

@@ -1,4 +1,4 @@
-"""`nearest`: the repeatable law nearest to a given one over a joint region. [RM92], [RM93], theory 2b, 5.4
+"""`nearest`: the repeatable law nearest to a given one over a joint region. [RM93], theory 2b, 5.4
 
 A law with leaves g(q) = const differs from a given one G by a self-motion (theory 1.5),
 
@@ -10,9 +10,9 @@ With coordinates (x, phi) of the region, x the tool pose and phi a base constrai
     D(g) = |Z (g_phi^-1 g_x + A)|_F^2,
 
 for any number of redundant joints. D does not change when g is relabelled, g -> psi(g): the gauge is fixed by
-g = phi at the middle of the region's tool poses, that is, every term of g - phi has a factor that vanishes there. It
-begins with the least squares of g_x + g_phi A, which is linear in g, and goes on with D itself and a small -log det g_phi,
-which keeps det [J; J_g] from zero.
+g = phi at the middle of the region's tool poses, that is, every term of g - phi has a factor that vanishes there. The
+search begins with the least squares of g_x + g_phi A, which is linear in g, and goes on with D itself and a small
+-log det g_phi, which keeps det [J; J_g] from zero.
 """
 
 from __future__ import annotations
@@ -23,83 +23,28 @@ import numpy as np
 
 from ..analysis import Ball, Deviation, Region
 from ..analysis.repeatable_distance import distance_to_repeatable
-from ..arguments import made, typed
+from ..arguments import typed
 from ..constraints import Constraint, linear, lock
-from ..errors import ArgumentError, SingularityError, posture_text
+from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
-from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic, radial, self_motion
-from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import Array, Matrix, Value, Vector, frozen, whole
+from ..types import Matrix, Value, Vector, frozen, whole
 from ..workspaces import Cylinder, Sphere, sobol
-from .coordinates import Coordinates, chart_of, coordinates_of, monomials, monomials_up_to
-from .descent import descend
+from .coordinates import chart_of, coordinates_of
+from .leaf_series import SampledSeries, along_leaves, series_over
 from .objectives import Objective, length_of
-from .section import TiltedLeaves
 from .self_motions import SelfMotions
-
-BARRIER = 1e-4
-"""Weight of the mean of -log det g_phi, as a share of the least squares' distance: it moves the optimum by less."""
 
 WHOLE = 0.9
 """Share of a closed self-motion that a region must hold for g to be written with its period."""
-
-FOLDS = 1e-4
-"""rcond of [J; J_phi] below which a base constraint folds in the region, and is no coordinate of it."""
-
-FLAT = 1e-9
-"""Singular values of the least squares' matrix, as a share of the greatest, below which terms are not told apart."""
 
 JUDGED = 1024
 """Postures, besides those of the search, that a law is judged at: figures are right to about a per cent."""
 
 BOUND = 16
 """Postures of the ball that go into the theorem's estimates; the bound itself is of the circle."""
-
-
-@dataclass(frozen=True, eq=False)
-class Series(Value):
-    """g(x, phi) = phi + C b(u, w) (r,): terms b that vanish at u = 0.
-
-    Without a period, monomials of u and w = (phi - middle) / scale; with one (r = 1), monomials of u times 1, cos(k w),
-    sin(k w), w = 2 pi phi / period.
-    """
-
-    coordinates: Coordinates
-    degree: int
-    middle: Vector
-    scale: Vector
-    period: float | None
-    coefficients: Matrix
-
-    def basis(self, u: SX, phi: SX) -> SX:
-        """b (t,) as an expression."""
-        d = self.coordinates.d
-        if self.period is None:
-            terms = monomials_up_to(d + len(self.middle), self.degree)
-            w = (phi - SX(self.middle)) / SX(self.scale)
-            every = monomials(vertcat(u, w), terms)
-            return every[[i for i, term in enumerate(terms) if any(v < d for v in term)]]
-        w = 2 * np.pi / self.period * phi
-        waves = [SX(1), *(f(k * w) for k in range(1, self.degree // 2 + 1) for f in (cos, sin))]
-        powers = monomials(u, monomials_up_to(d, self.degree)[1:])
-        return vertcat(*(powers * wave for wave in waves))
-
-    def __call__(self, x: SX, phi: SX) -> SX:
-        """g (r,) as an expression of the tool pose in the chart and the base constraint."""
-        return phi + SX(self.coefficients) @ self.basis(self.coordinates.of(x), phi)
-
-
-@made
-def along_leaves(task: Task, base: Constraint, series: Series, *, name: str = "nearest") -> HolonomicStrategy:
-    """The strategy with the leaves g(x, phi(q)) = const of a series."""
-
-    def expression(bound: Task, k: Kinematics, q: SX) -> SX:
-        return series(series.coordinates.chart.value_expression(k), base.expand(bound, k, q))
-
-    return holonomic(task, Constraint(name, base.rows, expression, base.angular, base.margin), name=name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,14 +117,11 @@ def nearest(
     phi, period = (base, None) if r > 1 else _base(task, base, start, region)
     law = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
     Q = _postures(law, region, start, whole("samples", samples) + JUDGED, seed)
-    chart = chart_of(task, task.robot.pose(start, task.tip)[:3, :3])
-    coordinates = coordinates_of(chart, Q)
+    coordinates = coordinates_of(chart_of(task, task.robot.pose(start, task.tip)[:3, :3]), Q)
     metres = length_of(Objective(1.0, length=length), coordinates.turns, coordinates.spread)
     weights = np.where(coordinates.turns, 1 / metres, 1.0)
-    values = law.constraint_value.batch(Q).reshape(len(Q), r)
-    middle, scale = (values.max(axis=0) + values.min(axis=0)) / 2, np.ptp(values, axis=0) / 2
-    series = Series(coordinates, degree, middle, scale, period, np.zeros((r, 0)))
-    searched, judged = (_Sampled.of(strategy, law, series, weights, part) for part in (Q[JUDGED:], Q[:JUDGED]))
+    series = series_over(law, coordinates, Q, degree, period)
+    searched, judged = (SampledSeries.of(strategy, law, series, weights, part) for part in (Q[JUDGED:], Q[:JUDGED]))
     C, steps = searched.best()
     found = along_leaves(task, law.constraint, replace(series, coefficients=frozen(C)))
     off, fold = judged.off(C)
@@ -238,110 +180,13 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, coun
         along = min(along, (whole.s[-1] - whole.s[0]) / 2) if whole.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
     Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[ok, 3] - 1) * along)
+    if not sound.sum() > JUDGED:
+        raise ArgumentError(f"the postures found in the ball, of {count}", int(sound.sum()), "give a smaller ball")
     return Q[sound]
 
 
 def _positions(center: Vector, radius: float, u: Matrix, planar: bool) -> Matrix:
     """Points (k, 3) of a ball, or of a disc in the plane of a planar robot."""
     if planar:
-        flat = Cylinder(center, radius, 0.0).points(u[:, :3])
-        return flat
+        return Cylinder(center, radius, 0.0).points(u[:, :3])
     return Sphere(center, radius).points(u[:, :3])
-
-
-@dataclass(frozen=True, eq=False)
-class _Sampled(Value):
-    """Postures of a region, in its coordinates: all that D needs, since they stay while the leaves change.
-
-    J (S, m, n) of the task; X (S, n, d) and G (S, n, d), dq/dx along phi = const and along the given law; Z (S, n, r);
-    A (S, r, d) = dphi/dx along the given law; by_u (S, t, d), by_phi (S, t, r): slopes of the terms; weights (d,).
-    """
-
-    Q: Matrix
-    J: Array
-    X: Array
-    G: Array
-    Z: Array
-    A: Array
-    by_u: Array
-    by_phi: Array
-    weights: Vector
-
-    @classmethod
-    def of(cls, strategy: Strategy, law: HolonomicStrategy, series: Series, weights: Vector, Q: Matrix) -> _Sampled:
-        """Of a given law and a base law, at postures (S, n). Raises: SingularityError; ArgumentError: phi folds."""
-        c, r, S = series.coordinates, law.constraint.rows, len(Q)
-        at = TiltedLeaves(law, c).slopes(Q, np.zeros((S, r, c.d)))
-        if not at.rcond.min() > FOLDS:
-            k = int(np.argmin(at.rcond))
-            cure = "give another base, or a smaller region"
-            raise ArgumentError(f"rcond of the base constraint at q = {posture_text(Q[k])}", float(at.rcond[k]), cure)
-        J = strategy.task.jacobian_batch(Q)[0]
-        G = strategy.batch(Q) @ (J @ at.G)
-        ZT = np.swapaxes(at.Z, 1, 2)
-        A = np.linalg.solve(ZT @ at.Z, ZT @ (G - at.G))
-        u, phi = symbol("u", c.d), symbol("phi", r)
-        b = series.basis(u, phi)
-        slopes = Function("series", {"u": u, "phi": phi}, {"by_u": jacobian(b, u), "by_phi": jacobian(b, phi)})
-        by_u, by_phi = slopes.batch(c.at(Q), law.constraint_value.batch(Q).reshape(S, r))
-        t = b.shape[0]
-        return cls(Q, J, at.G, G, at.Z, A, by_u.reshape(S, t, c.d) / c.scale, by_phi.reshape(S, t, r), weights)
-
-    def of_law(self, law: Strategy) -> Array:
-        """dq/dx (S, n, d) of another law. Raises: SingularityError."""
-        return law.batch(self.Q) @ (self.J @ self.X)
-
-    def off(self, C: Matrix) -> tuple[Array, Vector]:
-        """(what the law of a series adds to the given one (S, n, d), det g_phi (S,))."""
-        M, slopes = self._leaves(C)
-        return self.Z @ (slopes - self.A), np.linalg.det(M)
-
-    def deviation(self, off: Array) -> Deviation:
-        """The deviation of a law that adds so much."""
-        away, size = (np.sum((a * self.weights) ** 2, axis=(1, 2)) for a in (off, self.G))
-        speed = np.sum(((self.G + off) * self.weights) ** 2)
-        return Deviation(
-            float(np.sqrt(away.sum() / size.sum())), float(np.sqrt((away / size).max())), float(speed / size.sum() - 1)
-        )
-
-    def _leaves(self, C: Matrix) -> tuple[Array, Array]:
-        """(g_phi (S, r, r), dphi/dx along the leaves (S, r, d))."""
-        M = np.eye(len(C)) + np.einsum("rt,stk->srk", C, self.by_phi)
-        with np.errstate(all="ignore"):
-            return M, -np.linalg.solve(M, np.einsum("rt,std->srd", C, self.by_u))
-
-    def best(self) -> tuple[Matrix, tuple[float, float]]:
-        """(coefficients (r, t) of the least D, rms deviations after the least squares and in the end)."""
-        S, r, d = self.A.shape
-        K = np.swapaxes(self.Z, 1, 2) @ self.Z
-        root = np.swapaxes(np.linalg.cholesky(K), 1, 2)
-        terms = (self.by_u + self.by_phi @ self.A) * self.weights
-        t = terms.shape[1]
-        rows = np.einsum("sak,std->sadkt", root, terms).reshape(S * r * d, r * t) / np.sqrt(S)
-        wanted = -(root @ (self.A * self.weights)).ravel() / np.sqrt(S)
-        left, sizes, right = np.linalg.svd(rows, full_matrices=False)
-        kept = sizes > FLAT * sizes[0]
-        white = right[kept].T / sizes[kept]  # of coefficients, so that the least squares' matrix is the unit
-
-        def cost(x: Vector, _near: None) -> tuple[float, Vector, None] | None:
-            C = (white @ x).reshape(r, t)
-            M, slopes = self._leaves(C)
-            sign, size = np.linalg.slogdet(M)
-            if not (sign > 0).all():
-                return None
-            E = slopes - self.A
-            weighted = K @ E * self.weights**2
-            back = np.linalg.solve(np.swapaxes(M, 1, 2), 2 * weighted)  # D by the slopes' right sides
-            by_M = -back @ np.swapaxes(slopes, 1, 2) - barrier * np.swapaxes(np.linalg.inv(M), 1, 2)
-            by_C = np.einsum("srk,stk->rt", by_M, self.by_phi) - np.einsum("srd,std->rt", back, self.by_u)
-            value = (np.sum(E * weighted) - barrier * size.sum()) / S
-            return float(value), by_C.ravel() @ white / S, None
-
-        x = left.T[kept] @ wanted
-        while (np.linalg.slogdet(self._leaves((white @ x).reshape(r, t))[0])[0] <= 0).any():
-            x = x / 2
-        first = self.deviation(self.off((white @ x).reshape(r, t))[0]).rms
-        barrier = BARRIER * float(np.sum((first * self.G * self.weights) ** 2) / S)
-        x, _, _ = descend(cost, x, None)
-        C = (white @ x).reshape(r, t)
-        return C, (first, self.deviation(self.off(C)[0]).rms)

@@ -4,9 +4,9 @@ phi (r rows) is a base constraint, u (d,) are the workspace's coordinates. On th
 
     dq/dx P = [J; J_phi - zeta' J]^-1 [P; 0],      dq/dzeta = Z = [J; J_phi]^-1 [0; 1]
 
-and det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 7.1). A posture depends on zeta only through its value
-at the own pose, so every cost of postures and slopes has its exact derivatives by the coefficients from Z and one
-sweep back through the slopes.
+and det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 7.1). A posture depends on zeta only through its
+value at the own pose, so every cost of postures and slopes has its exact derivatives by the coefficients from Z and one
+sweep back through J and J_phi.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import SingularityError, SingularityKind
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
-from ..symbolic import SX, Function, dot, gradient, symbol, vec
+from ..symbolic import Function, dot, gradient, symbol, vec
 from ..types import Array, Matrix, Value, Vector
 from .coordinates import Coordinates, Terms, values_and_slopes
 from .objectives import Slopes
@@ -94,7 +94,7 @@ class TiltedLeaves(Value):
     coordinates: Coordinates
 
     def slopes(self, Q: Matrix, A: Array, levels: Matrix | None = None) -> Sampled | None:
-        """The sections through postures (S, n) with zeta' = A (S, r, d) [per metre or radian]; None at a singular one."""
+        """The sections through postures (S, n), zeta' = A (S, r, d) [per metre or radian]; None if one is singular."""
         P, (S, r, _) = self.coordinates.P, A.shape
         J, planes = (rows.reshape(S, -1, Q.shape[1]) for rows in self._rows.batch(Q))
         M = np.concatenate([J, planes - A @ (P.T @ J)], axis=1)
@@ -106,6 +106,14 @@ class TiltedLeaves(Value):
             return None
         X, Z = inverse[:, :, :-r], inverse[:, :, -r:]
         return Sampled(Q, np.zeros((S, r)) if levels is None else levels, A, M, X, Z, X @ P)
+
+    def through(self, Q: Matrix, A: Array, levels: Matrix | None = None) -> Sampled:
+        """The same. Raises: SingularityError at a singular posture."""
+        found = self.slopes(Q, A, levels)
+        if found is None:
+            self.base.batch(Q)
+            raise SingularityError(SingularityKind.REPRESENTATION, Q[0], self.coordinates.chart.name, 0.0)
+        return found
 
     def back(self, at: Sampled, by_G: Array, by_rcond: Vector) -> tuple[Matrix, Array]:
         """Derivatives by Q (S, n) and by A (S, r, d) of a cost whose derivatives by G and rcond are given.
@@ -172,11 +180,7 @@ class SectionSamples(Value):
         values, slopes = self.basis
         t = coefficients.shape[1]
         A = np.einsum("rt,std->srd", coefficients, slopes[:, :t])
-        found = self.leaves.slopes(Q, A, values[:, :t] @ coefficients.T)
-        if found is None:
-            self.leaves.base.batch(Q)
-            raise SingularityError(SingularityKind.ALGORITHMIC, Q[0], self.leaves.base.name, 0.0)
-        return found
+        return self.leaves.through(Q, A, values[:, :t] @ coefficients.T)
 
     def slope(self, at: Sampled, cost: Slopes, t: int) -> Matrix:
         """Derivative (r, t) of a cost by the coefficients."""

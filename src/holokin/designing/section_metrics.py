@@ -41,9 +41,9 @@ class SectionMetrics(Value):
 
     def __str__(self) -> str:
         return (
-            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; mean "
-            f"squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of its "
-            f"limit at 1 m/s, {self.worst_joint} at {self.joint_limits:.0%} of its half range, rcond at least "
+            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; "
+            f"mean squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of "
+            f"its limit at 1 m/s, {self.worst_joint} at {self.joint_limits:.0%} of its half range, rcond at least "
             f"{self.rcond:.2g}, joints {np.sqrt(self.travel):.3g} rad (rms) apart between two poses"
         )
 
@@ -93,14 +93,14 @@ def measured(
 ) -> SectionMetrics:
     """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
     robot = strategy.task.robot
-    at = TiltedLeaves(strategy, coordinates).slopes(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
+    at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
     off = np.abs(Q - costs.middle) / costs.half
     k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
     used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
     return SectionMetrics(
         poses=poses,
         reached=len(Q),
-        within_limits=int(np.sum(((Q >= robot.lower) & (Q <= robot.upper)).all(axis=1))),
+        within_limits=int(np.sum((np.clip(Q, robot.lower, robot.upper) == Q).all(axis=1))),
         squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
         worst_speed=float(used.max()),
         joint_limits=float(off[k, joint]),

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..symbolic import wrapped
 from ..task import Task
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 STEP = 0.2
 """Arc length [joint units] of a step: two Newton steps correct it to round-off."""
@@ -53,7 +53,8 @@ class SelfMotions(Value):
                 at, along, sound = self._step(at, along, i, np.full(len(i), step))
                 back = (self._away(at, Q[i]) < 0.6 * step) & (np.sum(along * first, axis=1) > SAME_WAY) & (k > 2)
                 closed[i[back & (np.linalg.norm(at - Q[i], axis=1) < step)]] = True  # else a hinge has made a turn
-                i, at, along, first = (kept[sound & ~back] for kept in (i, at, along, first))
+                on = sound & ~back
+                i, at, along, first = i[on], at[on], along[on], first[on]
                 if not len(i):
                     break
                 found = least(at)
@@ -76,7 +77,7 @@ class SelfMotions(Value):
         off[:, hinges] = wrapped(off[:, hinges])
         return np.linalg.norm(off, axis=1)
 
-    def _step(self, q: Matrix, v: Matrix, i: Array, length: Vector) -> tuple[Matrix, Matrix, Flags]:
+    def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         """One step of postures (k, n) along their directions: (postures, directions there, which of them hold)."""
         start = q
         q = q + length[:, None] * v
