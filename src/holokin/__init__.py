@@ -13,7 +13,7 @@ from . import analysis, auditing, constraints, designing, export, laws, motion, 
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Coverage, Design, NearestLaw, Objective, coverage, design, nearest
+from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
 from .motion import (
@@ -38,6 +38,7 @@ from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
 
 __all__ = [
+    "Advice",
     "Constraint",
     "ControlLaw",
     "Coverage",
@@ -53,6 +54,7 @@ __all__ = [
     "Trajectory",
     "Verdict",
     "Workspace",
+    "advise",
     "all_postures",
     "analysis",
     "arc",

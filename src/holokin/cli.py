@@ -237,6 +237,52 @@ def audit(
     raise typer.Exit(found.exit_code)
 
 
+@app.command()
+def advise(
+    robot: Annotated[str, typer.Argument(help="Catalogue name, .urdf or .toml file.")],
+    workspace: Annotated[
+        str | None,
+        typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file; see docs/advise.md.'),
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
+    base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,
+    position: Annotated[bool, typer.Option("--position", help="The tool's orientation is free.")] = False,
+    start: Annotated[
+        str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The job file to write, ending in .toml; with a picture of its name.")
+    ] = None,
+) -> None:
+    """Find the law for a robot and its work: all that fit are compared on a workspace.
+
+    Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a picture.
+    Exits 0 when that is done, 2 on bad input.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+
+    from .job.advised import advise_command
+    from .output.advice_report import plot_advice, print_advice
+
+    progress = Console(stderr=True)
+    with progress.status("...") if progress.is_terminal else nullcontext() as status:
+
+        def say(text: str) -> None:
+            _ending.check()
+            if status is not None:
+                status.update(escape(text))
+
+        found, write = advise_command(robot, workspace, tip, base, "position" if position else None, start, out, say)
+        show_rich(lambda console: print_advice(found, console))
+        say("trying the job")
+        job = write()
+        picture = job.with_suffix(".png")
+        say("drawing")
+        plot_advice(found, picture)
+    show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")
+
+
 exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)
 app.add_typer(exporting, name="export")
 

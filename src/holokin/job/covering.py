@@ -9,11 +9,12 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..designing import Reach, coverage, coverage_slices, posture_reach
+from ..errors import JobError
 from ..output.result import StrategyResult
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..types import Value, Vector
+from ..types import Matrix, Value, Vector
 from ..workspaces import PoseRange, Workspace, workspace
 from .build import naming
 from .schema import Job, WorkspaceTable
@@ -52,11 +53,15 @@ def build_covering(job: Job, task: Task, start: Vector, file: FilePath) -> Cover
     """The workspace of a job with what is asked of it; None for a job without. Raises: JobError, RecordingError."""
     if job.workspace is None:
         return None
-    return Covering(_workspace(job.workspace, task, start, file), job.workspace, task, start)
+    at_start = task.robot.pose(start)[:3, :3]
+    return Covering(build_workspace(job.workspace, at_start, file), job.workspace, task, start)
 
 
-def _workspace(table: WorkspaceTable, task: Task, start: Vector, file: FilePath) -> Workspace:
-    """The workspace of a job; a file of poses counts from the job file's folder.
+def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePath) -> Workspace:
+    """The workspace of a table; a file of poses counts from the job file's folder.
+
+    Args:
+        at_start: rotation (3, 3) of the tool at the start, None where there is no start yet.
 
     Raises:
         JobError, RecordingError.
@@ -68,7 +73,10 @@ def _workspace(table: WorkspaceTable, task: Task, start: Vector, file: FilePath)
         "cylinder": (table.center, table.radius, table.half_height),
         "sphere": (table.center, table.radius),
     }[table.kind]
-    rotations = {"down": None, "start": task.robot.pose(start)[:3, :3]}
+    if table.rotation == "start" and at_start is None:
+        cure = 'give rotation = "down" or a matrix, or the start posture, too'
+        raise JobError(file, "workspace.rotation", "is that of a start posture, which is not known", cure)
+    rotations = {"down": None, "start": at_start}
     rotation = rotations[table.rotation] if isinstance(table.rotation, str) else table.rotation
     angles = {"tilt": np.deg2rad(table.tilt_deg), "spin": np.deg2rad(table.spin_deg)}
     with naming(file, "workspace"):

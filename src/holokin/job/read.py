@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -24,6 +24,7 @@ from .schema import (
     WorkspaceTable,
 )
 from .strategies import KINDS, StrategyTable
+from .table import Table
 
 Key = tuple[str, ...]
 """The way to a value: the names and numbers of the tables and lists around it, and its own."""
@@ -54,15 +55,34 @@ _CURES = {
 
 def read_job(path: Path) -> Job:
     """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
+    return _checked(path, _table(path, "check the path; `holokin jobs` lists the packaged ones"), Job)
 
+
+def read_workspace_table(path: Path) -> WorkspaceTable:
+    """The [workspace] of a TOML file, whatever else stands there. Raises: JobError."""
+    table = _table(path, "check the path")
+    if "workspace" not in table:
+        raise JobError(path, "workspace", "is missing", "add a table [workspace], as of a job file")
+    return _checked(path, {"workspace": table["workspace"]}, _Workspace).workspace
+
+
+class _Workspace(Table):
+    workspace: WorkspaceTable
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _table(path: Path, where: str) -> dict[str, Any]:
     def refuse(key: str, fact: str, cure: str) -> JobError:
-        if fact == "there is no such file":
-            cure = "check the path; `holokin jobs` lists the packaged ones"
-        return JobError(path, key or "file", fact, cure)
+        return JobError(path, key or "file", fact, where if fact == "there is no such file" else cure)
 
-    table = read_toml(path, refuse)
+    return read_toml(path, refuse)
+
+
+def _checked(path: Path, table: dict[str, Any], model: type[Model]) -> Model:
     try:
-        return Job.model_validate(table)
+        return model.model_validate(table)
     except ValidationError as problem:
         raise _named(path, problem, table) from None
 

@@ -13,11 +13,12 @@ from pydantic import AfterValidator, Field, model_validator
 from .. import constraints, strategies
 from ..analysis import ball, ball_postures
 from ..constraints import Constraint
+from ..designing import Coordinates, Polynomial, chart_of
 from ..errors import ArgumentError
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..task import Task
-from ..types import Vector
+from ..types import Vector, finite
 from .table import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100
@@ -25,6 +26,9 @@ MOST_RADIAL_STEPS = 100
 
 MOST_DEGREE, MOST_FITTED = 6, 10_000
 """Degree of a fitted polynomial, and postures that it is fitted to: in 7 variables degree 6 has 1,715 terms."""
+
+MOST_TERMS = 500
+"""Terms of a designed law's polynomial: of degree 4 in six coordinates it has 210."""
 
 
 def _rectangular(rows: Any) -> Any:
@@ -38,6 +42,7 @@ NumberRows = Annotated[list[Numbers], Few, AfterValidator(_rectangular)]
 Gain = Annotated[Number | Annotated[list[Numbers], Few], AfterValidator(_rectangular)]
 Springs = Positive | Annotated[list[Positive], Few]
 Posture = Annotated[list[Length], Few]
+Coefficients = Annotated[list[Number], Field(max_length=MOST_TERMS)]
 
 
 class StrategyTable(Table):
@@ -261,6 +266,55 @@ class Stationary(ConstraintTable):
         return constraints.stationary(cost, free=None if self.free is None else tuple(self.free))
 
 
+def _kinds(parent: type[StrategyTable]) -> dict[str, type[StrategyTable]]:
+    """Kind -> model of every table below one, in the order of this file: constraints last."""
+    models = parent.__subclasses__()
+    named = [model for model in models if "kind" in model.model_fields]
+    found = {str(word): model for model in named for word in get_args(model.model_fields["kind"].annotation)}
+    for model in models:
+        found |= _kinds(model)
+    return found
+
+
+if TYPE_CHECKING:
+    AnyConstraint = ConstraintTable
+else:
+    AnyConstraint = Annotated[Union[tuple(_kinds(ConstraintTable).values())], Field(discriminator="kind")]  # noqa: UP007
+
+
+class Stack(ConstraintTable):
+    """Constraints one below the other."""
+
+    kind: Literal["stack"]
+    constraints: Annotated[list[AnyConstraint], Field(min_length=1), Few]
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `stack`."""
+        return constraints.stack(*(table.constraint(task) for table in self.constraints))
+
+
+class Designed(ConstraintTable):
+    """A base constraint less a polynomial of the tool pose, as `design` finds it."""
+
+    kind: Literal["designed"]
+    base: AnyConstraint | Stack
+    reference: Annotated[list[Numbers], Field(min_length=3, max_length=3), AfterValidator(_rectangular)]
+    directions: NumberRows
+    middle: Numbers
+    scale: Annotated[list[Positive], Few]
+    coefficients: Annotated[list[Coefficients], Few, AfterValidator(_rectangular)]
+
+    def constraint(self, task: Task) -> Constraint:
+        """As `tilted`, by a `Polynomial`. Raises: ShapeError."""
+        chart = chart_of(task, finite("reference", self.reference, (3, 3)))
+        P = finite("directions", self.directions, (task.m, len(self.scale)))
+        middle, scale = finite("middle", self.middle, (task.m,)), np.array(self.scale)
+        u = Coordinates(chart, P, middle, scale, np.full(len(scale), np.nan))
+        base = self.base.constraint(task)
+        C = finite("coefficients", self.coefficients, (base.rows, "terms"))
+        return constraints.tilted(base, Polynomial(u, C), chart=chart)
+
+
 class Radial(StrategyTable):
     """The radial strategy of the pseudo-inverse, or of a weighted one, around the start posture."""
 
@@ -299,16 +353,6 @@ class Fitted(StrategyTable):
             raise ArgumentError("the strategy to fit", given, HolonomicStrategy.cure)
         Q = ball_postures(given, region, self.samples)
         return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
-
-
-def _kinds(parent: type[StrategyTable]) -> dict[str, type[StrategyTable]]:
-    """Kind -> model of every table below one, in the order of this file: constraints last."""
-    models = parent.__subclasses__()
-    named = [model for model in models if "kind" in model.model_fields]
-    found = {str(word): model for model in named for word in get_args(model.model_fields["kind"].annotation)}
-    for model in models:
-        found |= _kinds(model)
-    return found
 
 
 KINDS = _kinds(StrategyTable)

@@ -70,17 +70,28 @@ def from_urdf(
 def urdf_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
     """Every link at which the tree ends -> the moving joints from the base to it, mimic joints included."""
     model = _read(path)
+    ends = set(_leaves([link.name for link in model.links], {joint.child: joint for joint in model.joints}))
+    return {link: joints for link, joints in _chains(path, model, base).items() if link in ends}
+
+
+@typed
+def urdf_links(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Every link that hangs on the base -> the moving joints from the base to it, mimic joints included."""
+    return _chains(path, _read(path), base)
+
+
+def _chains(path: str | Path, model: Any, base: str | None) -> dict[str, tuple[str, ...]]:
     parent_joint = {joint.child: joint for joint in model.joints}
     links = [link.name for link in model.links]
     root = base if base is not None else _root(path, links, parent_joint)
     if root not in links:
         raise UnknownNameError(f"link of {path}", root, links)
-    tips = {}
-    for leaf in _leaves(links, parent_joint):
-        chain = _chain(leaf, root, parent_joint)
-        if chain is not None:
-            tips[leaf] = tuple(joint.name for joint in chain if joint.type in MOVING)
-    return tips
+    chains = {link: _chain(link, root, parent_joint) for link in links}
+    return {
+        link: tuple(joint.name for joint in chain if joint.type in MOVING)
+        for link, chain in chains.items()
+        if chain is not None
+    }
 
 
 class _Builder:

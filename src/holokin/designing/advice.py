@@ -1,0 +1,169 @@
+"""`Advice`: laws for a robot and a workspace, the best first, and what speaks for the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from ..strategies import HolonomicStrategy
+from ..task import Task
+from ..types import Flags, Value, Vector
+from ..workspaces import PoseRange, Workspace
+from .covered import Coverage
+
+EQUAL = 0.02
+"""Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
+otherwise."""
+
+EASY = 0.05
+"""Difference of the share that is served away from limits and singular postures up to which it counts as alike."""
+
+ROOM = 0.02
+"""Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
+
+REGULAR = 0.01
+"""rcond from which on a posture keeps away from singular ones: joints are then at most a hundred times as fast."""
+
+CLOSE = 0.03
+"""Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
+
+
+class Ranked(Protocol):
+    """What laws are ranked by."""
+
+    @property
+    def coverage(self) -> float:
+        """Share of the poses that are served."""
+        ...
+
+    @property
+    def easy(self) -> float:
+        """Share of the poses that are served away from limits and singular postures."""
+        ...
+
+    @property
+    def squared_speed(self) -> float:
+        """Mean squared joint speed."""
+        ...
+
+
+Entry = TypeVar("Entry", bound=Ranked)
+
+
+def ranked(entries: Iterable[Entry]) -> list[Entry]:
+    """The best first: by coverage; of those that cover alike, by the share that is served away from limits and singular
+    postures; of those alike in this, too, by joint speed.
+    """
+    found: list[Entry] = []
+    for group in _alike(entries, lambda one: one.coverage, EQUAL):
+        for part in _alike(group, lambda one: one.easy, EASY):
+            found += sorted(part, key=lambda one: one.squared_speed)
+    return found
+
+
+def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: float) -> Iterator[list[Entry]]:
+    """Groups of entries whose shares are nearly those of the best in them, the best first."""
+    left = list(entries)
+    while left:
+        least = max(map(share, left)) - apart
+        yield [one for one in left if share(one) >= least]
+        left = [one for one in left if share(one) < least]
+
+
+@dataclass(frozen=True, eq=False)
+class Law(Value):
+    """A law on one leaf, and what it does in the workspace.
+
+    keys: what a job file says of it. start: the posture that its leaf goes through (n,). coverage: share of the poses
+    that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
+    postures. margin: the least distance to a limit over the joint's
+    range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
+    mean squared joint speed [rad^2/m^2]; speed: that over the least that any law can have there.
+    """
+
+    name: str
+    keys: Mapping[str, Any]
+    strategy: HolonomicStrategy
+    start: Vector
+    coverage: float
+    served: Flags
+    easy: float
+    margin: float
+    joint: str
+    rcond: float
+    squared_speed: float
+    speed: float
+
+    @property
+    def sentence(self) -> str:
+        """What it does, in words."""
+        said = f"it reaches {self.coverage:.1%} of the workspace within the joint limits"
+        if not self.served.any():
+            return said
+        if np.isfinite(self.margin):
+            said += f", {self.joint} comes to {self.margin:.1%} of its range from its limit"
+        if np.isfinite(self.rcond):
+            said += f", rcond is {self.rcond:.2g} at least"
+        return f"{said}, and its mean squared joint speed is {self.speed - 1:.1%} above the least that any law can have"
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Value):
+    """The largest part of a workspace, round its centre, that one law serves: `share` of its sizes."""
+
+    law: Law
+    share: float
+    workspace: PoseRange
+
+
+@dataclass(frozen=True, eq=False)
+class Advice(Value):
+    """Laws that fit a robot, compared on a workspace, the best first.
+
+    proposed: which of tip, task, start and workspace were not given but chosen. floor: the least mean squared joint
+    speed that any law can have where the best one serves [rad^2/m^2]. coverage: of the best. reasons: sentences on
+    the best. part: the largest part of the workspace that a law serves, where none serves the whole.
+    """
+
+    task: Task
+    workspace: Workspace
+    proposed: tuple[str, ...]
+    laws: tuple[Law, ...]
+    floor: float
+    coverage: Coverage
+    reasons: tuple[str, ...]
+    part: Part | None
+    seconds: float
+
+    @property
+    def best(self) -> Law:
+        """The law to take."""
+        return self.laws[0]
+
+    @property
+    def start(self) -> Vector:
+        """The posture (n,) to begin at with the best law."""
+        return self.best.start
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.task.name}: {self.workspace}", *self.reasons])
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        return {
+            "robot": self.task.robot.name, "task": self.task.name, "workspace": str(self.workspace),
+            "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
+            "laws": [
+                {
+                    "name": law.name, "coverage": law.coverage, "joint": law.joint,
+                    "margin": law.margin if np.isfinite(law.margin) else None,
+                    "rcond": law.rcond if np.isfinite(law.rcond) else None,
+                    "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,
+                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.start.tolist(),
+                }
+                for law in self.laws
+            ],
+        }  # fmt: skip

@@ -1,0 +1,373 @@
+"""`advise`: the law for a robot and its work, of all that fit, and why."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, HolokinError, OutOfReachError
+from ..motion.reach import nearest_postures
+from ..robot import Robot, load
+from ..strategies import moore_penrose, radial
+from ..task import Task, pose, position
+from ..types import Array, ArrayLike, Flags, Matrix, Vector
+from ..workspaces import PoseRange, Workspace, pose_cloud
+from ..workspaces import workspace as pose_range
+from .advice import EQUAL, ROOM, Advice, Law, Part, ranked
+from .candidates import Candidate, candidates
+from .coordinates import chart_of, coordinates_of
+from .covered import Coverage, Reach
+from .covering import coverage
+from .designed_law import Design, design
+from .lower_bound import least_costs
+from .objectives import Objective, costs_of
+from .reasons import reasons
+from .served_part import largest_part
+from .starts import comfort, fitting_task, postures_at, regular_starts
+from .tips import choose_tip
+from .trials import Poses, Trial, posed, tried
+
+POSES, SCREENED = 256, 4
+"""Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
+
+BASES, DEGREE, DESIGNED = 2, 2, 128
+"""Laws that are designed over the best of the others; degree of their polynomials; poses they are made for."""
+
+GOALS = {
+    "": {"objective": Objective(squared_speed=1.0), "limits": True},
+    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
+}
+"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
+a compromise between joint speed and distance to limits."""
+
+PARTS = 3
+"""Laws whose part of the workspace is looked for where none serves the whole."""
+
+FREE = 1e9
+"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
+
+SUSPECTS = 3
+"""Joints, those that the law leads nearest to their limits, of which is asked what their limits cost."""
+
+NOTHING = 0.002
+"""Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
+
+SIDES = (0.15, 0.1, 0.07, 0.05)
+"""Half sides of a workspace that is proposed, over the length of the arm: the first one nearly all in reach."""
+
+NEARLY = 0.97
+"""Share of its poses that are reached then within the joint limits, by some posture."""
+
+TILT, SPIN = 0.25, 0.5
+"""Its turns [rad]: those of a tool that follows a gently curved surface."""
+
+
+@typed
+def advise(
+    robot: Robot | str | Path,
+    workspace: Workspace | None = None,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    task: Literal["pose", "position"] | None = None,
+    start: ArrayLike | None = None,
+    say: Callable[[str], None] = lambda _text: None,
+) -> Advice:
+    """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
+
+    Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
+    pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
+    They are ranked by the share of the workspace that they reach within the joint limits; of laws that cover alike
+    those are first that keep away from limits and singular postures; of these the one with the least joint speed.
+
+    Args:
+        robot: a robot, a name of the catalogue, or a file.
+        workspace: by default a box round the tool at the start, with moderate turns.
+        tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
+            that stands still.
+        task: "pose" or "position"; by default the pose, for arms of up to six joints the position.
+        start: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
+        say: hears what is going on.
+
+    Raises:
+        ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
+        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
+        UnknownNameError, ShapeError, NotFiniteError.
+    """
+    began = time.perf_counter()
+    say("the robot")
+    arm, chosen = _robot(robot, tip, base)
+    work = _task(arm, tip if isinstance(robot, Robot) else None, task)
+    words = {"tip": chosen is None, "task": task, "start": start, "workspace": workspace}
+    given = {word: value is not None and value is not False for word, value in words.items()}
+    q0 = None if start is None else arm.checked(start, "the start posture")
+    if q0 is not None:
+        arm.check_limits(q0)
+    if workspace is None:
+        q0 = _first(work) if q0 is None else q0
+        workspace = _proposed(work, q0)
+    case = _Case(work, workspace, q0 if given["start"] else None, say)
+    laws = case.ranked()
+    say("the reasons")
+    part = case.part(laws) if not laws[0].served.all() else None
+    found = case.checked[laws[0].name]
+    return Advice(
+        work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]), found,
+        reasons(laws, found, part, case.limit_cost(laws[0])), part, time.perf_counter() - began,
+    )  # fmt: skip
+
+
+class _Case:
+    """A task and a workspace, with what is found out of them on the way to an advice."""
+
+    def __init__(self, task: Task, workspace: Workspace, start: Vector | None, say: Callable[[str], None]) -> None:
+        self.task, self.workspace, self.say = task, workspace, say
+        T = workspace.poses(POSES)
+        say("which poses can be reached")
+        self.Q, self.reach = _reached(task, T, start)
+        if not self.reach.within.any():
+            raise _nothing(task, workspace, self.reach)
+        self.starts = start[None] if start is not None else self._starts(T)
+        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
+        self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
+        self.poses = posed(task, T, self.Q, self.coordinates, self.costs)
+        self.checked: dict[str, Coverage] = {}
+
+    def _starts(self, T: Array) -> Matrix:
+        """Start postures at the centre, or at the pose nearest to it that is reached."""
+        center = self.workspace.center
+        order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
+        for at in [center, *T[order[self.reach.within[order]]]]:
+            found = postures_at(self.task, at)
+            if len(found):
+                return found
+        return self.Q[self.reach.within][:1]
+
+    def ranked(self) -> tuple[Law, ...]:
+        """All laws, on their best leaves, the best one looked at closely."""
+        rough = self.poses.some(slice(None, None, SCREENED))
+        trials: list[Trial] = []
+        for candidate in candidates(self.task, self.starts):
+            self.say(candidate.name)
+            found = tried(candidate, self.starts, rough)
+            if found:
+                best = ranked(found)[0]
+                trials += tried(_there(candidate), best.start[None], self.poses)
+        if not trials:
+            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
+        trials = ranked(trials)
+        trials += self._designed(trials)
+        self.floor = self._floor(trials)
+        laws = ranked(self._law(trial) for trial in trials)
+        while laws[0].name not in self.checked:
+            self.say(f"{laws[0].name}, pose by pose")
+            laws[0] = self._looked_at(laws[0])
+            laws = ranked(laws)
+        return tuple(laws)
+
+    def _designed(self, trials: list[Trial]) -> list[Trial]:
+        """Laws designed over the best of the others."""
+        found: list[Trial] = []
+        # derivatives of a cost's gradient make designs over stationary laws three times as slow
+        plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
+        for trial in [t for t in plain if t.served.any()][: self._few(BASES)]:
+            law = trial.candidate
+            base = None if law.strategy is None else law.strategy.constraint
+            space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
+            for words, goal in GOALS.items():
+                name = f"designed over {law.name}{words}"
+                self.say(name)
+                try:
+                    more = goal | {"base": base, "degree": DEGREE, "samples": DESIGNED}
+                    made = design(self.task, space, trial.start, margin=self._room if goal["limits"] else 0.0, **more)
+                except HolokinError:  # no law where there is none: the others stay
+                    continue
+                designed = Candidate(name, _keys(law, made), self.task, made.strategy)
+                found += tried(designed, made.start[None], self.poses)
+                if found[-1].coverage >= trial.coverage - EQUAL:
+                    break
+        return found
+
+    def _few(self, count: int) -> int:
+        """So many, or one with several redundant joints, where designs and bounds take five times as long."""
+        return count if self.task.n - self.task.m == 1 else 1
+
+    @property
+    def _room(self) -> float:
+        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
+        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
+
+    def _floor(self, trials: list[Trial]) -> Vector:
+        """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""
+        say_least = np.full(len(self.poses), np.nan)
+        for trial in ranked(trials)[:BASES]:
+            values = self.least(trial.q, trial.served, np.full(self.task.n, FREE))
+            say_least = np.fmin(say_least, values)
+        return say_least
+
+    def least(self, Q: Matrix, which: Flags, allowed: Vector) -> Vector:
+        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others.
+
+        Args:
+            allowed: distance from the middle of its range over half of that, up to which a joint may go (n,).
+        """
+        T, found = self.poses.T[which], np.full(len(self.poses), np.nan)
+        p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+        if which.any():
+            least = least_costs(self.coordinates, self.costs, Q[which], p, R, allowed, speeds=False)
+            found[which] = least.squared_speed
+        return found
+
+    def _law(self, trial: Trial) -> Law:
+        c, robot = trial.candidate, self.task.robot
+        strategy = c.strategy or radial(moore_penrose(self.task), trial.start)
+        known = trial.served & np.isfinite(self.floor)
+        ratio = float(trial.speed[known].mean() / self.floor[known].mean()) if known.any() else np.nan
+        return Law(
+            c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.easy, trial.margin,
+            robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio,
+        )  # fmt: skip
+
+    def _looked_at(self, law: Law) -> Law:
+        """A law with its coverage as `coverage` finds it, pose by pose."""
+        found = coverage(law.strategy, law.start, self.workspace, samples=POSES, reach=self.reach)
+        self.checked[law.name] = found
+        served = found.reached
+        rcond = float(found.rcond[served].min()) if served.any() else 0.0
+        easy = law.easy + found.share - law.coverage
+        return replace(law, coverage=found.share, served=served, easy=easy, rcond=rcond)
+
+    def floor_of(self, law: Law) -> float:
+        """The mean of the floor where a law serves."""
+        return float(np.nanmean(self.floor[law.served]))
+
+    def limit_cost(self, law: Law) -> tuple[float, str, float] | None:
+        """(least mean squared speed within the joint limits over the floor, the joint whose limits cost most, the same
+        without its limits), where limits cost anything.
+        """
+        Q, which = self.checked[law.name].q, law.served & np.isfinite(self.floor)
+        if not which.any():
+            return None
+        floor = float(self.floor[which].mean())
+
+        def least(allowed: Vector) -> float:
+            values = self.least(Q, which, allowed)[which]
+            return float(np.mean(np.maximum(values, self.floor[which]))) / floor
+
+        limited = np.isfinite(self.costs.half)
+        within = np.where(limited, 1.0, FREE)
+        whole = least(within)
+        if not whole > 1 + NOTHING:
+            return None
+        near = np.argsort(np.quantile(np.abs(Q[which] - self.costs.middle) / self.costs.half, 0.9, axis=0))[::-1]
+        freed = {
+            self.task.robot.joint_names[j]: least(np.where(np.arange(self.task.n) == j, FREE, within))
+            for j in near[: self._few(SUSPECTS)]
+        }
+        joint = min(freed, key=lambda name: freed[name])
+        return whole, joint, freed[joint]
+
+    def part(self, laws: tuple[Law, ...]) -> Part | None:
+        """The largest part of the workspace that one of the best laws serves."""
+        if not isinstance(self.workspace, PoseRange):
+            return None
+        best: Part | None = None
+        for law in laws[:PARTS]:
+            self.say(f"the part of the workspace that {law.name} serves")
+            candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
+
+            def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
+                poses = Poses(T, np.zeros((len(T), self.task.m, 0)), self.costs.joints)
+                return bool(tried(candidate, law.start[None], poses)[0].served.all())
+
+            found = largest_part(self.workspace, serves)
+            if found is not None and (best is None or found[0] > best.share):
+                best = Part(law, *found)
+        return best
+
+
+def _robot(robot: Robot | str | Path, tip: str | None, base: str | None) -> tuple[Robot, str | None]:
+    """The robot, and its tip where that was chosen here."""
+    if isinstance(robot, Robot):
+        return robot, None
+    if Path(robot).suffix.lower() != ".urdf" or tip is not None:
+        return load(robot, tip=tip, base=base), None
+    chosen = choose_tip(robot, base)
+    return load(robot, tip=chosen, base=base), chosen
+
+
+def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
+    """The task asked for, or one that fits. Raises: ArgumentError: no joint is left free."""
+    if kind is None:
+        return fitting_task(robot, tip)
+    found = pose(robot, tip=tip) if kind == "pose" else position(robot, tip)
+    if found.n == found.m:
+        cure = "the robot is not redundant for this task: hk.inverse finds the joints of a pose; or leave the task out"
+        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
+    return found
+
+
+def _first(task: Task) -> Vector:
+    """The most comfortable of the regular start postures."""
+    found = regular_starts(task)
+    return found[int(np.argmax([comfort(task, q) for q in found]))]
+
+
+def _proposed(task: Task, start: Vector) -> PoseRange:
+    """A box round the tool at a start posture, with turns about its orientation there."""
+    robot, at = task.robot, task.robot.pose(start, task.tip)
+    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
+    tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
+
+    def box(side: float) -> PoseRange:
+        half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
+        return pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], tilt=tilt, spin=spin)
+
+    for side in SIDES[:-1]:
+        if _reached(task, box(side).poses(POSES // SCREENED), start)[1].within.mean() >= NEARLY:
+            return box(side)
+    return box(SIDES[-1])
+
+
+def _reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
+    """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
+    p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+    near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
+    Q, within = np.full_like(near, np.nan), nearest_postures(task, p, R, near, limits=True)
+    Q[within.reached] = within.q[within.reached]
+    anyhow = within.reached.copy()
+    rest = np.flatnonzero(~within.reached)
+    if len(rest):
+        found = nearest_postures(task, p[rest], R[rest], near[rest], limits=False)
+        Q[rest[found.reached]] = found.q[found.reached]
+        anyhow[rest] = found.reached
+    return Q, Reach(anyhow, within.reached)
+
+
+def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
+    name = f"the workspace of {task.robot.name!r}, {workspace},"
+    if reach.anyhow.any():
+        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
+    cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
+    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
+
+
+def _keys(law: Candidate, made: Design) -> dict[str, Any]:
+    """What a job file says of a design over a law."""
+    base, u = {key: value for key, value in law.keys.items() if key != "leaf"}, made.polynomial.coordinates
+    return {
+        "kind": "designed", "base": base, "reference": u.chart.reference.tolist(), "directions": u.P.tolist(),
+        "middle": u.middle.tolist(), "scale": u.scale.tolist(),
+        "coefficients": made.polynomial.coefficients.tolist(),
+    }  # fmt: skip
+
+
+def _there(candidate: Candidate) -> Candidate:
+    """The same, from a start that is on its leaf already."""
+    return replace(candidate, level=None)

@@ -1,0 +1,170 @@
+"""Many tool poses at once: from start postures along straight lines, all lines side by side in arrays.
+
+It is how laws and their leaves are compared before a few are looked at closely: a hundred times faster than one pose
+after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..motion.leaf import leaf_step
+from ..strategies import HolonomicStrategy
+from ..symbolic import Function
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
+
+FIRST = 0.35
+"""Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""
+
+SHORTEST = 1 / 256
+"""Share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use."""
+
+ROUNDS = 400
+"""Rounds of steps at most: lines of regular leaves take ten."""
+
+NEWTONS = 5
+"""Corrections of a step: from 0.35 rad, each at most an eighth of the last one; they are quadratic long before."""
+
+EXACT = 1e-8
+"""A correction after which a posture is right for comparisons [rad or m]."""
+
+STEPS = 32
+"""Runge-Kutta steps of a line of a radial strategy: a step is then about 0.05 rad."""
+
+FAST = 25.0
+"""Joint rate over a whole line [rad or m] from which a radial strategy's line counts as singular: four full turns."""
+
+Carry = Callable[[Matrix, Array], "Rays"]
+"""(starts (s, n), poses (k, 4, 4)) -> the rays from each start to each pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rays(Value):
+    """Postures (s, k, n) at the ends of lines from s starts to k poses; where a line ends early, its last posture."""
+
+    q: Array
+    share: Matrix
+
+    @property
+    def reached(self) -> Flags:
+        """Which lines led to their poses (s, k)."""
+        return self.share >= 1.0
+
+
+def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None) -> Rays:
+    """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,)."""
+    correct, lines = leaf_step(strategy), _Lines(strategy.task, starts, poses)
+    count = len(lines.q)
+    from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
+    gap = np.zeros_like(from_level)
+    if levels is not None:
+        gap = strategy.constraint.nearest(np.broadcast_to(levels, from_level.shape) - from_level)
+    p, R = lines.at(np.arange(count), np.zeros(count))
+    side = correct.batch(lines.q, p, R, from_level)[3]
+    q, share, width = lines.q.copy(), np.zeros(count), np.full(count, 0.125)
+    live = np.arange(count)
+    for _ in range(ROUNDS):
+        if not len(live):
+            break
+        goal = np.minimum(1.0, share[live] + width[live])
+        p, R = lines.at(live, goal)
+        level = from_level[live] + goal[:, None] * gap[live]
+        at, good = _newton(correct, q[live], p, R, level, side[live])
+        moved = live[good]
+        q[moved], share[moved] = at[good], goal[good]
+        width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
+        live = live[(share[live] < 1.0) & (width[live] > SHORTEST)]
+    return lines.rays(q, share)
+
+
+def _newton(correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
+    """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
+    at, good, last = q.copy(), np.ones(len(q), dtype=bool), np.full(len(q), FIRST / TOLERANCES.contraction)
+    for _ in range(NEWTONS):
+        here = np.flatnonzero(good & (last > EXACT))
+        if not len(here):
+            break
+        dq, rcond, margin, now = correct.batch(at[here], p[here], R[here], level[here])
+        size = np.abs(dq).max(axis=1)
+        sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[here])
+        good[here] = sound & (size <= np.maximum(TOLERANCES.contraction * last[here], EXACT))  # NaN is not
+        at[here] += np.where(good[here, None], dq, 0.0)
+        last[here] = size
+    return at, good & (last <= EXACT)
+
+
+def along_radial(task: Task, starts: Matrix, poses: Array) -> Rays:
+    """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
+    lines = _Lines(task, starts, poses)
+    q, count = lines.q.copy(), len(lines.q)
+    share = np.zeros(count)
+    velocity, angular = lines.rates
+    live = np.arange(count)
+    h = 1.0 / STEPS
+    for i in range(STEPS):
+
+        def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
+            R = lines.at(live, np.full(len(live), s))[1]
+            dx, _ = task.rates(R, velocity[live], angular[live])
+            return least_rate(task, at, dx)
+
+        k1 = rate(q[live], i * h)
+        k2 = rate(q[live] + h / 2 * k1, (i + 0.5) * h)
+        k3 = rate(q[live] + h / 2 * k2, (i + 0.5) * h)
+        k4 = rate(q[live] + h * k3, (i + 1) * h)
+        step = (k1 + 2 * k2 + 2 * k3 + k4) / 6
+        good = np.abs(step).max(axis=1) < FAST  # NaN is not
+        live, step = live[good], step[good]
+        q[live] += h * step
+        share[live] = (i + 1) * h
+    p, R = lines.at(np.arange(count), np.ones(count))
+    for _ in range(2):  # what the steps' errors have left
+        q[live] += least_rate(task, q[live], task.error(q[live], p[live], R[live]))
+    exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
+    return lines.rays(q, np.where(exact, share, np.minimum(share, 1 - h)))
+
+
+def least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
+    """J^+ dx (k, n) at postures (k, n), not finite where J is singular."""
+    J, _ = task.jacobian_batch(Q)
+    gram = J @ J.transpose(0, 2, 1)
+    gram[np.linalg.det(gram) < 1e-300] = np.nan
+    return np.einsum("kij,ki->kj", J, np.linalg.solve(gram, dx[..., None])[..., 0])
+
+
+class _Lines:
+    """Straight lines from the poses at starts (s, n) to poses (k, 4, 4): s k of them, those of a start together."""
+
+    def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
+        from scipy.spatial.transform import Rotation
+
+        self.shape = (len(starts), len(poses))
+        self.q = np.repeat(starts, len(poses), axis=0)
+        p0, R0 = task.robot.pose_batch(np.asarray(starts), task.tip)
+        self.p0, self.R0 = np.repeat(p0, len(poses), axis=0), np.repeat(R0, len(poses), axis=0)
+        ends = np.tile(poses, (len(starts), 1, 1))
+        self.move = ends[:, :3, 3] - self.p0
+        self.turn = Rotation.from_matrix(ends[:, :3, :3] @ self.R0.transpose(0, 2, 1)).as_rotvec()
+        if not task.turns:  # the orientation is the task's only in part, or not at all
+            self.turn = self.turn if task.orientation is not None else np.zeros_like(self.turn)
+
+    @property
+    def rates(self) -> tuple[Matrix, Matrix]:
+        """Velocity and angular velocity (s k, 3) over a whole line."""
+        return self.move, self.turn
+
+    def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
+        """Positions and rotations of some lines at their shares."""
+        from scipy.spatial.transform import Rotation
+
+        R = Rotation.from_rotvec(share[:, None] * self.turn[which]).as_matrix() @ self.R0[which]
+        return self.p0[which] + share[:, None] * self.move[which], R
+
+    def rays(self, q: Matrix, share: Vector) -> Rays:
+        """The ends of the lines, start by start."""
+        return Rays(q.reshape(*self.shape, -1), share.reshape(self.shape))

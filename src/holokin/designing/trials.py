@@ -1,0 +1,164 @@
+"""A law on trial: what it does on one leaf at many poses of a workspace, quickly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..strategies import HolonomicStrategy
+from ..task import Task
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from .advice import REGULAR, ROOM
+from .candidates import Candidate
+from .coordinates import Coordinates
+from .lower_bound import least_slopes
+from .objectives import Costs
+from .rays import Rays, along_leaf, along_radial
+from .starts import inside
+
+DIFFERENCE = 1e-4
+"""Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Value):
+    """The tool poses T (k, 4, 4) at which laws are tried, and the motions of the tool by which speeds are counted.
+
+    twists: (k, m, d), what the tool does in the task's rows along each direction in which the workspace reaches, at
+    1 m/s, or as many rad/s as its turns are wide; NaN at a pose that no posture reaches. weights: of squared joint
+    speeds (n,), see `Objective`.
+    """
+
+    T: Array
+    twists: Array
+    weights: Vector
+
+    def __len__(self) -> int:
+        return len(self.T)
+
+    def some(self, which: Indices | slice) -> Poses:
+        """Some of them."""
+        return Poses(self.T[which], self.twists[which], self.weights)
+
+    def squared_speed(self, G: Array) -> Array:
+        """sum_ij w_i (G twist_j)_i^2 (..., k) of slopes G (..., k, n, m): the cost "squared_speed" of `Objective`."""
+        return np.sum(self.weights[:, None] * (G @ self.twists) ** 2, axis=(-2, -1))
+
+
+def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Costs) -> Poses:
+    """`Poses` at T (k, 4, 4), of postures that reach them, a row of NaN where there are none, Q (k, n)."""
+    known = np.isfinite(Q).all(axis=1)
+    J, chart = task.jacobian_batch(Q[known])[0], coordinates.chart.jacobian_batch(Q[known])[0]
+    twists = np.full((len(T), task.m, coordinates.d), np.nan)
+    twists[known] = J @ least_slopes(chart, coordinates.P * costs.columns, np.ones(task.n))
+    return Poses(T, twists, costs.joints)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial(Value):
+    """A candidate on the leaf through a start, at k poses.
+
+    q: postures (k, n) where its lines end. served: poses (k,) that it reaches within the joint limits. speed: squared
+    joint speed (k,), NaN where it is not served. rcond: of [J; J_g] there (k,); NaN for radial, whose leaves end only
+    where J is singular.
+    """
+
+    candidate: Candidate
+    start: Vector
+    q: Matrix
+    reached: Flags
+    served: Flags
+    speed: Vector
+    rcond: Vector
+
+    @property
+    def coverage(self) -> float:
+        """Share of the poses that are served."""
+        return float(np.mean(self.served))
+
+    @property
+    def easy(self) -> float:
+        """Share of the poses that are served away from limits and singular postures."""
+        away = (self.margins.min(axis=1) >= ROOM) & ~(self.rcond < REGULAR)  # of radial it is not known
+        return float(np.mean(self.served & away))
+
+    @cached_property
+    def margins(self) -> Matrix:
+        """Distance to the nearer limit over the joint's range (k, n), negative beyond it; inf without limits."""
+        robot = self.candidate.task.robot
+        spans = robot.upper - robot.lower
+        room = np.minimum(self.q - robot.lower, robot.upper - self.q)
+        return np.where(np.isfinite(spans), room / np.where(np.isfinite(spans), spans, 1.0), np.inf)
+
+    @property
+    def margin(self) -> float:
+        """The least of `margins` where it serves; 0 where it does not, inf without limits."""
+        return float(self.margins[self.served].min()) if self.served.any() else 0.0
+
+    @property
+    def joint(self) -> int:
+        """The joint of that margin."""
+        return int(np.argmin(self.margins[self.served].min(axis=0))) if self.served.any() else 0
+
+    @property
+    def least_rcond(self) -> float:
+        """The least rcond where it serves; 0 where it does not, NaN for radial."""
+        return float(self.rcond[self.served].min()) if self.served.any() else 0.0
+
+    @property
+    def squared_speed(self) -> float:
+        """Mean squared joint speed where it serves; infinite where it does not."""
+        return float(self.speed[self.served].mean()) if self.served.any() else np.inf
+
+
+def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
+    """A trial from each of the starts (s, n) that the law can begin at."""
+    task = candidate.task
+    if candidate.strategy is not None and candidate.level is not None:
+        starts = _on_leaf(task, candidate.strategy, starts, candidate.level)
+    if not len(starts):
+        return []
+    if candidate.strategy is None:
+        rays = along_radial(task, starts, poses.T)
+        speed, rcond = _radial_speeds(task, starts, poses), np.full(rays.share.shape, np.nan)
+    else:
+        rays = along_leaf(candidate.strategy, starts, poses.T)
+        G, rcond, _ = candidate.strategy.gain.batch(rays.q.reshape(-1, task.n))
+        speed, rcond = poses.squared_speed(G.reshape(*rays.q.shape, task.m)), rcond.reshape(rays.share.shape)
+    return [_trial(candidate, q0, rays, i, speed[i], rcond[i]) for i, q0 in enumerate(starts)]
+
+
+def _trial(candidate: Candidate, start: Vector, rays: Rays, i: int, speed: Vector, rcond: Vector) -> Trial:
+    q, reached = rays.q[i], rays.reached[i]
+    served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
+    return Trial(candidate, start, q, reached, served, np.where(served, speed, np.nan), rcond)
+
+
+def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:
+    """Those starts, moved by self-motion to the leaf of a level, that get there within the joint limits."""
+    moved = []
+    for q in starts:
+        rays = along_leaf(strategy, q[None], task.robot.pose(q, task.tip)[None], np.full(task.n - task.m, level))
+        if rays.reached[0, 0] and inside(task.robot, rays.q[0])[0]:
+            moved.append(rays.q[0, 0])
+    return np.array(moved).reshape(-1, task.n)
+
+
+def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
+    """The squared speed (s, k) by central differences of where the lines end."""
+    from scipy.spatial.transform import Rotation
+
+    total = np.zeros((len(starts), len(poses)))
+    for j in range(poses.twists.shape[2]):
+        six = np.zeros((len(poses), 6))
+        six[:, list(task.rows)] = np.nan_to_num(poses.twists[:, :, j])
+        ends = []
+        for h in (DIFFERENCE, -DIFFERENCE):
+            moved = poses.T.copy()
+            moved[:, :3, 3] += h * six[:, :3]
+            moved[:, :3, :3] = Rotation.from_rotvec(h * six[:, 3:]).as_matrix() @ moved[:, :3, :3]
+            ends.append(along_radial(task, starts, moved).q)
+        total += np.sum(poses.weights * ((ends[0] - ends[1]) / (2 * DIFFERENCE)) ** 2, axis=2)
+    return total

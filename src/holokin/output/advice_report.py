@@ -1,0 +1,156 @@
+"""The advice on a robot's law: table for the terminal, figure."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from ..designing import Advice, Law
+from ..errors import ArgumentError, brief
+from ..files import replacing
+from .coverage_plots import CAUSES, coverage_cloud
+from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, style
+from .table import Column
+from .words import on_figure
+
+MOST_LAWS = 12
+"""Laws in the figure: the best ones."""
+
+COLUMNS: tuple[Column, ...] = (
+    ("law", "left"), ("workspace\nreached", "right"), ("nearest limit\n[of its range]", "right"), ("joint", "left"),
+    ("rcond\nmin", "right"), ("joint speed^2\n/ least", "right"),
+)  # fmt: skip
+"""Headings of the table, and how their columns are aligned."""
+
+
+def print_advice(advice: Advice, console: Any) -> None:
+    """Print the laws as a table, the best first, and the reasons below."""
+    from rich.table import Table
+    from rich.text import Text
+
+    title = f"{advice.task.name}: {advice.workspace}"
+    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
+    for heading, justify in COLUMNS:
+        table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
+    for i, law in enumerate(advice.laws):
+        table.add_row(*(Text(cell, style="green" if i == 0 else "") for cell in cells(law)))
+    console.print(table)
+    if advice.proposed:
+        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style="yellow", markup=False, highlight=False)
+    for sentence in advice.reasons:
+        console.print(f"  {sentence}", markup=False, highlight=False)
+
+
+def cells(law: Law) -> list[str]:
+    """What the table says of a law."""
+    return [
+        brief(law.name),
+        f"{law.coverage:.1%}",
+        f"{law.margin:.1%}" if np.isfinite(law.margin) and law.served.any() else "-",
+        brief(law.joint) if np.isfinite(law.margin) and law.served.any() else "-",
+        f"{law.rcond:.2g}" if np.isfinite(law.rcond) and law.served.any() else "-",
+        f"{law.speed:.3f}" if np.isfinite(law.speed) else "-",
+    ]
+
+
+def _chosen(advice: Advice) -> str:
+    """What was not given, with what it is."""
+    tip = advice.task.tip or advice.task.robot.tips[0].name
+    known = {"tip": f"the tip ({tip})", "task": f"the task ({advice.task.name})"}
+    return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
+
+
+def plot_advice(advice: Advice, file: FilePath) -> None:
+    """Write `advice_figure` as an image of the file's type, PNG where its name has no ending.
+
+    Raises:
+        ArgumentError: there is no such type. WriteError: the system refuses the file.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    kind = file.suffix[1:].lower() or "png"
+    known = FigureCanvasBase.get_supported_filetypes()
+    if kind not in known:
+        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
+    with rc_context(style()), replacing(file) as part:
+        advice_figure(advice).savefig(part, format=kind, dpi=130, facecolor="white")
+
+
+def advice_figure(advice: Advice) -> Any:
+    """The laws as bars of coverage and of joint speed, and the robot with what the best of them reaches."""
+    from matplotlib.figure import Figure
+
+    laws = advice.laws[:MOST_LAWS]
+    figure = Figure(figsize=(12.6, 5.4))
+    coverage_bars(figure.add_axes((0.185, 0.11, 0.17, 0.72)), laws)
+    speed_bars(figure.add_axes((0.375, 0.11, 0.17, 0.72)), laws)
+    flat = advice.task.robot.planar
+    place = (0.63, 0.11, 0.33, 0.72) if flat else (0.575, 0.05, 0.4, 0.8)
+    reached_scene(figure.add_axes(place, projection=None if flat else "3d"), advice)
+    _legend(figure, advice)
+    head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
+    figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
+    figure.text(0.015, 0.905, on_figure(str(advice.workspace), 150), fontsize=9, color="#4b5563")
+    return figure
+
+
+def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
+    """The share of the workspace that each law reaches, the best law on top."""
+    rows = np.arange(len(laws))
+    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=0.66)
+    axes.set_yticks(rows, [fill(on_figure(law.name, 80), 32) for law in laws], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlim(0, 100)
+    axes.set_xlabel("workspace reached [%]", fontsize=9)
+    axes.grid(axis="y", visible=False)
+    return axes
+
+
+def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
+    """The mean squared joint speed of each law above the least that any law can have; longer ones are cut."""
+    rows, excess = np.arange(len(laws)), np.array([100 * (law.speed - 1) for law in laws])
+    shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
+    axes.barh(rows, shown, color=_colors(laws), height=0.66)
+    for row, value in zip(rows, excess, strict=True):
+        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
+        inside = np.isfinite(value) and value > 70 * (most - 1)
+        at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
+        side, color = ("right", "white") if inside else ("left", INK)
+        axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
+    axes.set_yticks(rows, [])
+    axes.invert_yaxis()
+    axes.set_xlim(0, 100 * (most - 1))
+    axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
+    axes.grid(axis="y", visible=False)
+    return axes
+
+
+def _colors(laws: tuple[Law, ...]) -> list[str]:
+    return [PALETTE[0] if i == 0 else GREY for i in range(len(laws))]
+
+
+def reached_scene(axes: Any, advice: Advice) -> Any:
+    """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
+    robot, found = advice.task.robot, advice.coverage
+    coverage_cloud(axes, found)
+    robot_stick(axes, robot, advice.start, INK, width=2.2)
+    clouds = [found.poses[:, :3, 3], *robot.skeleton(advice.start)]
+    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.25)
+
+
+def _legend(figure: Any, advice: Advice) -> None:
+    """The causes for which poses are not reached."""
+    from matplotlib.lines import Line2D
+
+    found = advice.coverage
+    marks = [("#1f7a6b", "reached", int(found.reached.sum()))]
+    marks += [(color, name, found.count(cause)) for cause, (color, name) in CAUSES.items() if found.count(cause)]
+    handles = [
+        Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
+        for color, name, count in marks
+    ]
+    figure.legend(handles=handles, loc="lower right", bbox_to_anchor=(0.995, 0.015), fontsize=8, ncols=len(handles))

@@ -1,0 +1,229 @@
+"""The advice: laws that fit, compared on a workspace; its tips, starts and words; the command and its job file."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, Command, assert_refused, urdf
+from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
+from holokin.designing.advice import EASY, EQUAL, ranked
+from holokin.designing.candidates import candidates
+from holokin.designing.rays import along_leaf, along_radial
+from holokin.designing.served_part import largest_part
+from holokin.designing.starts import postures_at
+from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, UnknownNameError
+from holokin.job import open_job, run_job
+from holokin.job.workspace_words import parse_workspace
+
+PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+
+
+def arm(limits: dict[int, float] | None = None) -> hk.Robot:
+    """A planar arm of three links of a metre, joints in +-2.6 rad but for those named."""
+    wide = [(limits or {}).get(i, 2.6) for i in range(3)]
+    return hk.from_dh([{"a": 1.0, "lower": -w, "upper": w, "max_velocity": 2.0} for w in wide], name="planar")
+
+
+@pytest.fixture(scope="module")
+def advice() -> Advice:
+    return hk.advise(arm(), PLANE)
+
+
+def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
+    """Referee: `coverage` of the best law at other poses, and the pseudo-inverse on a grid of each self-motion."""
+    best = advice.best
+    assert best.coverage == 1.0
+    assert hk.coverage(best.strategy, best.start, PLANE, samples=200, seed=7).share == 1.0
+    task, poses = advice.task, PLANE.poses(40)
+    least = []
+    for pose in poses:
+        p = pose[:2, 3]
+        turns = np.linspace(-np.pi, np.pi, 721)
+        wrist = p - np.stack([np.cos(turns), np.sin(turns)], axis=1)  # where the third joint is
+        far = np.linalg.norm(wrist, axis=1)
+        ok = (far < 2) & (far > 1e-3)
+        for sign in (1, -1):
+            q2 = sign * np.arccos(np.clip(far[ok] ** 2 / 2 - 1, -1, 1))
+            q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
+            J = task.jacobian_batch(np.stack([q1, q2, turns[ok] - q1 - q2], axis=1))[0]
+            least.append(np.min(np.sum(np.linalg.pinv(J) ** 2, axis=(1, 2))))
+    found = np.min(np.reshape(least, (-1, 2)), axis=1).mean()
+    assert advice.floor == pytest.approx(found, rel=0.02)
+    assert 1.0 <= best.speed < 1.03
+    assert all(law.speed > 0.999 for law in advice.laws if law.coverage > 0.5)
+
+
+def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice: Advice) -> None:
+    names = {law.name for law in advice.laws}
+    expected = {"lock q1", "lock q2", "lock q3", "radial", "stationary centring", "stationary manipulability"}
+    assert expected <= names
+    assert any(" - " in name or " + " in name for name in names)
+    assert any(name.startswith("designed over") for name in names)
+    assert [law.name for law in ranked(advice.laws)] == [law.name for law in advice.laws]
+    shares = [law.easy for law in advice.laws]
+    assert all(b <= a + EASY + EQUAL for a, b in pairwise(shares))
+    assert advice.reasons[0].startswith(f"Take {advice.best.name}")
+    assert advice.best.name in str(advice) and advice.part is None
+
+
+def test_the_same_advice_is_given_twice(advice: Advice) -> None:
+    again = hk.advise(arm(), PLANE)
+    assert [law.name for law in again.laws] == [law.name for law in advice.laws]
+    assert np.array_equal(again.start, advice.start)
+    assert again.summary() == advice.summary()
+
+
+def test_a_narrow_limit_is_avoided_and_named() -> None:
+    """Joint 3 may turn by 0.2 rad alone: a law that turns it more loses poses, and the advice does not take it."""
+    far = hk.workspace(box=([1.9, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+    narrow = hk.advise(arm({2: 0.2}), far)
+    at = {law.name: law.coverage for law in narrow.laws}
+    assert at[narrow.best.name] == at["lock q3"] == 1.0
+    assert at["lock q2"] < 0.9
+    assert any("q3" in sentence for sentence in narrow.reasons)
+
+
+def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
+    wide = hk.workspace(box=([2.2, 0.0, 0.0], [1.2, 0.8, 0.0]), rotation=np.eye(3))
+    found = hk.advise(arm(), wide)
+    assert 0.3 < found.best.coverage < 1.0
+    assert any("out of reach" in sentence for sentence in found.reasons)
+    part = found.part
+    assert part is not None and 0.1 < part.share < 1.0
+    assert hk.coverage(part.law.strategy, part.law.start, part.workspace, samples=200, seed=3).share > 0.985
+    farthest = np.linalg.norm(part.workspace.solid.center[:2] + part.workspace.solid.half[:2])
+    assert farthest < 3.0
+
+
+def test_the_largest_part_of_a_known_disc_is_found() -> None:
+    """Poses are served up to 0.6 m from the origin: of a sphere of 1 m the part has the share 0.6."""
+    found = largest_part(
+        hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: bool((np.linalg.norm(T[:, :3, 3], axis=1) < 0.6).all())
+    )
+    assert found is not None
+    assert 0.55 < found[0] <= 0.62
+    assert largest_part(hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: False) is None
+
+
+def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
+    task = hk.pose(hk.load("panda"))
+    space = hk.workspace(
+        box=([0.45, 0.1, 0.4], [0.1, 0.2, 0.1]), rotation=task.robot.pose(PANDA_START)[:3, :3], tilt=0.2
+    )
+    T, law = space.poses(24), hk.holonomic(task, hk.lock(2))
+    rays = along_leaf(law, PANDA_START[None], T)
+    closely = hk.inverse(law, PANDA_START).batch(T)
+    assert rays.reached[0].sum() >= 22
+    both = rays.reached[0] & closely.reached
+    assert np.abs(rays.q[0][both] - closely.q[both]).max() < 1e-7
+    radial = along_radial(task, PANDA_START[None], T[:4])
+    exact = hk.inverse(hk.radial(hk.moore_penrose(task), PANDA_START, steps=16), PANDA_START)
+    assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("file", "tip", "joints"),
+    [
+        ("panda.urdf", "panda_hand_tcp", 7), ("xarm7.urdf", "link_eef", 7), ("tiago.urdf", "hand_grasping_frame", 8),
+        ("talos_full_v2.urdf", "arm_left_7_link", 9), ("ur5_robot.urdf", "tool0", 6),
+        ("pr2.urdf", "r_gripper_tool_frame", 8),
+        ("g1_29dof_with_hand_rev_1_0.urdf", "left_hand_palm_link", 10), ("so100.urdf", "gripper", 5),
+    ],
+)  # fmt: skip
+def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int) -> None:
+    """Fingers, legs and heads are no arms; of two hands it is the first one in the file."""
+    found = choose_tip(urdf(file))
+    robot = hk.from_urdf(urdf(file), tip=found)
+    assert robot.n == joints
+    if file != "talos_full_v2.urdf":
+        assert found == tip
+    assert not any(word in name for name in robot.joint_names for word in ("finger", "thumb", "leg", "head"))
+
+
+def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -> None:
+    task = fitting_task(panda)
+    first = regular_starts(task)[0]
+    found = postures_at(task, panda.pose(first))
+    assert len(found) == 8
+    for q in found:
+        panda.check_limits(q)
+        assert np.abs(panda.pose(q) - panda.pose(first)).max() < 1e-3
+    gaps = np.linalg.norm(found[:, None] - found[None], axis=2) + 10 * np.eye(len(found))
+    assert gaps.min() > 0.3
+    assert locked_joints(task, first) == [int(np.argmax(np.abs(task.null_space(first))))]
+
+
+def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> None:
+    robot = hk.from_urdf(urdf("tiago.urdf"), tip="hand_grasping_frame")
+    task = fitting_task(robot)
+    laws = candidates(task, regular_starts(task)[:3])
+    assert all(law.strategy is None or law.strategy.constraint.rows == 2 for law in laws)
+    names = [law.name for law in laws]
+    assert any(name.count(",") == 1 and name.startswith("lock") for name in names)
+    assert any(name.startswith("lock torso_lift_joint over") for name in names)
+    assert "stationary centring" in names and names[-1] == "radial"
+
+
+def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
+    with pytest.raises(OutOfReachError, match="nearer to the base"):
+        hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
+    with pytest.raises(ArgumentError, match=r"hk\.inverse"):
+        hk.advise("irb140", task="pose")
+    with pytest.raises(NotFiniteError):
+        hk.advise(arm(), PLANE, start=[0.1, np.nan, 0.2])
+    with pytest.raises(JointLimitError, match="q2"):
+        hk.advise(arm(), PLANE, start=[0.1, 3.0, 0.2])
+    with pytest.raises(UnknownNameError, match="panda_hand_tcp"):
+        hk.advise(urdf("panda.urdf"), tip="panda_hand_tpc")
+    with pytest.raises(ArgumentError, match="two, to be redundant"):
+        hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
+    with pytest.raises(ArgumentError):
+        hk.advise(panda, hk.workspaces.pose_cloud([panda.pose(PANDA_START)]))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("box 1 2", "HALF-HEIGHT"), ("ball 1 2 3", "'ball'"), ("sphere 0 0 0 1 tilt", "1 number after tilt"),
+        ("box 0 0 0 1 1 1 box 0 0 0 1 1 1", "say box once"), ("sphere 0 0 0 nan", "'nan'"),
+        ("missing.toml", "no such file"),
+        ("missing.csv", "no such file"), ("box 0 0 0 0 0 0", "half sides"),
+    ],
+)  # fmt: skip
+def test_words_that_say_no_workspace_are_refused(words: str, said: str) -> None:
+    with pytest.raises(hk.HolokinError, match=said):
+        parse_workspace(words)
+
+
+def test_a_workspace_in_words_is_the_one_in_python() -> None:
+    said = parse_workspace("box 0.5 0 0.3, 0.25 0.4 0.3 tilt 40 spin 90")
+    meant = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.deg2rad(40), spin=np.pi / 2)
+    assert np.array_equal(said.poses(8), meant.poses(8))
+    turned = parse_workspace("sphere 0.5 0 0.3 0.2 rpy 180 0 90")
+    assert turned.center[:3, 0] == pytest.approx([0, 1, 0], abs=1e-12)
+    assert str(parse_workspace("cylinder 0 0 0.5 0.2 0.1")) == str(hk.workspace(cylinder=([0, 0, 0.5], 0.2, 0.1)))
+
+
+def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    outcome = holokin("advise", "planar-3r", "--workspace", "box 1.2 0.4 0.25 0.25", "--out", file)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "Take " in outcome.out and "holokin run" in outcome.out
+    assert file.with_suffix(".png").stat().st_size > 20_000
+    name, job, path = open_job(str(file))
+    result = run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
+    assert result.passed
+    law = next(s for s in result.strategies if s.name == "advised")
+    assert law.metrics["coverage"] == 1.0
+    assert law.metrics["drift_total"] < 1e-9
+    assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
+    assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
+    assert_refused(
+        holokin("advise", "planar-3r", "--start", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks"
+    )
+    assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")
