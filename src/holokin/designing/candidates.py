@@ -13,6 +13,7 @@ from ..constraints import (
     Constraint,
     arm_angle,
     centring_cost,
+    find_arm,
     gravity_cost,
     height,
     linear,
@@ -21,7 +22,6 @@ from ..constraints import (
     stack,
     stationary,
 )
-from ..constraints.arm_geometry import shoulder_elbow_wrist
 from ..errors import NoArmError
 from ..strategies import HolonomicStrategy, holonomic
 from ..task import Task
@@ -143,7 +143,7 @@ def _parallel(task: Task, among: list[int]) -> Iterator[tuple[int, int]]:
 def _arms(task: Task) -> Iterator[Law]:
     """The arm angle by both definitions, and the height of the elbow."""
     try:
-        _, elbow, _ = shoulder_elbow_wrist(task)
+        elbow = find_arm(task).elbow
     except NoArmError:
         return
     for kind in ("stereographic", "conventional"):

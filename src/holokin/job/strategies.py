@@ -42,6 +42,7 @@ NumberRows = Annotated[list[Numbers], Few, AfterValidator(_rectangular)]
 Gain = Annotated[Number | Annotated[list[Numbers], Few], AfterValidator(_rectangular)]
 Springs = Positive | Annotated[list[Positive], Few]
 Posture = Annotated[list[Length], Few]
+Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Coefficients = Annotated[list[Number], Field(max_length=MOST_TERMS)]
 
 
@@ -216,12 +217,15 @@ class ArmAngle(ConstraintTable):
 
     kind: Literal["arm-angle"]
     definition: Literal["stereographic", "conventional"] = "stereographic"
-    joints: Annotated[list[str | int], Field(min_length=3, max_length=3)] | None = None
+    joints: Annotated[list[str | int | tuple[str | int, Three]], Field(min_length=3, max_length=3)] | None = None
+    reference: Three = [0.0, 0.0, 1.0]
+    pole: Three | None = None
 
     def constraint(self, task: Task) -> Constraint:
         """As `arm_angle`."""
-        joints = None if self.joints is None else (self.joints[0], self.joints[1], self.joints[2])
-        return constraints.arm_angle(definition=self.definition, joints=joints)
+        return constraints.arm_angle(
+            definition=self.definition, joints=self.joints, reference=self.reference, pole=self.pole
+        )
 
 
 class Height(ConstraintTable):
