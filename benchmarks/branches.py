@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.codegen import compiler, native
-from holokin.errors import BranchError, SingularityError
+from holokin.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
 from holokin.motion.leaf import leaf_step
 
@@ -181,7 +181,7 @@ def compare(case: Case, count: int, steps: int = STEPS, seed: int = 0) -> Count:
     for pose, wanted in zip(poses, truth, strict=True):
         try:
             q: np.ndarray | None = ik(pose)
-        except (BranchError, SingularityError):
+        except (BranchError, OutOfReachError, SingularityError):
             q = None
         if q is not None:
             different += not np.abs(q - wanted).max() < 1e-6  # NaN, where the way ends, included

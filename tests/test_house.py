@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import inspect
 import re
 import subprocess
@@ -101,6 +102,13 @@ def test_analysis_and_motion_do_not_know_each_other() -> None:
         others = {"analysis": "motion", "motion": "analysis"}
         forbidden = others.get(layer_of(module))
         assert not any(name.startswith(f"holokin.{forbidden}") for name, _ in imports(module))
+
+
+@pytest.mark.parametrize("package", sorted(p.parent for p in ROOT.glob("*/__init__.py")), ids=lambda p: p.name)
+def test_no_module_has_the_name_of_what_its_package_exports(package: Path) -> None:
+    """`import holokin.motion.following` must be the module, and `holokin.motion.follow` the function."""
+    exported = vars(importlib.import_module(f"holokin.{package.name}")).get("__all__", ())
+    assert not {module.stem for module in package.glob("*.py")} & set(exported)
 
 
 def test_there_is_no_import_cycle() -> None:

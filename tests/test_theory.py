@@ -12,7 +12,7 @@ PLACE = r"(?:\d(?:\.\d)?[a-i]?|[ET]\d{1,2})(?![\w.]*\d)"
 CITED = re.compile(
     rf"[Tt]heory(?:\.md)?(?:\]\((?:docs/)?theory\.md\))?,? (?:section )?({PLACE}(?:(?:,| and|, and) {PLACE})*)"
 )
-MARK = re.compile(r"(?<![A-Za-z0-9.^])[ET]\d{1,2}(?![0-9A-Za-z_])")
+MARK = re.compile(r"(?<![A-Za-z0-9.^])[ET](?:[1-9]|1\d)(?![0-9A-Za-z_])")  # not columns T00 to T23
 INNER = re.compile(rf"\(({PLACE}(?:, {PLACE})*)(?:, variant \w+)?\)|\b(?:by|of|see) ([1-9](?:\.\d|[a-i]))(?=[ .,:;])")
 
 

@@ -6,9 +6,9 @@ from .coordinates import Coordinates, Polynomial, chart_of
 from .covered import Coverage, PoseStatus, Reach
 from .covering import coverage, posture_reach
 from .designed_law import Design, design
+from .law_metrics import SectionMetrics, section_metrics
 from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
-from .section_metrics import SectionMetrics, section_metrics
 from .slicing import Slice, coverage_slices
 from .starts import fitting_task, locked_joints, regular_starts
 from .tips import choose_tip

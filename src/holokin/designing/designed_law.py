@@ -17,10 +17,10 @@ from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, not_negative
 from ..workspaces import Workspace
 from .best_section import Limits, Search
 from .coordinates import Coordinates, Polynomial, chart_of, coordinates_of, monomials_up_to
+from .law_metrics import SectionMetrics, measured, reached
 from .lower_bound import LeastCosts, least_costs
 from .objectives import POWER, Costs, Objective, as_objective, costs_of, joint_weights
 from .section import Sampled, SectionSamples, TiltedLeaves
-from .section_metrics import SectionMetrics, measured, reached
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""

@@ -218,7 +218,7 @@ class ArmAngle(ConstraintTable):
     kind: Literal["arm-angle"]
     definition: Literal["stereographic", "conventional"] = "stereographic"
     joints: Annotated[list[str | int | tuple[str | int, Three]], Field(min_length=3, max_length=3)] | None = None
-    reference: Three = [0.0, 0.0, 1.0]
+    reference: Three = Field(default=[0.0, 0.0, 1.0])
     pole: Three | None = None
 
     def constraint(self, task: Task) -> Constraint:
