@@ -235,6 +235,8 @@ def versions() -> str:
         "mujoco",
         "placo",
         "roboticstoolbox-python",
+        "ssik",
+        "pytracik",
     ):
         try:
             out.append(f"{package} {version(package)}")

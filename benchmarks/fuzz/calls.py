@@ -35,6 +35,9 @@ HEAVY = {
     "filtration",
     "leaf_function",
     "general_form",
+    "advise",
+    "design",
+    "nearest",
 }
 """Calls that take long where a bad argument is none: one in ten."""
 
@@ -187,6 +190,14 @@ def calls() -> dict[str, Call]:
         "read_workspace": (hk.read_workspace, ("no.csv",), {"degrees": False}),
         "coverage": (hk.coverage, (held, q, k["space"]), {
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
+        "design": (hk.design, (task, k["space"], q), {
+            "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
+            "rcond": 0.0, "samples": 16, "seed": 0}),
+        "nearest": (hk.nearest, (law, region), {
+            "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
+        "advise": (hk.advise, (robot, k["space"]), {
+            "tip": None, "base": None, "task": "position", "start": q, "say": lambda _: None}),
+        "section_metrics": (designing.section_metrics, (held, q, k["space"]), {}),
         "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
@@ -225,6 +236,10 @@ def calls() -> dict[str, Call]:
         "Trajectory.tracking_error": (walk.tracking_error, ("m",), {}),
         "Trajectory.save": (walk.save, ("walk.csv",), {}),
         "InverseKinematics": (k["ik"], (k["pose"],), {}),
+        "InverseKinematics.near": (k["ik"].near, (k["pose"], q), {}),
+        "InverseKinematics.batch": (k["ik"].batch, (np.array([k["pose"], k["pose"]]),), {"threads": 1}),
+        "InverseKinematics.nearest": (k["ik"].nearest, (k["pose"], q), {
+            "length": 0.3, "rcond": 0.1, "limits": False, "step": 0.1}),
         "Controller.step": (k["servo"].step, (q, start, np.zeros(3)), {}),
         "LeafFunction": (k["leaf"], (q,), {}),
         "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),

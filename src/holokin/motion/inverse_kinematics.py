@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import typed
+from ..arguments import check, typed
 from ..codegen import InverseKernel, engine, weak
 from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
 from ..robot import Robot
@@ -138,7 +138,8 @@ class InverseKinematics(Value):
         if q is not None:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         most = None if step is None else _steps(step, len(self.start))
-        asked = self.limits if limits is None else limits
+        check("limits", bool | None, limits)
+        asked = self.limits if limits is None else bool(limits)
         key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
         edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
         return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
