@@ -103,9 +103,10 @@ class InverseKinematics(Value):
 
             min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, and joint limits when asked
 
-        A pose that is reached within these bounds has the joints of `ik(pose)`. Towards another the tool goes as far as
-        it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last answer,
-        `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
+        A pose that is reached within these bounds has the joints of `ik(pose)`; from a q that the hand has led round a
+        place where the leaf ends it may have others. Towards another pose the tool goes as far as it can: from the
+        start, `ik.nearest(pose)`, a function of the pose alone; or from the last answer, `ik.nearest(pose, q)`, for a
+        loop, in which it slides along the edge of what it reaches.
 
         The answer moves continuously with the pose wherever one place of the edge is nearest. Midway between two that
         are equally near, as in the middle of a hole of the workspace, no function of the pose can be continuous, and
