@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x018298767d46eeeeU
+#if PPR_EXPORT != 0x956bc7d8bfc6cc84U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1360,22 +1360,135 @@ static int hk_rotates(const hk_t *R) {
   return sound;
 }
 
+/* Folds: where a leaf ends, and the way with it. Ahead of one the joints go like the square root of the share of the way
+   that is left, so that 1 / |q'|^2 falls evenly, and is 0 there: two rates tell where. Of a way that passes close by one,
+   the place moves on by a quarter of what has been gone (or by half, past a posture about which joints spin).
+   A way is given up where the place stands still while the joints go a 2^SURE-th of what was left to it; the posture is then led on while
+   Newton's method lets it, by 2^CLOSER at most. */
+enum { HK_SURE = 4, HK_CLOSER = 7 };
+
+typedef struct {
+  hk_t share, slack, at, first;
+  int found, agreed;
+} hk_fold;
+
+/* Take in the joints' rate at a share: 1 where the fold that it shows has moved by at most so much of what was gone. */
+static int hk_fold_agrees(hk_fold *fold, hk_t share, const hk_t *rate, hk_t most) {
+  const hk_t slack = HK_C(1) / hk_dot(rate, rate), gone = share - fold->share, fall = fold->slack - slack;
+  const hk_t at = share + gone * (slack / fall);
+  const int agrees = fall > HK_C(0) && at > share && HK_FABS(at - fold->at) <= most * gone;
+  fold->share = share, fold->slack = slack, fold->at = at;
+  return agrees;
+}
+
+/* Look for a fold ahead of q, which is at a share of the way, by the joints' rate there, or in the middle of what led there.
+   1 where there is one before the way's end: q then lies close to it. x is for (q, p, R, c). */
+static int hk_fold_ahead(hk_fold *fold, const hk_way *way, hk_t middle, hk_t share, const hk_t *rate, const hk_rules *rules,
+                         hk_t *q, hk_t *x) {
+  hk_t at[HK_N], y[HK_N + 3], margin;
+  const int agrees = hk_fold_agrees(fold, middle, rate, HK_C(0.25));
+  fold->agreed = agrees ? fold->agreed + 1 : 0;
+  if (!agrees) fold->first = fold->slack;
+  if (fold->agreed < 2 || fold->slack > HK_C(0.5) * fold->first) return 0;
+  if (!(fold->at > share && HK_C(2) * fold->at - share < HK_C(1))) return 0;
+  hk_fold near = *fold;
+  fold->first = fold->slack; /* the next look, if any, where this has halved again */
+  for (int i = 0; i < HK_N; i++) at[i] = q[i];
+  for (int k = 0; k <= HK_CLOSER; k++) { /* to q at first, then to a quarter of the share left, by half of the motion */
+    const hk_t left = k ? near.at - share : HK_C(0);
+    share += HK_C(0.75) * left;
+    for (int i = 0; i < HK_N; i++) x[i] = at[i] + (k ? left * y[i] : HK_C(0));
+    hk_aim(way, share, x);
+    if (!hk_newton(x, rules, &margin)) {
+      if (k > HK_SURE) break;
+      return 0;
+    }
+    for (int i = 0; i < HK_N; i++) at[i] = x[i];
+    const hk_t ahead = HK_C(0.001) * (near.at - share);
+    hk_aim(way, share + ahead, x);
+    hk_leaf_body(x, y); /* the joints' rate */
+    for (int i = 0; i < HK_N; i++) y[i] /= ahead;
+    if (k && !hk_fold_agrees(&near, share, y, HK_C(k > 1 ? 0.1 : 0.25))) return 0;
+    near.share = share, near.slack = HK_C(1) / hk_dot(y, y);
+  }
+  for (int i = 0; i < HK_N; i++) q[i] = at[i];
+  fold->found = 1;
+  return 1;
+}
+
+/* Radial laws whose leaf has one posture for each pose, motion/rays.py. hk_center: the posture over which the label is 0;
+   hk_ray_rows: the task's rows among x, y, z and the turns about them. */
+#ifdef HK_RAYS
+/* Go a ray from the center q, on one leaf: 0 at its end, 1 where it could not go on, 2 where it took too many pieces. */
+static int hk_go_ray(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
+  hk_t y[2][HK_N], v[HK_ROWS], left[4][HK_TRANSPORT_K], first, least = HK_INF, margin, rate[HK_N];
+  hk_t share = HK_C(0), width = HK_C(1);
+  for (int i = 0; i < HK_ROWS; i++) v[i] = -(hk_ray_rows[i] < 3 ? way->line.v[hk_ray_rows[i]] : way->line.turn[hk_ray_rows[i] - 3]);
+  for (int i = 0; i < HK_N; i++) y[0][i] = q[i];
+  for (int s = 0; s < HK_TRANSPORT_S; s++) hk_transport_step(y[s % 2], v, y[1 - s % 2], &first, &least, left);
+  for (int i = 0; i < HK_N; i++) rate[i] = y[HK_TRANSPORT_S % 2][i] - q[i]; /* to begin with, the given law's own way */
+  for (int tried = 0; share < HK_C(1); tried++) {
+    if (tried >= rules->tries) return 2;
+    const hk_t goal = HK_FMIN(HK_C(1), share + width);
+    hk_aim(way, goal, x);
+    for (int i = 0; i < HK_N; i++) x[i] = q[i] + (goal - share) * rate[i];
+    if (hk_newton(x, rules, &margin)) {
+      for (int i = 0; i < HK_N; i++) rate[i] = (x[i] - q[i]) / (goal - share), q[i] = x[i];
+      width = HK_C(2) * (goal - share);
+      share = goal;
+    } else {
+      if (width == HK_C(1))
+        for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
+      width = (goal - share) / HK_C(2);
+    }
+    if (!(width >= rules->smallest)) return 1;
+  }
+  return 0;
+}
+
+/* Leap to the end of a way, where that is near by: 1 and the new q where it was. */
+static int hk_leap(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
+  hk_t margin, most = HK_C(0);
+  hk_aim(way, HK_C(1), x);
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  if (!hk_newton(x, rules, &margin)) return 0;
+  for (int i = 0; i < HK_N; i++) most = HK_FMAX(HK_FABS(x[i] - q[i]), most);
+  if (!(most <= HK_C(HK_LEAP))) return 0;
+  for (int i = 0; i < HK_N; i++) q[i] = x[i];
+  return 1;
+}
+
+/* 1 where a way from q is a ray from the center, on one leaf. */
+static int hk_on_ray(const hk_way *way, const hk_t *q) {
+  int on = 1;
+  for (int i = 0; i < HK_N; i++) on &= q[i] == hk_center[i];
+  for (int i = 0; i < HK_R; i++) on &= way->change[i] == HK_C(0);
+  return on;
+}
+#endif
+
 /* Inverse kinematics on a leaf: a way gone in stretches that are shown to keep to one branch, and in the pieces of newton.c
    where they cannot be.
-   hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces. q becomes
-   the posture there; x is for (q, p, R, c). */
+   hk_go: from the posture q; 0 at its end, 1 where it could not go on, 2 where it took too many pieces, 3 where it comes to
+   a fold. q becomes the posture there; x is for (q, p, R, c). */
 static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   hk_t share = HK_C(0), width, rate[HK_N];
+  hk_fold fold = {HK_C(0), HK_C(0), HK_C(0), HK_C(0), 0, 0};
   hk_branch branch;
+#ifdef HK_RAYS
+  if (hk_on_ray(way, q)) return hk_go_ray(way, rules, q, x);
+  if (hk_leap(way, rules, q, x)) return 0;
+#endif
 #ifdef HK_STRETCHES
-  share = hk_go_stretches(way, rules, q, x);
+  share = hk_go_stretches(way, rules, &fold, q, x);
+  if (fold.found) return 3;
 #endif
   branch.laid = 0;
   branch.length = HK_C(HK_LONGEST);
   width = HK_C(1) - share;
   for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
   for (int tried = 0; share < HK_C(1); tried++) {
-    const hk_t goal = HK_FMIN(HK_C(1), share + width);
+    const hk_t goal = HK_FMIN(HK_C(1), share + width), from = share;
     if (tried >= rules->tries) return 2;
     hk_aim(way, goal, x);
     const hk_t fits = hk_piece(x, q, rate, goal - share, HK_C(0), way->turn, &branch, rules);
@@ -1384,6 +1497,7 @@ static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
       share = goal;
     else if (!(width >= rules->smallest))
       return 1;
+    if (share > from && share < HK_C(1) && hk_fold_ahead(&fold, way, (from + share) / HK_C(2), share, rate, rules, q, x)) return 3;
   }
   return 0;
 }

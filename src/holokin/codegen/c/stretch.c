@@ -178,11 +178,12 @@ static int hk_meet(const hk_stretch *a, const hk_stretch *b, hk_t share) {
   return gap + a->reach <= b->radius || gap + b->reach <= a->radius;
 }
 
-/* Go the way in stretches as far as they can be shown: q becomes the posture there. Returns the share done. */
-static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
+/* Go the way in stretches as far as they can be shown, or until a fold is found: q becomes the posture there. Returns the
+   share done. */
+static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *fold, hk_t *q, hk_t *x) {
   hk_stretch last, next;
   hk_node node;
-  hk_t share = HK_C(0), half = HK_C(0.5), margin;
+  hk_t share = HK_C(0), half = HK_C(0.5), margin, both[HK_N + 12 + HK_R];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   if (!hk_lay_stretch(way, HK_C(0), HK_C(HK_FIRST), rules, x, &last, &node)) return HK_C(0); /* for its curve alone */
   if (!(last.radius > HK_C(0))) return HK_C(0);
@@ -203,6 +204,11 @@ static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t *q, h
     share = ends ? HK_C(1) : share + HK_C(2) * half;
     half *= HK_FMAX(HK_C(0.8), HK_FMIN(HK_C(1.6), HK_SQRT(HK_C(0.65) / room)));
     last = next;
+    for (int i = 0; i < HK_N; i++) x[i] = last.v[i] / last.half, node.off[i] = last.c[i];
+    if (!ends && hk_fold_ahead(fold, way, middle, middle, x, rules, node.off, both)) {
+      for (int i = 0; i < HK_N; i++) q[i] = node.off[i];
+      return share;
+    }
   }
   if (!(share > HK_C(0))) return HK_C(0);
   hk_aim(way, share, x);
