@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x956bc7d8bfc6cc84U
+#if PPR_EXPORT != 0x14913c8fd1f2e650U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1363,8 +1363,8 @@ static int hk_rotates(const hk_t *R) {
 /* Folds: where a leaf ends, and the way with it. Ahead of one the joints go like the square root of the share of the way
    that is left, so that 1 / |q'|^2 falls evenly, and is 0 there: two rates tell where. Of a way that passes close by one,
    the place moves on by a quarter of what has been gone (or by half, past a posture about which joints spin).
-   A way is given up where the place stands still while the joints go a 2^SURE-th of what was left to it; the posture is then led on while
-   Newton's method lets it, by 2^CLOSER at most. */
+   A way is given up where the place stands still until 4^-SURE of the share is left; the posture is then led on while
+   Newton's method converges, to 4^-CLOSER at least. It is a judgement, no proof: it refuses poses, and answers none. */
 enum { HK_SURE = 4, HK_CLOSER = 7 };
 
 typedef struct {
@@ -1381,8 +1381,8 @@ static int hk_fold_agrees(hk_fold *fold, hk_t share, const hk_t *rate, hk_t most
   return agrees;
 }
 
-/* Look for a fold ahead of q, which is at a share of the way, by the joints' rate there, or in the middle of what led there.
-   1 where there is one before the way's end: q then lies close to it. x is for (q, p, R, c). */
+/* Look for a fold ahead of q, which is at a share of the way, by the joints' rate there, or in the middle of what led
+   there. 1 where there is one before the way's end: q then lies close to it. x is for (q, p, R, c). */
 static int hk_fold_ahead(hk_fold *fold, const hk_way *way, hk_t middle, hk_t share, const hk_t *rate, const hk_rules *rules,
                          hk_t *q, hk_t *x) {
   hk_t at[HK_N], y[HK_N + 3], margin;

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x956bc7d8bfc6cc84U
+#define PPR_EXPORT 0x14913c8fd1f2e650U
 
 #ifdef __cplusplus
 extern "C" {

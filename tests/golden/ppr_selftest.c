@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x956bc7d8bfc6cc84U
+#if PPR_EXPORT != 0x14913c8fd1f2e650U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x956bc7d8bfc6cc84U
+#if PPR_VECTORS != 0x14913c8fd1f2e650U
 #error "these files are of different exports: export again"
 #endif
 
