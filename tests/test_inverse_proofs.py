@@ -21,15 +21,16 @@ pytestmark = pytest.mark.skipif(not enabled(), reason="no compiler")
 
 
 def models(strategy: HolonomicStrategy) -> Callable[..., np.ndarray]:
-    """(c, v, w, radius) -> models of the extended Jacobian, column by column: m, a, b, c, r0, r, s, e, an idle one."""
+    """(c, v, w, z, radius) -> models of the extended Jacobian by columns: m, a, b, c, r0, r, s, e, an idle one."""
     found = along(strategy)
     assert found is not None
     probe = """
-void probe(const double *c, const double *v, const double *w, const double *radius, hk_model *A) {
+void probe(const double *c, const double *v, const double *w, const double *z, const double *radius,
+           hk_model *A) {
   hk_model x[HK_N];
   for (int i = 0; i < HK_N; i++) {
     hk_model_constant(c[i], x + i);
-    x[i].a = v[i], x[i].b = w[i], x[i].s = x[i].e[i] = radius[0];
+    x[i].a = v[i], x[i].b = w[i], x[i].c = z[i], x[i].s = x[i].e[i] = radius[0];
   }
   hk_along_body(x, A);
 }
@@ -38,9 +39,9 @@ void probe(const double *c, const double *v, const double *w, const double *radi
     run = library(code, needs=("probe",)).probe
     run.restype = None
 
-    def call(c: np.ndarray, v: np.ndarray, w: np.ndarray, radius: float) -> np.ndarray:
+    def call(c: np.ndarray, v: np.ndarray, w: np.ndarray, z: np.ndarray, radius: float) -> np.ndarray:
         out = np.empty((49, 15))
-        given = [np.ascontiguousarray(a, dtype=float) for a in (c, v, w, [radius])]
+        given = [np.ascontiguousarray(a, dtype=float) for a in (c, v, w, z, [radius])]
         run(*(ctypes.c_void_p(a.ctypes.data) for a in (*given, out)))
         return out
 
@@ -60,14 +61,14 @@ def test_a_taylor_model_holds_the_extended_jacobian_at_a_thousand_postures(
     tight = 0.0
     for size in (0.003, 0.03, 0.1):
         q, v = PANDA_START + rng.uniform(-0.2, 0.2, 7), size * rng.uniform(-1, 1, 7)
-        w, radius = 0.3 * size * rng.uniform(-1, 1, 7), 0.05 * size
-        m, a, b, c, r0, r, s = (column.reshape(7, 7).T for column in at(q, v, w, radius).T[:7])
-        e = at(q, v, w, radius)[:, 7:14].reshape(7, 7, 7).transpose(1, 0, 2)
+        w, z, radius = *(0.3 * size * rng.uniform(-1, 1, (2, 7))), 0.05 * size
+        m, a, b, c, r0, r, s = (column.reshape(7, 7).T for column in at(q, v, w, z, radius).T[:7])
+        e = at(q, v, w, z, radius)[:, 7:14].reshape(7, 7, 7).transpose(1, 0, 2)
         assert np.abs(s - np.abs(e).sum(axis=2)).max() < 1e-12
         for k in range(300):
             t, u = rng.uniform(-1, 1), rng.uniform(-1, 1, 7) * (k % 3 > 0)
             u = np.sign(u) if k % 3 == 2 else u
-            p = q + t * v + t * t * w + radius * u
+            p = q + t * v + t**2 * w + t**3 * z + radius * u
             A = np.vstack([strategy.task.jacobian(p), strategy.rows(p)])
             off = np.abs(A - (m + t * (a + t * (b + t * c)) + e @ u))
             assert (off <= (r if k % 3 else r0) * (1 + 1e-9) + 1e-14).all()
@@ -105,3 +106,31 @@ def test_a_fold_however_narrow_is_not_passed(kind: str, width: float) -> None:
     for beyond in (1.001, 1.5, 30.0):
         with pytest.raises((BranchError, SingularityError)):
             ik(tool + [beyond * room, 0, 0])
+
+
+def test_a_way_that_ends_at_a_fold_ends_close_to_it_and_says_so() -> None:
+    """The PPR arm with g = q3^3 - 3 w^2 q3 + x: the leaf folds at q3 = w, however far beyond it the pose lies."""
+    w, start = 0.05, np.array([0.3, 0.2, 0.4])
+    h = FOLDS["cubic"][0](w)
+    ik = hk.inverse(
+        hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: h(q[2]) + q[0] + ca.cos(q[2]))), start
+    )
+    room = start[2] ** 3 - 3 * w * w * start[2] + 2 * w**3
+    beyond = ik.strategy.task.robot.pose(start)[:3, 3] + np.outer([1.1 * room, 1.5 * room, 3 * room], [1, 0, 0])
+    found = ik.batch(beyond)
+    assert (found.status == hk.motion.InverseStatus.LEAF_ENDS).all()
+    assert np.abs(found.last[:, 2] - w).max() < 0.01 * w
+    with pytest.raises(BranchError, match=r"the leaf of .* ends at"):
+        ik(beyond[0])
+
+
+@pytest.mark.parametrize("slope", [1e-2, 1e-3, 1e-4])
+def test_a_way_that_passes_close_by_a_fold_goes_on(slope: float) -> None:
+    """The PPR arm with g = q3^3 + slope q3 + x: q3 goes through 0 quickly, but it does."""
+    strategy = hk.holonomic(
+        hk.position(hk.load("ppr")), hk.custom(lambda q: q[2] ** 3 + slope * q[2] + q[0] + ca.cos(q[2]))
+    )
+    start = np.array([0.3, 0.2, 0.3])
+    tool = strategy.task.robot.pose(start)[:3, 3]
+    q = hk.inverse(strategy, start)(tool + [2 * (0.3**3 + slope * 0.3), 0, 0])
+    assert q[2] == pytest.approx(-0.3, abs=1e-12)

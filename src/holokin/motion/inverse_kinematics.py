@@ -205,7 +205,8 @@ class InverseKinematics(Value):
             fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
             raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
         if status is not InverseStatus.REACHED:
-            raise leaf_problem(self.strategy, q, WayEnd.STOPPED)
+            ends = status is InverseStatus.LEAF_ENDS
+            raise leaf_problem(self.strategy, q, WayEnd.FOLD if ends else WayEnd.STOPPED)
         return q
 
     def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:

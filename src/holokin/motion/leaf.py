@@ -141,6 +141,7 @@ class WayEnd(Enum):
     REACHED = "it was gone to its end"
     STOPPED = "no further piece of it could be shown to keep to the branch"
     TRIED = "it took too many pieces"
+    FOLD = "the leaf ends there"
 
 
 def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: int = TRIES) -> HolokinError:
@@ -155,7 +156,7 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
     except HolokinError as problem:
         return problem
     at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
-    if rcond > REGULAR:
+    if rcond > REGULAR and ended is not WayEnd.FOLD:
         return BranchError(
             f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
             f"though [J; J_g] is regular there (rcond {rcond:.1e})",

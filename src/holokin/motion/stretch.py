@@ -3,7 +3,8 @@
 The way of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
 joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle c, at which Y = A^-1, by
 
-    P(t) = c + t v + t^2 w,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2
+    P(t) = c + t v + t^2 w + t^3 z,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2,
+    z = -Y (D^2 A[v, v] v / 2 + DA[w] v + 2 DA[v] w) / 3
 
 (h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <= radius:
 
@@ -27,7 +28,11 @@ from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 from .rays import rays_code
 
 SLENDER = 0.02
-"""Radius of a stretch over the largest joint's motion in half of it: curves are right to less."""
+"""Radius of a stretch over the largest joint's motion in half of it, to begin with and at most: then it is such that
+what the curve misses and what A changes off it take as much room."""
+
+SLENDEREST = 0.004
+"""The same, at least: the middles of thinner ones take more Newton steps."""
 
 CENTRED = 0.25
 """Newton correction in the middle of a stretch that may be left, over its radius."""
@@ -103,6 +108,16 @@ def bend(strategy: HolonomicStrategy) -> Function:
     return Function("bend", {"q": e.q, "v": v}, {"bend": moved})
 
 
+@kept
+def twist(strategy: HolonomicStrategy) -> Function:
+    """(q, v, w) -> D^2 A[v, v] v / 2 + DA[w] v + 2 DA[v] w, what goes with t^2 in A P', P = q + t v + t^2 w."""
+    e, v, w = strategy.expressions, symbol("v", strategy.task.n), symbol("w", strategy.task.n)
+    A = vertcat(e.J, e.planes)
+    moved = directional(directional(A @ v, e.q, v), e.q, v) / 2
+    moved = moved + directional(A @ v, e.q, w) + 2 * directional(A @ w, e.q, v)
+    return Function("twist", {"q": e.q, "v": v, "w": w}, {"twist": moved})
+
+
 def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
     s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
@@ -111,7 +126,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, tries)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
-        "SLENDER": SLENDER, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
+        "SLENDER": SLENDER, "SLENDEREST": SLENDEREST, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
         "RULES": f"{{{', '.join(map(repr, rules))}}}",
     }  # fmt: skip
     if models is not None:
@@ -128,7 +143,8 @@ def stretch_code(strategy: HolonomicStrategy) -> str:
     models = along(strategy)
     if models is None:
         return ""
-    return models.c + node(strategy).c("hk_node_body") + bend(strategy).c("hk_bend_body")
+    curve = bend(strategy).c("hk_bend_body") + twist(strategy).c("hk_twist_body")
+    return models.c + node(strategy).c("hk_node_body") + curve
 
 
 def _place_code(strategy: HolonomicStrategy) -> str:

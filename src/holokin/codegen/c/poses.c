@@ -30,6 +30,7 @@ static int hk_answer(double *q, const double *from, const double *g, const doubl
   const int ended = hk_go(&way, &rules, q, x);
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   if (ended == 0) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
+  if (ended == 3) return HK_LEAF_ENDS;
   hk_aim(&way, 0.0, x);
   hk_leaf_body(x, y);
   if (ended == 2 || y[HK_N] > HK_REGULAR) return HK_NOT_CONVERGED;

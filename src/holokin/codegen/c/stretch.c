@@ -1,8 +1,9 @@
 /* A stretch of a way along a leaf, shown to be on one branch: motion/stretch.py has the argument. hk_node_body takes
-   (q, p, R, c) and gives (dq, rcond, margin, sign of det, A^-1); hk_bend_body takes (q, v) and gives DA[v] v;
+   (q, p, R, c) and gives (dq, rcond, margin, sign of det, A^-1); hk_bend_body takes (q, v) and gives DA[v] v,
+   hk_twist_body (q, v, w) and gives what goes with t^2 in A P';
    hk_along_body the Taylor models of A, column by column. hk_rows: the task's rows among x, y, z and the turns about them. */
 typedef struct {
-  hk_t share, half, c[HK_N], v[HK_N], w[HK_N], radius, reach, axes, turns;
+  hk_t share, half, c[HK_N], v[HK_N], w[HK_N], z[HK_N], radius, reach, balance, axes, turns;
 } hk_stretch;
 
 static hk_t hk_most(const hk_t *x) {
@@ -14,7 +15,7 @@ static hk_t hk_most(const hk_t *x) {
 /* The posture of a stretch's curve at a share of the way. */
 static void hk_curve(const hk_stretch *s, hk_t share, hk_t *q) {
   const hk_t t = (share - s->share) / s->half;
-  for (int i = 0; i < HK_N; i++) q[i] = s->c[i] + t * (s->v[i] + t * s->w[i]);
+  for (int i = 0; i < HK_N; i++) q[i] = s->c[i] + t * (s->v[i] + t * (s->w[i] + t * s->z[i]));
 }
 
 /* Z = Y X, all (n, n) by rows, X padded. */
@@ -37,7 +38,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
   hk_t width[HK_N], gap[HK_N], load[HK_N], eta[HK_N];
   for (int i = 0; i < HK_N; i++) {
     hk_model_constant(s->c[i], x + i);
-    x[i].a = s->v[i], x[i].b = s->w[i], x[i].s = x[i].e[i] = s->radius;
+    x[i].a = s->v[i], x[i].b = s->w[i], x[i].c = s->z[i], x[i].s = x[i].e[i] = s->radius;
   }
   hk_along_body(x, A);
   for (int e = 0; e < SIZE; e++) Y[e] = P[e] = HK_C(0);
@@ -47,7 +48,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       const hk_model *one = A + j * HK_N + i;
       Y[i * HK_WIDE + j] = inverse[i * HK_N + j];
       width[i] += one->r;
-      gap[i] += one->r0 * (HK_FABS(s->v[j]) + HK_C(2) * HK_FABS(s->w[j])) / HK_C(5);
+      gap[i] += one->r0 * (HK_FABS(s->v[j]) + HK_C(2) * HK_FABS(s->w[j]) + HK_C(3) * HK_FABS(s->z[j])) / HK_C(5);
     }
   }
   for (int i = 0; i < HK_N; i++)
@@ -63,7 +64,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
   hk_product(X1, X2, X12);
   hk_product(X1, X3, X13);
   for (int i = 0; i < HK_N; i++) { /* load: the change of A off the middle; eta: what the curve misses */
-    hk_t first = HK_C(0), second = HK_C(0), third = HK_C(0), fourth = HK_C(0), rest = HK_C(0);
+    hk_t first = HK_C(0), second = HK_C(0), third = HK_C(0), fourth = HK_C(0), fifth = HK_C(0), rest = HK_C(0);
     load[i] = HK_C(0);
     for (int j = 0; j < HK_N; j++) {
       const int e = i * HK_WIDE + j;
@@ -71,11 +72,14 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       rest += HK_FABS(Y[e]) * gap[j];
       first += X1[e] * s->v[j];
       second += X2[e] * s->v[j] + HK_C(2) * X1[e] * s->w[j];
-      third += X3[e] * s->v[j] + HK_C(2) * X2[e] * s->w[j];
-      fourth += HK_C(2) * X3[e] * s->w[j];
+      third += X3[e] * s->v[j] + HK_C(2) * X2[e] * s->w[j] + HK_C(3) * X1[e] * s->z[j];
+      fourth += HK_C(2) * X3[e] * s->w[j] + HK_C(3) * X2[e] * s->z[j];
+      fifth += HK_C(3) * X3[e] * s->z[j];
     }
     first = HK_FABS(first + HK_C(2) * s->w[i]) / HK_C(2);
-    eta[i] = HK_FABS(off[i]) + first + HK_FABS(second) / HK_C(3) + HK_FABS(third) / HK_C(4) + HK_FABS(fourth) / HK_C(5) + rest;
+    second = HK_FABS(second + HK_C(3) * s->z[i]) / HK_C(3);
+    eta[i] = HK_FABS(off[i]) + first + second + HK_FABS(third) / HK_C(4) + HK_FABS(fourth) / HK_C(5) +
+             HK_FABS(fifth) / HK_C(6) + rest;
   }
   for (int j = 0; j < HK_N; j++) { /* the columns of A, by the joint that they depend on */
     for (int l = 0; l < HK_N; l++)
@@ -123,6 +127,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
     if (!(all + miss < HK_INF)) return HK_INF; /* not a number included */
   }
   s->reach = missing / (HK_C(1) - change);
+  s->balance = missing / (change * s->radius);
   return most;
 }
 
@@ -142,17 +147,18 @@ typedef struct {
   hk_t off[HK_N], measures[3], inverse[HK_N * HK_N];
 } hk_node;
 
-/* A stretch about a share of the way, near where x has q; 0 where there is none. */
-static int hk_lay_stretch(const hk_way *way, hk_t share, hk_t half, const hk_rules *rules, hk_t *x, hk_stretch *s,
-                          hk_node *node) {
-  hk_t both[2 * HK_N], bend[HK_N], rate[HK_N];
+/* A stretch about a share of the way, near where x has q, its radius `slender` times its joints' motion; 0 where there is
+   none. */
+static int hk_lay_stretch(const hk_way *way, hk_t share, hk_t half, hk_t slender, const hk_rules *rules, hk_t *x,
+                          hk_stretch *s, hk_node *node) {
+  hk_t both[3 * HK_N], bend[HK_N], rate[HK_N];
   const hk_t *m = node->measures;
   hk_aim(way, share, x);
   for (int tried = 0;; tried++) {
     hk_node_body(x, node->off);
     if (!(m[0] > rules->singular && m[1] > rules->representation && m[2] * rules->side > HK_C(0))) return 0;
     hk_rate_of(way, node->inverse, rate);
-    s->radius = HK_C(HK_SLENDER) * half * hk_most(rate);
+    s->radius = slender * half * hk_most(rate);
     if (!(s->radius < HK_C(1))) return 0;
     if (hk_most(node->off) <= HK_C(HK_CENTRED) * s->radius) break;
     if (tried == 3) return 0;
@@ -164,6 +170,12 @@ static int hk_lay_stretch(const hk_way *way, hk_t share, hk_t half, const hk_rul
   for (int i = 0; i < HK_N; i++) {
     s->w[i] = HK_C(0);
     for (int j = 0; j < HK_N; j++) s->w[i] -= node->inverse[i * HK_N + j] * bend[j] / HK_C(2);
+    both[2 * HK_N + i] = s->w[i];
+  }
+  hk_twist_body(both, bend);
+  for (int i = 0; i < HK_N; i++) {
+    s->z[i] = HK_C(0);
+    for (int j = 0; j < HK_N; j++) s->z[i] -= node->inverse[i * HK_N + j] * bend[j] / HK_C(3);
   }
   return 1;
 }
@@ -178,13 +190,14 @@ static int hk_meet(const hk_stretch *a, const hk_stretch *b, hk_t share) {
   return gap + a->reach <= b->radius || gap + b->reach <= a->radius;
 }
 
-/* Go the way in stretches as far as they can be shown: q becomes the posture there. Returns the share done. */
-static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
+/* Go the way in stretches as far as they can be shown, or until a fold is found: q becomes the posture there. Returns the
+   share done. */
+static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *fold, hk_t *q, hk_t *x) {
   hk_stretch last, next;
   hk_node node;
-  hk_t share = HK_C(0), half = HK_C(0.5), margin;
+  hk_t share = HK_C(0), half = HK_C(0.5), slender = HK_C(HK_SLENDER), margin, seen[HK_N + 12 + HK_R];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  if (!hk_lay_stretch(way, HK_C(0), HK_C(HK_FIRST), rules, x, &last, &node)) return HK_C(0); /* for its curve alone */
+  if (!hk_lay_stretch(way, HK_C(0), HK_C(HK_FIRST), slender, rules, x, &last, &node)) return HK_C(0); /* for its curve alone */
   if (!(last.radius > HK_C(0))) return HK_C(0);
   half = HK_FMIN(half, HK_C(HK_FIRST) * HK_C(HK_FIRST) * HK_C(HK_SLENDER) / last.radius);
   last.radius = last.reach = HK_C(0);
@@ -193,16 +206,23 @@ static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_t *q, h
     const int ends = half >= (HK_C(1) - share) / HK_C(2);
     const hk_t middle = ends ? (share + HK_C(1)) / HK_C(2) : share + half;
     hk_curve(&last, middle, x);
-    const int laid_out = hk_lay_stretch(way, middle, half, rules, x, &next, &node);
+    const int laid_out = hk_lay_stretch(way, middle, half, slender, rules, x, &next, &node);
     const hk_t room = laid_out ? hk_room(&next, node.inverse, node.off, half * way->turn) : HK_INF;
     if (!(room <= HK_C(HK_FULL)) || !hk_meet(&last, &next, share)) {
-      half *= room < HK_INF ? HK_FMAX(HK_C(0.3), HK_FMIN(HK_C(0.75), HK_SQRT(HK_C(0.6) / room))) : HK_C(0.4);
+      half *= room < HK_INF ? HK_FMAX(HK_C(0.4), HK_FMIN(HK_C(0.85), HK_POW(HK_C(0.5) / room, HK_C(0.3)))) : HK_C(0.4);
       if (half * hk_most(last.v) < HK_C(HK_SHORTEST) * last.half) break;
       continue;
     }
+    slender *= HK_FMAX(HK_C(0.7), HK_FMIN(HK_C(1.4), HK_SQRT(next.balance)));
+    slender = HK_FMIN(HK_C(HK_SLENDER), HK_FMAX(HK_C(HK_SLENDEREST), slender));
     share = ends ? HK_C(1) : share + HK_C(2) * half;
-    half *= HK_FMAX(HK_C(0.8), HK_FMIN(HK_C(1.6), HK_SQRT(HK_C(0.65) / room)));
+    half *= HK_FMAX(HK_C(0.8), HK_FMIN(HK_C(1.6), HK_POW(HK_C(0.55) / room, HK_C(0.3))));
     last = next;
+    for (int i = 0; i < HK_N; i++) x[i] = last.v[i] / last.half, node.off[i] = last.c[i];
+    if (!ends && hk_fold_ahead(fold, way, middle, middle, x, rules, node.off, seen)) {
+      for (int i = 0; i < HK_N; i++) q[i] = node.off[i];
+      return share;
+    }
   }
   if (!(share > HK_C(0))) return HK_C(0);
   hk_aim(way, share, x);
@@ -234,7 +254,7 @@ static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_
     for (int i = 0; i < HK_N + 12 + HK_R; i++) at[i] = x[i];
     for (int i = 0; i < HK_N; i++) {
       s.c[i] = at[i] = x[i] + (step > HK_C(0) ? dq[i] / step * (HK_C(HK_AHEAD) * s.radius) : HK_C(0));
-      s.v[i] = s.w[i] = HK_C(0);
+      s.v[i] = s.w[i] = s.z[i] = HK_C(0);
     }
     hk_node_body(at, node.off);
     if (!(node.measures[0] > rules->singular && node.measures[2] * rules->side > HK_C(0))) return;

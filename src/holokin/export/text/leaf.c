@@ -32,6 +32,7 @@ $newton
 $path
 #define HK_ROTATION $rotation
 $way
+$fold
 $ray
 $inverse
 int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r], int most) {
