@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x2212c85a1c87429eU
+#if PPR_EXPORT != 0xf44b4dfff6fbd21aU
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x2212c85a1c87429eU
+#if PPR_VECTORS != 0xf44b4dfff6fbd21aU
 #error "these files are of different exports: export again"
 #endif
 

@@ -1,5 +1,5 @@
 /* Test vectors of ppr, in double precision. Written by holokin 0.2.0. */
-#define PPR_VECTORS 0x2212c85a1c87429eU
+#define PPR_VECTORS 0xf44b4dfff6fbd21aU
 
 typedef struct {
   double q[3];
