@@ -106,6 +106,17 @@ def finite(what: str, value: Any, shape: tuple[int | str, ...] | None = None, cu
     return array
 
 
+ROTATION = 1e-5
+"""How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
+
+
+def rotation_gap(rotations: Array) -> Array:
+    """How far matrices (..., 3, 3) are from rotations: the largest entry of |R R^T - 1|; 2 or more for a reflection."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        gap = np.abs(rotations @ np.swapaxes(rotations, -1, -2) - np.eye(3)).max(axis=(-2, -1))
+        return np.where(np.linalg.det(rotations) > 0, gap, np.maximum(gap, 2.0))
+
+
 def frozen(array: Any) -> Any:
     """The array, if nobody can write to it, else a copy to which nobody can."""
     if isinstance(array, np.ndarray):

@@ -12,6 +12,7 @@ from .arguments import typed
 from .errors import ArgumentError, ShapeError
 from .path import as_point
 from .types import (
+    ROTATION,
     Array,
     ArrayLike,
     Flags,
@@ -23,14 +24,12 @@ from .types import (
     not_negative,
     numbers,
     positive,
+    rotation_gap,
     whole,
 )
 
 TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))
 """The rotation of a tool whose z axis is -z of the base and whose x axis is x of the base."""
-
-ROTATION = 1e-5
-"""How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
 
 
 METRES = "give a positive radius in metres"
@@ -45,12 +44,6 @@ def sobol(dimension: int, count: int, seed: int) -> Matrix:
 
     power = int(np.ceil(np.log2(max(count, 2))))
     return qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
-
-
-def rotation_gap(rotation: Matrix) -> float:
-    """How far a matrix (3, 3) is from a rotation: the largest entry of |R R^T - 1|; 2 or more for a reflection."""
-    gap = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    return gap if np.linalg.det(rotation) > 0 else max(gap, 2.0)
 
 
 @dataclass(frozen=True, eq=False)

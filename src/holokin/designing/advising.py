@@ -204,7 +204,7 @@ class _Case:
         return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
 
     def _floor(self, trials: list[Trial]) -> Vector:
-        """The least squared joint speed (k,) that any law can have, on the self-motions that the best laws use."""
+        """The least squared joint speed (k,) on the self-motions that the best laws use."""
         say_least = np.full(len(self.poses), np.nan)
         for trial in ranked(trials)[:BASES]:
             values = self.least(trial.q, trial.served, np.full(self.task.n, FREE))

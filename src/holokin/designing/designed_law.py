@@ -44,8 +44,9 @@ class Design(Value):
         section phi(q) = polynomial(x).
     costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
         has the cost's unit, with several it is 1 to begin with.
-    bound: no section can have a lower objective at these samples. With several redundant joints (`bound_traced` False)
-        it is the least that a search along lines of the self-motions found, and may be too high.
+    bound: the least objective of all laws whose postures at these samples lie on the self-motions of the designed one.
+        Postures on other branches are not looked at, and may cost less; where joint limits bind, it may be some percent
+        too high. With several redundant joints (`bound_traced` False) it is the least that a search along lines found.
     before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold. impossible: at how many samples no posture at
@@ -79,7 +80,11 @@ class Design(Value):
     def __str__(self) -> str:
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
-        kind = "no law can have less than" if self.bound_traced else "a search over the self-motions came down to"
+        kind = (
+            "no law on these self-motions can have less than"
+            if self.bound_traced
+            else "a search over the self-motions came down to"
+        )
         cause = f"; at {self.impossible} of the samples no posture is within them" if self.impossible else ""
         return (
             f"{goal}: {self.costs[0]:.5g} to begin with, {steps} with polynomials of degree 0 to {self.degree} over "

@@ -1,7 +1,8 @@
-"""What no section of a workspace can do better: the least cost at each tool pose, over its self-motion and all slopes.
+"""The least cost at each tool pose, over the self-motion through a given posture there and over all slopes.
 
-A section has at the pose x some posture of the self-motion there and some right inverse; at best the cheapest of both.
-No integrability is asked, so the mean of these least costs is a lower bound of every section's (theory 7.1).
+A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
+asked, so the mean of these least costs is a lower bound of the sections whose postures lie on these self-motions
+(theory 7.1). The postures of one pose may form several separate curves: others may cost less, and are not looked at.
 
 With one redundant joint whole self-motions are walked. With more a walk is a line in it, and lines are searched one
 after another, each from the best posture before: the least found may then be too high.

@@ -50,10 +50,10 @@ def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:
     if not np.isfinite(best.speed):
         return "Its joint speed was not compared."
     if best.speed <= 1 + CLOSE:
-        return f"No law can have less than {1 / best.speed:.1%} of its mean squared joint speed."
+        return f"No law on its self-motions can have less than {1 / best.speed:.1%} of its mean squared joint speed."
     rest = "the rest is what one law for all poses needs, as far as those tried tell"
     if limits is not None:
         whole, joint, freed = limits
-        said = f"Within the joint limits no law can come closer to the least than {whole - 1:.1%}"
+        said = f"On these self-motions no law within the joint limits comes closer to the least than {whole - 1:.1%}"
         return f"{said}; without those of {joint} it would be {freed - 1:.1%}; {rest}."
     return f"No joint limit costs it speed: the {best.speed - 1:.1%} are {rest.removeprefix('the rest is ')}."

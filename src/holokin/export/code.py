@@ -20,11 +20,10 @@ from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT
 from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..motion.rays import rays_code
-from ..motion.stretch import ROTATION
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tolerances import TOLERANCES
-from ..types import Vector
+from ..types import ROTATION, Vector
 
 SINGULAR_FLOAT, REPRESENTATION_FLOAT = 2e-3, 5e-3
 """rcond, and distance from a representation's singularity, below which single precision is called singular: at

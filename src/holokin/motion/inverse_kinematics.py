@@ -14,13 +14,27 @@ from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachErro
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
+from ..types import (
+    ROTATION,
+    Array,
+    ArrayLike,
+    Indices,
+    Matrix,
+    Value,
+    Vector,
+    finite,
+    frozen,
+    numbers,
+    positive,
+    rotation_gap,
+    whole,
+)
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .rays import on_ray
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, Solutions
-from .stretch import ROTATION, inverse_code, stretch_code
+from .stretch import inverse_code, stretch_code
 
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
@@ -216,7 +230,8 @@ class InverseKinematics(Value):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
         p, R = self._targets(wanted[None])
         if self._refused(p, R)[0]:
-            off, hand = _unlike_rotation(R)[0], "" if np.linalg.det(R[0]) > 0 else ", and it is left-handed"
+            side = np.sign(np.linalg.det(R[0]))
+            off, hand = rotation_gap(side * R[0]), "" if side > 0 else ", and it is left-handed"
             cure = f"give a right-handed rotation matrix; R R^T is {off:.2g} away from 1{hand}"
             raise ArgumentError("the rotation of a tool pose", R[0].tolist(), cure)
         return p[0], R[0]
@@ -231,7 +246,7 @@ class InverseKinematics(Value):
     def _refused(self, p: Matrix, R: Array) -> Indices:
         """The statuses of bad poses; REACHED for the others."""
         status = np.full(len(p), int(InverseStatus.REACHED), dtype=np.intp)
-        status[~(_unlike_rotation(R) < ROTATION) | ~(np.linalg.det(R) > 0)] = InverseStatus.NOT_A_ROTATION
+        status[~(rotation_gap(R) < ROTATION)] = InverseStatus.NOT_A_ROTATION
         status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
         return status
 
@@ -291,12 +306,6 @@ def _beyond(robot: Robot, q: Vector) -> bool:
     except JointLimitError:
         return True
     return False
-
-
-def _unlike_rotation(R: Array) -> Vector:
-    """Largest entry of |R R^T - 1| of each of (k, 3, 3)."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
 
 
 @typed

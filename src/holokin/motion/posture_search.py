@@ -12,8 +12,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Flags, Matrix, Value, Vector, finite, whole
-from .inverse_kinematics import ROTATION
+from ..types import ROTATION, ArrayLike, Flags, Matrix, Value, Vector, finite, rotation_gap, whole
 from .leaf import leaf_step
 
 STEPS = 60
@@ -105,7 +104,7 @@ def all_postures(
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
     wanted = finite("a tool pose", pose, (4, 4))
     p, R = wanted[:3, 3], wanted[:3, :3]
-    if not (np.abs(R @ R.T - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0):
+    if not rotation_gap(R) < ROTATION:
         raise ArgumentError("the rotation of a tool pose", R.tolist(), "give a right-handed rotation matrix")
     given, r = finite("the leaf", leaf), strategy.constraint.rows
     if given.shape not in ((), (r,)):

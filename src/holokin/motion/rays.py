@@ -1,8 +1,9 @@
 """Rays of a radial law: straight ways of the tool from its center, on whose leaf each pose has one posture.
 
 The transport leads a posture back along the ray to one over the center, and where arc length labels those, no two have
-one label: a posture with the level of the leaf, within the margins of the label, is the one that the ray leads to. So
-inverse kinematics need not look for folds on its way there, as `follow` does.
+one label but for full turns of joints: a posture with the level of the leaf, within the margins of the label, is taken
+for the one that the ray leads to, and no folds are looked for on the way there, as `follow` does. This holds of an
+exact transport; that of a few steps was compared with `follow`, not shown.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tolerances import TOLERANCES
-from ..types import kept
+from ..types import ROTATION, kept
 from .branch import branch_code
 from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 from .rays import rays_code
@@ -66,9 +66,6 @@ so wide that stretches are no longer than the pieces of `follow`, and take longe
 PIECES = 1_000
 """Pieces of `follow` that native code tries at most after the stretches, which end within some 1e-4 rad of a fold:
 inverse kinematics is asked in loops, where no answer is better than a late one."""
-
-ROTATION = 1e-5
-"""How far R R^T of a wanted pose may be from 1: rotations in single precision are right to 1e-7."""
 
 
 @kept

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..designing import Advice, Law
-from ..errors import ArgumentError, brief
-from ..files import replacing
+from ..errors import brief
 from .coverage_plots import CAUSES, coverage_cloud
-from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, style
+from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, write_figure
 from .table import Column
 from .words import on_figure
 
@@ -69,15 +68,7 @@ def plot_advice(advice: Advice, file: FilePath) -> None:
     Raises:
         ArgumentError: there is no such type. WriteError: the system refuses the file.
     """
-    from matplotlib import rc_context
-    from matplotlib.backend_bases import FigureCanvasBase
-
-    kind = file.suffix[1:].lower() or "png"
-    known = FigureCanvasBase.get_supported_filetypes()
-    if kind not in known:
-        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
-    with rc_context(style()), replacing(file) as part:
-        advice_figure(advice).savefig(part, format=kind, dpi=130, facecolor="white")
+    write_figure(lambda: advice_figure(advice), file)
 
 
 def advice_figure(advice: Advice) -> Any:
@@ -111,7 +102,7 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
 
 
 def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
-    """The mean squared joint speed of each law above the least that any law can have; longer ones are cut."""
+    """The mean squared joint speed of each law above the least on the self-motions; longer ones are cut."""
     rows, excess = np.arange(len(laws)), np.array([100 * (law.speed - 1) for law in laws])
     shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
     axes.barh(rows, shown, color=_colors(laws), height=0.66)

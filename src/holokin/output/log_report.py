@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..auditing import LogAudit, Repeatability
-from ..errors import ArgumentError
 from ..files import replacing
 from .figures import margins
-from .plots import INK, PALETTE, frame_robot, robot_stick, style, thin, tool_path
+from .plots import INK, PALETTE, frame_robot, robot_stick, thin, tool_path, write_figure
 from .words import on_figure
 
 MOST_JOINTS = 4
@@ -46,15 +45,7 @@ def plot_log_audit(audit: LogAudit, file: FilePath) -> None:
     Raises:
         ArgumentError: there is no such type. WriteError: the system refuses the file.
     """
-    from matplotlib import rc_context
-    from matplotlib.backend_bases import FigureCanvasBase
-
-    kind = file.suffix[1:].lower() or "png"
-    known = FigureCanvasBase.get_supported_filetypes()
-    if kind not in known:
-        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
-    with rc_context(style()), replacing(file) as part:
-        log_figure(audit).savefig(part, format=kind, dpi=130, facecolor="white")
+    write_figure(lambda: log_figure(audit), file)
 
 
 def log_figure(audit: LogAudit) -> Any:

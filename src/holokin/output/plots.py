@@ -5,11 +5,14 @@ As the paper draws: clockwise solid blue, counter-clockwise dashed red.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from ..errors import ArgumentError
+from ..files import replacing
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
 from ..types import Indices, Matrix, Vector
@@ -42,6 +45,23 @@ _STYLE = {
     "legend.frameon": False,
     "svg.hashsalt": "holokin",
 }
+
+
+def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
+    """Write the figure that `draw` makes as an image of the file's type, PNG where its name has no ending.
+
+    Raises:
+        ArgumentError: there is no such type. WriteError: the system refuses the file.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    kind = file.suffix[1:].lower() or "png"
+    known = FigureCanvasBase.get_supported_filetypes()
+    if kind not in known:
+        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
+    with rc_context(style()), replacing(file) as part:
+        draw().savefig(part, format=kind, dpi=130, facecolor="white")
 
 
 def style() -> Any:

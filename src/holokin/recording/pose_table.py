@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import RecordingError
-from ..types import Array, Matrix
-from ..workspaces import ROTATION, PoseCloud, pose_cloud, rotation_gap
+from ..types import ROTATION, Array, Matrix, rotation_gap
+from ..workspaces import PoseCloud, pose_cloud
 from .csv_log import csv_pieces
 from .log import listed
 from .reading import is_folder
