@@ -140,6 +140,8 @@ def _words(kind: Any) -> str:
     if origin in (Union, UnionType):
         return " or ".join(dict.fromkeys(_words(k) for k in inner))
     if origin in (tuple, _SEQUENCE):
+        if inner[:1] in ((), (Any,)) and inner[1:] in ((), (Ellipsis,)):
+            return "a list"
         several = (
             f"of {_words(next(iter(inner), Any))} each"
             if len(inner) < 2 or inner[-1] is Ellipsis

@@ -187,12 +187,13 @@ class ConstraintRowsError(HolokinError):
 
 
 class JointLimitError(HolokinError):
-    """A posture outside the joint limits."""
+    """A posture outside the joint limits: the joint that is farthest outside."""
 
-    def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
+    def __init__(self, joint: str, value: float, lower: float, upper: float, cure: str = "") -> None:
         self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
-        self.fact = f"joint {joint!r} is at {value:.6g}, outside its limits [{lower:.6g}, {upper:.6g}]"
-        self.cure = "choose another start posture or path, or widen the limits in the robot description"
+        past = max(lower - value, value - upper)
+        self.fact = f"joint {joint!r} is at {value:.6g}, {past:.3g} outside its limits [{lower:.6g}, {upper:.6g}]"
+        self.cure = cure or "choose another start posture or path, or widen the limits in the robot description"
         super().__init__(f"{self.fact}; {self.cure}")
 
 
@@ -234,14 +235,14 @@ class SingularityError(HolokinError):
 
 
 class StartError(HolokinError):
-    """The start posture does not put the tool at the start of the path."""
+    """The start posture does not put the tool at the start of the path. `unit`: what speaks against metres."""
 
-    def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float]) -> None:
+    def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float], unit: str = "") -> None:
         self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
-            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}; move the path with "
-            "path.starting_at(point), or choose a start posture on it"
+            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}; "
+            + (unit or "move the path with path.starting_at(point), or choose a start posture on it")
         )
 
 

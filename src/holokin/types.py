@@ -110,11 +110,32 @@ ROTATION = 1e-5
 """How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
 
 
+ROUNDED = 0.05
+"""The same of a rotation that was written with few digits: two leave 0.03."""
+
+
 def rotation_gap(rotations: Array) -> Array:
     """How far matrices (..., 3, 3) are from rotations: the largest entry of |R R^T - 1|; 2 or more for a reflection."""
     with np.errstate(invalid="ignore", over="ignore"):
         gap = np.abs(rotations @ np.swapaxes(rotations, -1, -2) - np.eye(3)).max(axis=(-2, -1))
         return np.where(np.linalg.det(rotations) > 0, gap, np.maximum(gap, 2.0))
+
+
+def rotation_cure(R: Array) -> str:
+    """What to say of a matrix (3, 3) that is no rotation: how far it is from one, and how to get the nearest."""
+    if np.linalg.det(R) < 0:
+        off = float(rotation_gap(-R))
+        return f"it is left-handed, a reflection, and R R^T {off:.2g} away from 1: give a right-handed rotation matrix"
+    gap = float(rotation_gap(R))
+    said = f"R R^T is {gap:.2g} away from 1, {ROTATION:g} is allowed: give a right-handed rotation matrix"
+    rounded = ", with all its digits; of a rounded one Rotation.from_matrix(R).as_matrix() of SciPy is the nearest"
+    return said + (rounded if gap < ROUNDED else "")
+
+
+def check_rotation(what: str, R: Array) -> None:
+    """Raises: ArgumentError unless a matrix (3, 3) is a rotation."""
+    if not rotation_gap(R) < ROTATION:
+        raise ArgumentError(what, R.tolist(), rotation_cure(R))
 
 
 def frozen(array: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,19 +13,18 @@ from .arguments import typed
 from .errors import ArgumentError, ShapeError
 from .path import as_point
 from .types import (
-    ROTATION,
     Array,
     ArrayLike,
     Flags,
     Matrix,
     Value,
     Vector,
+    check_rotation,
     finite,
     frozen,
     not_negative,
     numbers,
     positive,
-    rotation_gap,
     whole,
 )
 
@@ -33,6 +33,21 @@ TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))
 
 
 METRES = "give a positive radius in metres"
+
+
+SIZES = {
+    "box": ("the center (3,)", "the half sides (3,)"),
+    "cylinder": ("the center (3,)", "the radius", "half the height"),
+    "sphere": ("the center (3,)", "the radius"),
+}
+"""What a solid is given by."""
+
+EXAMPLES = {
+    "box": "([0.5, 0, 0.3], [0.2, 0.2, 0.1])",
+    "cylinder": "([0.5, 0, 0.3], 0.2, 0.1)",
+    "sphere": "([0.5, 0, 0.3], 0.2)",
+}
+"""One of each, as it is typed."""
 
 
 def sobol(dimension: int, count: int, seed: int) -> Matrix:
@@ -250,9 +265,9 @@ class PoseCloud(Workspace):
 @typed
 def workspace(
     *,
-    box: tuple[Any, Any] | None = None,
-    cylinder: tuple[Any, Any, Any] | None = None,
-    sphere: tuple[Any, Any] | None = None,
+    box: Sequence[Any] | None = None,
+    cylinder: Sequence[Any] | None = None,
+    sphere: Sequence[Any] | None = None,
     rotation: ArrayLike | None = None,
     tilt: float = 0.0,
     spin: float = 0.0,
@@ -278,11 +293,13 @@ def workspace(
     if len(given) != 1:
         raise ArgumentError("the solid of a workspace", list(given) or None, "give one of box=, cylinder= and sphere=")
     solids = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}
+    for name, sizes in given.items():
+        if len(sizes) != len(SIZES[name]):
+            cure = f"give {', '.join(SIZES[name])} [m], as in {name}={EXAMPLES[name]}"
+            raise ArgumentError(f"the {name} of a workspace", list(sizes), cure)
     (solid,) = (solids[name](*sizes) for name, sizes in given.items())
     R = TOOL_DOWN if rotation is None else finite("the rotation of a workspace", rotation, (3, 3))
-    if (gap := rotation_gap(R)) > ROTATION:
-        cure = f"give a right-handed rotation matrix: R R^T is {gap:.2g} away from 1, or R is a reflection"
-        raise ArgumentError("the rotation of a workspace", R.tolist(), cure)
+    check_rotation("the rotation of a workspace", R)
     return PoseRange(solid, R, _angle("tilt", tilt), _angle("spin", spin))
 
 
@@ -296,9 +313,10 @@ def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
     if not len(given):
         raise ArgumentError("the number of poses of a workspace", 0, "give at least one")
     for i, pose in enumerate(given):
-        if (gap := rotation_gap(pose[:3, :3])) > ROTATION or not np.array_equal(pose[3], [0, 0, 0, 1]):
-            cure = f"give a right-handed rotation (R R^T is {gap:.2g} away from 1) above a last row 0, 0, 0, 1"
-            raise ArgumentError(f"pose {i} of a workspace", pose.tolist(), cure)
+        check_rotation(f"the rotation of pose {i} of a workspace", pose[:3, :3])
+        if not np.array_equal(pose[3], [0, 0, 0, 1]):
+            cure = "give a last row of 0, 0, 0, 1: is the matrix transposed?"
+            raise ArgumentError(f"the last row of pose {i} of a workspace", pose[3].tolist(), cure)
     return PoseCloud(given, source)
 
 

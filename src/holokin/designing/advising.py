@@ -13,7 +13,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, HolokinError, OutOfReachError
 from ..motion.reach import nearest_postures
-from ..robot import Robot, load
+from ..robot import Robot, check_metres, load
 from ..strategies import moore_penrose, radial
 from ..task import Task, pose, position
 from ..types import Array, ArrayLike, Flags, Matrix, Vector
@@ -129,6 +129,7 @@ class _Case:
     def __init__(self, task: Task, workspace: Workspace, start: Vector | None, say: Callable[[str], None]) -> None:
         self.task, self.workspace, self.say = task, workspace, say
         T = workspace.poses(POSES)
+        check_metres(task.robot, T, task.tip)
         say("which poses can be reached")
         self.Q, self.reach = _reached(task, T, start)
         if not self.reach.within.any():

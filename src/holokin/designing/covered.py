@@ -147,8 +147,9 @@ class Coverage(Value):
     @property
     def sentence(self) -> str:
         """The share in one sentence, with the quality of what is reached."""
-        k, within = int(self.reached.sum()), " within its limits" if self.limits else ""
-        said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){within}"
+        k, within, size = int(self.reached.sum()), " within its limits" if self.limits else "", self.workspace.size
+        whole = "" if size is None else ", all of the cloud," if size == len(self) else f", drawn from {size},"
+        said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){whole}{within}"
         if self.explained and self.reachable < 1:
             said += f", {'none' if not k else f'{self.share / self.reachable:.1%}'} of the "
             said += f"{round(self.reachable * len(self))} that any posture reaches"

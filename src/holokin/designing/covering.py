@@ -10,6 +10,7 @@ from ..motion import InverseStatus, inverse, leaf_value
 from ..motion.leaf import leaf_step
 from ..motion.reach import nearest_postures
 from ..progress import progress
+from ..robot import check_metres
 from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -71,6 +72,7 @@ def coverage(
     ik = inverse(strategy, start)
     count = samples if samples is not None else workspace.size or SAMPLES
     poses = workspace.poses(count, seed)
+    check_metres(robot, poses, task.tip)
     _check_planar(task, start, poses)
     q, last, found = np.empty((len(poses), task.n)), np.empty((len(poses), task.n)), np.empty(len(poses), dtype=int)
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
@@ -118,6 +120,7 @@ def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples:
         ShapeError, NotFiniteError, ArgumentError.
     """
     poses = workspace.poses(samples, seed)
+    check_metres(task.robot, poses, task.tip)
     begin = task.robot.checked(near, "the posture to begin from")
     return _search(task, poses, np.tile(begin, (len(poses), 1)), True)
 

@@ -10,6 +10,7 @@ from ..arguments import typed
 from ..constraints import Constraint, linear, tilted
 from ..errors import ArgumentError, OutOfReachError, PathError
 from ..motion import inverse
+from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..task import Task
@@ -131,7 +132,7 @@ def design(
         OutOfReachError: the middle of the workspace is not reached from the start.
     """
     robot, goal = task.robot, as_objective(objective)
-    q0 = robot.checked(start, "the start posture")
+    q0 = start_posture(robot, start)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse finds them, on the branch of its start"
         raise ArgumentError("the number of redundant joints", 0, cure)
@@ -143,6 +144,7 @@ def design(
     whole("seed", seed, 0)
 
     poses = workspace.poses(whole("samples", samples), seed)
+    check_metres(robot, poses, task.tip)
     other = workspace.poses(FINER * samples, seed + 1)
     law, center = _base(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(law, center, poses)

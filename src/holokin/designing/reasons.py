@@ -42,7 +42,8 @@ def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
     if part is None:
         return f"{said} No box round the centre was found that a law serves from end to end."
     whose = "it serves" if part.law.name == best.name else f"{part.law.name} serves"
-    return f"{said} The largest part round the centre that {whose} is {part.workspace}, {part.share:.0%} of the sizes."
+    sizes = f"its sizes {part.share:.0%} of those of the workspace"
+    return f"{said} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
 
 
 def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:

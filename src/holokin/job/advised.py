@@ -130,7 +130,7 @@ def _workspace_keys(space: Workspace, poses: str | None, path: FilePath) -> dict
     names = {"sides": "half", "height": "half_height"}
     sizes = {names.get(f.name, f.name): getattr(space.solid, f.name) for f in fields(space.solid)}
     keys = {key: np.asarray(value).tolist() for key, value in sizes.items()}
-    turns = {"tilt_deg": float(np.degrees(space.tilt)), "spin_deg": float(np.degrees(space.spin))}
+    turns = {"tilt_deg": round(float(np.degrees(space.tilt)), 9), "spin_deg": round(float(np.degrees(space.spin)), 9)}
     return {"kind": type(space.solid).__name__.lower(), **keys, "rotation": space.rotation.tolist(), **turns}
 
 

@@ -14,7 +14,7 @@ from .. import constraints, strategies
 from ..analysis import ball, ball_postures
 from ..constraints import Constraint
 from ..designing import Coordinates, Polynomial, chart_of
-from ..errors import ArgumentError
+from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..task import Task
@@ -354,9 +354,17 @@ class Fitted(StrategyTable):
         positions = tuple(i for i, row in enumerate(task.rows) if row < 3)
         rows = positions if positions and not self.turn_deg else None
         if not isinstance(given, HolonomicStrategy):
-            raise ArgumentError("the strategy to fit", given, HolonomicStrategy.cure)
-        Q = ball_postures(given, region, self.samples)
-        return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
+            cure = 'it has no leaves: name one that has, as of kind = "lock", "arm-angle" or "radial"'
+            raise ArgumentError("of", self.of, cure)
+        try:
+            Q = ball_postures(given, region, self.samples)
+            return strategies.fitted(given, Q, degree=self.degree, rows=rows, name=name)
+        except SingularityError as problem:
+            turned = f", tools turned by up to {self.turn_deg:g} degrees" if self.turn_deg else ""
+            at = posture_text(problem.q, task.robot.joint_names)
+            fact = f"{self.of!r} is singular within {self.radius:g} m of the start{turned}: at {at}"
+            smaller = "radius, turn_deg or along" if self.turn_deg else "radius or along"
+            raise BranchError(fact, f"fit it to a smaller region: give a smaller {smaller}") from problem
 
 
 KINDS = _kinds(StrategyTable)

@@ -9,6 +9,7 @@ is dq = G (x' + K e).
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ import numpy as np
 from ..arguments import made
 from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
 from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
@@ -30,6 +32,11 @@ from .leaf import leaf_value
 
 LONGEST_STEP = 10.0
 """Longest step of a control loop [s]: a longer one is in milliseconds."""
+
+FAR = 1.0
+"""Way of a joint [rad or m] in a step, at its full speed, from which a warning is given: rates are good for one step,
+and in this one the tool gets half its distance from the joint away from where they led at its start. Steps of up to
+0.1 s stay below it on all arms of the catalogue."""
 
 AT_LIMIT = 1e-6
 """Share of the wanted speed below which a joint stands at its limit."""
@@ -256,7 +263,7 @@ def controller(
     says how it is called; threads may share it.
 
     Args:
-        dt: the loop's step [s].
+        dt: the loop's step [s], not milliseconds: one in which a joint can move by more than 1 rad is warned of.
         start: posture (n,) whose leaf is held by every step and in every run; needed by a strategy with a
             constraint. A strategy without one has no leaf, and its start does not matter.
         gain: K [1/s], how fast an error of the tool fades; 0.1/dt by default, by a tenth each step.
@@ -270,6 +277,7 @@ def controller(
     dt = number("dt", dt)
     if not 0 < dt <= LONGEST_STEP:
         raise ArgumentError("dt", dt, f"give the step in seconds, positive and at most {LONGEST_STEP:g}: 1 ms is 0.001")
+    _warn_of_long_steps(strategy, dt)
     K, K_g = (
         0.1 / dt if value is None else number(what, value)
         for what, value in (("gain", gain), ("constraint_gain", constraint_gain))
@@ -279,12 +287,24 @@ def controller(
     if has_leaf(strategy):
         if start is None:
             raise ArgumentError("start", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
-        q0 = strategy.task.robot.checked(start, "the start posture")
+        q0 = start_posture(strategy.task.robot, start)
         leaf = leaf_value(strategy, q0)
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
     if q0 is not None:
         compiled.check(q0, strategy.task.robot.pose(q0, strategy.task.tip), np.zeros(6), compiled.parameters)
     return Controller(compiled)
+
+
+def _warn_of_long_steps(strategy: Strategy, dt: float) -> None:
+    """Tells the log of a step in which a joint at full speed moves far: it may be right for a tool that creeps."""
+    speeds = np.where(np.isfinite(strategy.task.robot.max_velocity), strategy.task.robot.max_velocity, 0.0)
+    i = int(np.argmax(speeds))
+    if speeds[i] * dt > FAR:
+        joint = strategy.task.robot.coordinates[i]
+        logging.getLogger("holokin").warning(
+            "a step of dt = %g s is long: at its full speed %s moves by %.2g %s in it; dt is in seconds, 1 ms is 0.001",
+            dt, joint.name, speeds[i] * dt, joint.unit,
+        )  # fmt: skip
 
 
 def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:

@@ -23,6 +23,7 @@ from ..errors import (
 )
 from ..path import Path
 from ..progress import progress
+from ..robot import doubtful_unit
 from ..sampling import Plan, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy
 from ..tolerances import TOLERANCES
@@ -87,7 +88,8 @@ def follow(
     plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
     off = task.error(start, *plan.first)
     if np.abs(off).max() > TOLERANCES.start:
-        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0])
+        unit = doubtful_unit(robot, plan.first[0], task.tip)
+        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0], unit)
     return _walk(strategy, leaf, plan, start, int(cycles), limits)
 
 

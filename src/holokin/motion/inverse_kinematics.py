@@ -11,7 +11,7 @@ import numpy as np
 from ..arguments import check, typed
 from ..codegen import InverseKernel, engine, weak
 from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
-from ..robot import Robot
+from ..robot import Robot, doubtful_unit, start_posture
 from ..strategies import HolonomicStrategy
 from ..tolerances import TOLERANCES
 from ..types import (
@@ -22,6 +22,7 @@ from ..types import (
     Matrix,
     Value,
     Vector,
+    check_rotation,
     finite,
     frozen,
     numbers,
@@ -143,7 +144,8 @@ class InverseKinematics(Value):
 
         Raises:
             ShapeError, ArgumentError: what is no pose; numbers that are not positive; a start beyond the edge itself; a
-                q that is no answer. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
+                q that is no answer, and why not; a step without q. JointLimitError: with limits, the start is beyond
+                them. NotFiniteError: q.
         """
         given = numbers("a tool pose", pose)
         if given.shape not in ((4, 4), (3,), (2,)):
@@ -152,6 +154,8 @@ class InverseKinematics(Value):
         begin = None
         if q is not None:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
+        if step is not None and q is None:
+            raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
         most = None if step is None else _steps(step, len(self.start))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
@@ -169,9 +173,9 @@ class InverseKinematics(Value):
         p, R = self._target(pose)
         q, status = self._go(p, R, self.start)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
-            name = self.strategy.task.robot.name
-            fact = f"the pose is out of reach of {name!r}: no search came closer than {missing:.3g} (m or rad)"
-            raise OutOfReachError(fact, "give a pose nearer to the base")
+            robot, tip = self.strategy.task.robot, self.strategy.task.tip
+            fact = f"the pose is out of reach of {robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
+            raise OutOfReachError(fact, doubtful_unit(robot, p[None], tip) or "give a pose nearer to the base")
         return self._answer(q, status)
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
@@ -229,11 +233,7 @@ class InverseKinematics(Value):
         if wanted.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
         p, R = self._targets(wanted[None])
-        if self._refused(p, R)[0]:
-            side = np.sign(np.linalg.det(R[0]))
-            off, hand = rotation_gap(side * R[0]), "" if side > 0 else ", and it is left-handed"
-            cure = f"give a right-handed rotation matrix; R R^T is {off:.2g} away from 1{hand}"
-            raise ArgumentError("the rotation of a tool pose", R[0].tolist(), cure)
+        check_rotation("the rotation of a tool pose", R[0])
         return p[0], R[0]
 
     def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
@@ -322,7 +322,7 @@ def inverse(strategy: HolonomicStrategy, start: ArrayLike, limits: bool = False)
         ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
-    q0 = strategy.task.robot.checked(start, "the start posture")
+    q0 = start_posture(strategy.task.robot, start)
     strategy(q0)
     if limits:
         strategy.task.robot.check_limits(q0)

@@ -15,6 +15,7 @@ import numpy as np
 from ..arguments import typed
 from ..codegen import LeafRules
 from ..errors import BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
+from ..robot import start_posture
 from ..sampling import Plan
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, symbol
@@ -273,7 +274,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
         ShapeError, NotFiniteError.
     """
     task = strategy.task
-    start = task.robot.checked(q0, "the start posture")
+    start = start_posture(task.robot, q0)
     strategy(start)
     at = leaf_value(strategy, start)
     wanted = finite("the leaf", leaf)

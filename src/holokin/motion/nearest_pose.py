@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..codegen import LARGEST, EdgeKernel, enabled, tell
-from ..errors import ArgumentError, NativeError, posture_text
+from ..errors import ArgumentError, NativeError
 from ..strategies import HolonomicStrategy
 from ..types import Matrix, Value, Vector, kept
+from .beginning import no_beginning
 from .descent import CONSTANTS, WITHIN, descend, inside
 from .edge import Edge, Goal, Look, edge_function
 from .leaf import leaf_step
@@ -176,8 +177,7 @@ def nearest(
     elif kernel is None and q is not None and (answer := warm(edge, goal, q, step)) is not None:
         found, moving = answer[0].numbers, answer[1]
     if found is None:
-        near = posture_text([] if q is None else q)
-        raise ArgumentError("the posture to begin from", near, "give the last answer, or leave it out")
+        raise no_beginning(edge, edge.start if q is None else q)
     joints, e, rcond, tool, slack = found
     pose = np.zeros((4, 4))
     pose[:3, 3], pose[:3, :3], pose[3, 3] = tool[:3], tool[3:].reshape(3, 3), 1.0

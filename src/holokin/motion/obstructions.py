@@ -255,5 +255,6 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
             if total
             else "so on the path nothing forbids a law over the disc of straight ways from its start"
         )
-        said = f"{about} makes {total:+d} turns of the self-motion, {means}"
+        often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
+        said = f"{about} makes {often} of the self-motion, {means}"
     return Obstruction(total, (), count, len(found.ahead), largest, np.nan, said, details)

@@ -13,6 +13,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
 from ..path import Path
 from ..progress import progress
+from ..robot import doubtful_unit
 from ..sampling import Plan, make_plan, record
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -70,7 +71,7 @@ def simulate(
     plan = make_plan(task, path, int(steps), tool[:3, :3])
     off = float(np.abs(task.error(start, *plan.first)).max())
     if off > TOLERANCES.start:
-        raise StartError(off, tool[:3, 3], plan.first[0])
+        raise StartError(off, tool[:3, 3], plan.first[0], doubtful_unit(task.robot, plan.first[0], task.tip))
     return _Run(chosen, task, plan, start, cycles).go(patience)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import RecordingError
-from ..types import ROTATION, Array, Matrix, rotation_gap
+from ..types import ROTATION, Array, Matrix, rotation_cure, rotation_gap
 from ..workspaces import PoseCloud, pose_cloud
 from .csv_log import csv_pieces
 from .log import listed
@@ -43,7 +43,8 @@ def read_workspace(path: str | Path, *, degrees: bool | None = None) -> PoseClou
 
     Raises:
         RecordingError: no such file, unreadable, columns missing, no lines, text or NaN in a cell, a quaternion that is
-            not of unit length, a matrix that is no rotation (with the line, and how far off it is).
+            not of unit length, a matrix that is no rotation (with the line, and how far off it is), degrees=True of a
+            file without these angles.
     """
     file = Path(path)
     if is_folder(file):
@@ -64,25 +65,27 @@ def read_workspace(path: str | Path, *, degrees: bool | None = None) -> PoseClou
         raise RecordingError(file, "has a header but no poses", "give a pose a line")
     table = np.vstack([rows for rows, _ in found])
     lines = np.concatenate([places for _, places in found])
+    if degrees and ANGLES[0] not in kind:
+        what = "a matrix" if kind is MATRIX else "a quaternion"
+        raise RecordingError(file, f"has no angles: its rotation is {what}", "leave out degrees=True")
     poses = np.tile(np.eye(4), (len(table), 1, 1))
     if kind is MATRIX:
         poses[:, :3] = table.reshape(-1, 3, 4)
         _check_rotations(file, poses, lines)
     else:
         poses[:, :3, 3] = table[:, :3]
-        turns = _of_quaternions if "qw" in kind else _of_angles
-        poses[:, :3, :3] = turns(file, table[:, 3:], lines, degrees)
+        turned = table[:, 3:], lines
+        poses[:, :3, :3] = _of_angles(file, *turned, degrees) if ANGLES[0] in kind else _of_quaternions(file, *turned)
     return pose_cloud(poses, str(file))
 
 
 def _check_rotations(file: Path, poses: Array, lines: Array) -> None:
     for line, pose in zip(lines, poses, strict=True):
-        if (gap := rotation_gap(pose[:3, :3])) > ROTATION:
-            fact = f"line {line} has no rotation: R R^T is {gap:.2g} away from 1, or R is a reflection"
-            raise RecordingError(file, fact, "give right-handed rotation matrices with all their digits")
+        if not rotation_gap(pose[:3, :3]) < ROTATION:
+            raise RecordingError(file, f"line {line} has no rotation", rotation_cure(pose[:3, :3]))
 
 
-def _of_quaternions(file: Path, values: Matrix, lines: Array, _degrees: bool | None) -> Array:
+def _of_quaternions(file: Path, values: Matrix, lines: Array) -> Array:
     from scipy.spatial.transform import Rotation
 
     off = np.abs(np.linalg.norm(values, axis=1) - 1)

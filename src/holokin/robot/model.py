@@ -10,14 +10,17 @@ from math import isfinite
 import numpy as np
 
 from ..arguments import check, typed
-from ..errors import ArgumentError, JointLimitError, ShapeError, UnknownNameError, shown
+from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, number, numbers
+from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
+
+WOUND = 4 * np.pi
+"""How far [rad] a joint may be beyond its limits and still be wound up, and not in degrees: two turns."""
 
 MOST_MOVING = 1_000
 """Joints of a robot. 500 take half a second for a pose and its Jacobian, and each is looked up by name."""
@@ -264,7 +267,10 @@ class Robot(Value):
         array = numbers(what, q)
         if array.shape != (self.n,):
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
-        return array if isfinite(sum(array.tolist())) else finite(what, array)
+        if not (isfinite(sum(array.tolist())) or np.isfinite(array).all()):
+            found = [f"{name} {v}" for name, v in zip(self.joint_names, array, strict=True) if not isfinite(v)]
+            raise NotFiniteError(what, ", ".join(found))
+        return array
 
     def postures(self, Q: ArrayLike) -> Matrix:
         """Postures as (k, n) floats. Raises: ShapeError, ArgumentError if they are not numbers."""
@@ -274,12 +280,14 @@ class Robot(Value):
         return array
 
     def check_limits(self, q: ArrayLike) -> None:
-        """Raises: JointLimitError naming the first joint outside its limits."""
+        """Raises: JointLimitError naming the joint that is farthest outside its limits."""
         array = self.checked(q)
-        outside = (array < self.lower - TOLERANCES.limit) | (array > self.upper + TOLERANCES.limit)
-        if outside.any():
-            i = int(np.argmax(outside))
-            raise JointLimitError(self.joint_names[i], float(array[i]), float(self.lower[i]), float(self.upper[i]))
+        past = np.maximum(self.lower - array, array - self.upper)
+        i = int(np.argmax(past))
+        if past[i] > TOLERANCES.limit:
+            facts = float(array[i]), float(self.lower[i]), float(self.upper[i])
+            rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
+            raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else "")
 
     def _tip(self, name: str | None) -> Tip:
         if name is None:

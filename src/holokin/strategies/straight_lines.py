@@ -14,7 +14,7 @@ from functools import reduce
 
 from ..arguments import made
 from ..constraints import Constraint
-from ..robot import Kinematics
+from ..robot import Kinematics, start_posture
 from ..symbolic import (
     SX,
     as_map,
@@ -78,7 +78,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
         SingularityError: `strategy` is singular at `start`.
     """
     task = strategy.task
-    q0 = frozen(task.robot.checked(start, "the start posture"))
+    q0 = frozen(start_posture(task.robot, start))
     whole("steps", steps)
     strategy(q0)
     r = task.n - task.m

@@ -1,0 +1,212 @@
+"""Postures in degrees, poses in millimetres, steps in milliseconds, q that is no answer: said, and with the cure."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
+from holokin.errors import (
+    ArgumentError,
+    BranchError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    RecordingError,
+    StartError,
+)
+from holokin.job.advised import _workspace_keys
+from holokin.job.strategies import Fitted
+from holokin.job.workspace_words import parse_workspace
+from holokin.robot import doubtful_unit
+from holokin.robot.units import longest_reach
+from holokin.workspaces import pose_cloud
+
+BETWEEN = np.array([0.3, 0.9, 0.0])
+
+
+@pytest.fixture
+def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.InverseKinematics:
+    """Two links in a plane, joint 1 from 0 to 2 rad, whose third joint is locked."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    first, *others = planar_3r.coordinates
+    robot = replace(planar_3r, coordinates=(replace(first, lower=0.0, upper=2.0), *others))
+    return hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN)
+
+
+# --- a posture to begin from that is none -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("q", "said"),
+    [
+        ([0.3, 0.9, 1.5], [r"1.5 off the leaf of 'lock': g\(q\) = \[1.5\], the leaf is \[0\]"]),
+        ([1.3, -0.9, 0.0], ["it is on another branch of 'lock' than the start;"]),
+        ([-0.3, -0.9, 0.0], ["on another branch", "and q1 is 0.3 past its lower limit 0;"]),
+        ([2.25, -0.9, 0.0], ["on another branch", "and q1 is 0.25 past its upper limit 2;"]),
+        ([0.3, 0.0, 0.0], [r"the law is singular there \(rcond "]),
+    ],
+)
+def test_a_posture_that_is_no_answer_is_told_what_it_is_away_from(two_links, q: list[float], said: list[str]) -> None:
+    with pytest.raises(ArgumentError, match="the posture to begin from is") as caught:
+        two_links.nearest([1.0, 1.0], q, limits=True)
+    for words in said:
+        assert caught.match(words)
+    assert str(caught.value).endswith("give the last answer, or leave it out")
+    if "limit" in said[-1]:
+        with pytest.raises(ArgumentError) as free:
+            two_links.nearest([1.0, 1.0], q)
+        assert "limit" not in str(free.value)  # of limits that nobody keeps to nothing is said
+
+
+def test_a_posture_that_is_not_finite_is_told_by_its_joints(two_links) -> None:
+    with pytest.raises(NotFiniteError, match="the posture to begin from: NaN or infinite numbers, q1 nan, q3 -inf;"):
+        two_links.nearest([1.0, 1.0], [np.nan, 0.2, -np.inf])
+
+
+def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(two_links) -> None:
+    with pytest.raises(ArgumentError, match="step limits the motion from the last answer: give that as q"):
+        two_links.nearest([1.0, 1.0], step=0.01)
+
+
+# --- degrees --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [
+        hk.inverse,
+        hk.move_to_leaf,
+        lambda G, q: hk.radial(G, q),
+        lambda G, q: hk.controller(G, dt=0.001, start=q),
+    ],
+)
+def test_a_start_in_degrees_is_refused_where_limits_are_not_looked_at(
+    panda: hk.Robot, begin: Callable[[hk.Strategy, np.ndarray], object]
+) -> None:
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    with pytest.raises(JointLimitError, match=r"'panda_joint4' is at -114.592, 112 outside .* give angles in rad"):
+        begin(G, np.degrees(PANDA_START))
+
+
+def test_a_start_beyond_its_limits_or_wound_by_a_turn_is_one_to_begin_from(panda: hk.Robot) -> None:
+    """The same tool pose: a simulation without limits gets there."""
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    wound = PANDA_START + 2 * np.pi * np.eye(7)[0]
+    assert hk.inverse(G, wound)(panda.pose(PANDA_START)) == pytest.approx(wound, abs=1e-9)
+
+
+def test_joints_without_limits_may_have_wound_up_as_far_as_they_like(planar_3r: hk.Robot) -> None:
+    free = replace(planar_3r, coordinates=tuple(hk.robot.Coordinate(f"q{i}", "revolute") for i in (1, 2, 3)))
+    G = hk.holonomic(hk.position(free), hk.lock(2))
+    assert hk.inverse(G, np.degrees(R3_START)).start == pytest.approx(np.degrees(R3_START))
+
+
+# --- millimetres ----------------------------------------------------------------------------------------------
+
+
+def test_no_posture_brings_the_tool_beyond_the_longest_reach() -> None:
+    """Of hinges, of a slide that carries an arm, and of one tip of several."""
+    for robot in (hk.load("panda"), hk.load("ppr"), hk.from_urdf(urdf("tiago.urdf"), tip="arm_7_link")):
+        low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+        places = robot.pose_batch(np.random.default_rng(0).uniform(low, high, (500, robot.n)))[0]
+        reached, most = np.linalg.norm(places, axis=1).max(), longest_reach(robot)
+        assert reached <= most < 4 * reached
+
+
+def test_millimetres_are_told_from_what_is_only_out_of_reach(panda: hk.Robot) -> None:
+    G, pose = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
+    box = [400.0, 100.0, 300.0], [50.0, 50.0, 50.0]
+    with pytest.raises(ArgumentError, match=r"at least 4\d\d.* m from the base, where panda reaches .* give metres"):
+        hk.coverage(G, PANDA_START, hk.workspace(box=box), samples=16)
+    for distance, said in ((300.0, "give metres"), (3.0, "nearer to the base")):
+        far = pose.copy()
+        far[:3, 3] *= distance / np.linalg.norm(far[:3, 3])
+        with pytest.raises(OutOfReachError, match=said):
+            hk.inverse(G, PANDA_START)(far)
+    round_trip = hk.circle(1000 * pose[:3, 3], 1000 * pose[:3, 3] - [100, 0, 0])
+    with pytest.raises(StartError, match="give metres"):
+        hk.follow(G, round_trip, PANDA_START)
+
+
+def test_an_arm_on_a_slide_without_end_reaches_everywhere(ppr: hk.Robot) -> None:
+    endless = replace(ppr, coordinates=(hk.robot.Coordinate("q1", "prismatic"), *ppr.coordinates[1:]))
+    assert doubtful_unit(endless, np.array([[1e6, 0.0, 0.0]])) == ""
+    assert "give metres" in doubtful_unit(ppr, np.array([[1e6, 0.0, 0.0]]))
+
+
+# --- other units ----------------------------------------------------------------------------------------------
+
+
+def test_a_step_in_which_a_joint_moves_far_is_warned_of_and_taken(
+    panda: hk.Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    G = hk.moore_penrose(hk.pose(panda))
+    with caplog.at_level(logging.WARNING, "holokin"):
+        hk.controller(G, dt=0.1)
+        assert not caplog.records
+        assert hk.controller(G, dt=1.0).dt == 1.0
+    assert "at its full speed panda_joint5 moves by 2.6 rad in it; dt is in seconds" in caplog.text
+
+
+def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    for header, row, what in (
+        ("x,y,z,qx,qy,qz,qw", "0.5,0,0.3,1,0,0,0", "a quaternion"),
+        (",".join(f"T{i}{j}" for i in range(3) for j in range(4)), "1,0,0,0,0,1,0,0,0,0,1,0", "a matrix"),
+    ):
+        file.write_text(f"{header}\n{row}\n")
+        with pytest.raises(RecordingError, match=f"its rotation is {what}; leave out degrees=True"):
+            hk.read_workspace(file, degrees=True)
+        assert len(hk.read_workspace(file, degrees=False).given) == 1
+
+
+def test_coverage_says_which_poses_of_a_cloud_it_looked_at(panda: hk.Robot) -> None:
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    cloud = pose_cloud(np.tile(panda.pose(PANDA_START), (5, 1, 1)))
+    for samples, said in ((100, "5 of 5 poses (100.0%), all of the cloud,"), (3, "3 of 3 poses (100.0%), drawn")):
+        assert said in hk.coverage(G, PANDA_START, cloud, samples=samples, explain=False).sentence
+
+
+def test_a_rounded_rotation_is_refused_with_the_cure_and_the_cure_helps(panda: hk.Robot) -> None:
+    ik, pose = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START), panda.pose(PANDA_START)
+    pose[:3, :3] = pose[:3, :3].round(4)
+    with pytest.raises(ArgumentError, match=r"away from 1.* of a rounded one Rotation.from_matrix\(R\).as_matrix\(\)"):
+        ik(pose)
+    pose[:3, :3] = Rotation.from_matrix(pose[:3, :3]).as_matrix()
+    assert ik(pose) == pytest.approx(PANDA_START, abs=1e-3)
+    pose[:3, :3] *= 2
+    with pytest.raises(ArgumentError, match=r"give a right-handed rotation matrix$"):
+        ik(pose)
+
+
+@pytest.mark.parametrize("degrees", [15.0, 40.0, 7.3])
+def test_the_degrees_of_an_advised_job_are_those_that_were_typed(degrees: float) -> None:
+    keys = _workspace_keys(parse_workspace(f"sphere 0.5 0 0.3 0.2 tilt {degrees}"), None, Path("job.toml"))
+    assert keys["tilt_deg"] == degrees
+    assert np.degrees(np.radians(15.0)) != 15.0
+
+
+# --- what a job says is said in its own words -----------------------------------------------------------------
+
+
+def test_a_job_that_fits_a_law_without_leaves_is_told_which_kinds_have_them(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    laws = '[strategies.mp]\nkind = "moore-penrose"\n[strategies.f]\nkind = "fitted"\nof = "mp"\n'
+    outcome = holokin("run", write_job(tmp_path, strategies=laws), "--out", out)
+    assert_refused(outcome, "[strategies.f] of is 'mp'", 'name one that has, as of kind = "lock", "arm-angle"')
+    assert "hk." not in outcome.err and "Strategy(" not in outcome.err
+
+
+def test_a_law_that_is_singular_in_the_ball_it_is_fitted_in_asks_for_a_smaller_one(planar_3r: hk.Robot) -> None:
+    law = hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START)
+    with pytest.raises(BranchError, match=r"'r' is singular within 1.5 m of the start: at q1 .* give a smaller radius"):
+        Fitted(kind="fitted", of="r", radius=1.5).fit(law, R3_START, "f")
