@@ -10,6 +10,7 @@ import pytest
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, urdf
 from holokin.constraints import find_arm
+from holokin.designing import PoseStatus
 from holokin.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError
 from holokin.symbolic import Function, jacobian, symbol
 
@@ -267,3 +268,33 @@ def test_points_are_named_by_joint_or_by_joint_and_offset(panda: hk.Robot) -> No
             find_arm(task, wrong)
     with pytest.raises(ShapeError):
         find_arm(task, (1, (3, (0.0, 0.1)), 5))
+
+
+# --- the wrist that is found, and where the elbow stands at the start ---
+
+READY = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
+BOX = hk.workspace(box=([0.5, 0.0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
+
+
+def test_an_elbow_kept_above_its_arm_ends_its_leaf_where_it_passes_over_the_shoulder(panda: hk.Robot) -> None:
+    """There joints 1 and 3 turn about one line, and the self-motion turns them against each other."""
+    law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional"))
+    found = hk.coverage(law, READY, BOX, samples=64, explain=False)
+    ended = found.last[found.status == PoseStatus.ALGORITHMIC]
+    assert len(ended) > 32
+    assert np.abs(ended[:, 1:3]).max() < 1e-3
+    N = law.task.null_space(ended[0])[:, 0]
+    assert np.abs(N / np.linalg.norm(N)) == pytest.approx(np.array([1, 0, 1, 0, 0, 0, 0]) / 2**0.5, abs=1e-3)
+
+
+def test_where_the_elbow_stands_at_the_start_counts_for_more_than_the_wrist(panda: hk.Robot) -> None:
+    shares = {}
+    for wrist, joints in (("found", None), ("last", (1, 3, 6))):
+        law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional", joints=joints))
+        aside = hk.move_to_leaf(law, READY, law.g(READY) - np.pi / 3)
+        for name, start in (("above", READY), ("aside", aside)):
+            shares[wrist, name] = hk.coverage(law, start, BOX, samples=64, explain=False).share
+    for name in ("above", "aside"):
+        assert abs(shares["found", name] - shares["last", name]) < 0.06
+    for wrist in ("found", "last"):
+        assert shares[wrist, "aside"] > shares[wrist, "above"] + 0.3
