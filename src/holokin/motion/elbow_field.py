@@ -83,30 +83,27 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> Sphere:
 
 
 class ElbowField(TangentField):
-    """u -> the part of the elbow's place, seen from the shoulder, that is perpendicular to u, at unit length.
+    """u -> the part of the elbow's place, seen from the shoulder, that is perpendicular to u [m].
 
     The state is (q, u), the posture (n,) and where it is. It is carried by a strategy, dq = G dx, and corrected.
-    `clearance` [m]: the least distance of the elbow from the line along u, so far.
     """
 
     def __init__(self, strategy: Strategy, q0: Vector, sphere: Sphere, arm: Arm) -> None:
-        self.task, self.sphere, self.clearance = strategy.task, sphere, np.inf
+        self.task, self.sphere = strategy.task, sphere
         self.start = q0, sphere.direction
         self._rate, self._places, self._rotation = strategy.rate, arm.places(strategy.task), sphere.pose[:3, :3]
 
     def step(self, state: State, u: Vector) -> tuple[State, Vector] | None:
-        """((q, u), e) at u, from a state nearby."""
+        """((q, u), the elbow off the line) at u, from a state nearby."""
         q = self.solve(*state, u)
         e = None if q is None else self.elbow(q, u)
         return None if q is None or e is None else ((q, u), e)
 
     def elbow(self, q: Vector, u: Vector) -> Vector | None:
-        """e (3,) of a posture."""
+        """Where it is at a posture, off the line along u (3,) [m]; None on the line."""
         S, E, _ = self._places(q)
         off = E - S - (u @ (E - S)) * u
-        size = float(np.linalg.norm(off))
-        self.clearance = min(self.clearance, size)
-        return off / size if size > ON_LINE else None
+        return off if float(np.linalg.norm(off)) > ON_LINE else None
 
     def solve(self, q: Vector, u: Vector, v: Vector) -> Vector | None:
         """The posture at v, near the one at u; None where Newton's method does not find one."""

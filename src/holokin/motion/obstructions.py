@@ -153,8 +153,8 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
         said = f"{about}: undecided, since the leaf was followed to too few of them; take another start, or another law"
     else:
         places = " and ".join(map(_told, witnesses))
-        said = f"{about} has the indices {places}: it cannot go on there without a jump{_why(field)}"
-    return Obstruction(total, witnesses, found.directions, found.reached, found.largest, field.clearance, said, details)
+        said = f"{about} has the indices {places}: it cannot go on there without a jump{_why(field, found.least)}"
+    return Obstruction(total, witnesses, found.directions, found.reached, found.largest, found.least, said, details)
 
 
 def _witness(sphere: Sphere, pole: Pole, accuracy: float) -> Witness:
@@ -162,7 +162,7 @@ def _witness(sphere: Sphere, pole: Pole, accuracy: float) -> Witness:
     return Witness(u, sphere.pose_at(u), pole.index, pole.radius, pole.radius > HOLE * accuracy)
 
 
-def _why(field: ElbowField) -> str:
+def _why(field: ElbowField, clearance: float) -> str:
     """Why every other law over this sphere has a place like that."""
     if field.sphere.fixed:
         return (
@@ -170,7 +170,7 @@ def _why(field: ElbowField) -> str:
             "shoulder to wrist, so none covers all directions"
         )
     return (
-        f", unless the elbow gets onto the line from shoulder to wrist (it kept {field.clearance:.2g} m from it here); "
+        f", unless the elbow gets onto the line from shoulder to wrist (it kept {clearance:.2g} m from it here); "
         "every law that keeps it off has indices that add up to 2"
     )
 
@@ -188,13 +188,14 @@ def _directions(sphere: Sphere) -> str:
 def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
     """Whether every law over a sphere makes a field of tangent directions: by the self-motions over it."""
     sphere, task = field.sphere, field.task
-    known, directions = spread(field, field.start, sphere.direction, over.fineness)
+    known, directions, clearance = spread(field, field.start, sphere.direction, over.fineness)
     about = f"any law of {task.robot.name} over all {_directions(sphere)}"
     total, largest = None, 0.0
     if len(known) < directions:
         said = f"{about}: undecided, since not all could be reached from the start; take another start"
     else:
-        laps, largest = _laps(field, known)
+        laps, largest, nearest = _laps(field, known)
+        clearance = min(clearance, nearest)
         if not largest < TURN or set(laps) - {-1, 1}:
             said = f"{about}: undecided, since not every self-motion there is a closed curve with one turn of the elbow"
         else:
@@ -202,23 +203,25 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             which = "none" if sphere.fixed else "none on the self-motions traced"
             said = (
                 f"{about}: {which} covers them without a jump. On each self-motion the elbow goes once round the line "
-                f"from shoulder to wrist, {field.clearance:.2g} m from it or more: such a field of tangent directions "
+                f"from shoulder to wrist, {clearance:.2g} m from it or more: such a field of tangent directions "
                 "on a sphere has indices that add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
-    return Obstruction(total, (), directions, len(known), largest, field.clearance, said, details)
+    return Obstruction(total, (), directions, len(known), largest, clearance, said, details)
 
 
-def _laps(field: FreeField, known: Sequence[tuple[Vector, Vector]]) -> tuple[list[int], float]:
-    """How often the elbow goes round the line on the self-motions through (q, u), 0 for open ones; its largest turn."""
-    laps, largest = [], 0.0
+def _laps(field: FreeField, known: Sequence[tuple[Vector, Vector]]) -> tuple[list[int], float, float]:
+    """How often the elbow goes round the line on the self-motions through (q, u), 0 for open ones; its largest turn;
+    its least distance from the line [m]."""
+    laps, largest, nearest = [], 0.0, np.inf
     for fibre, (_, u) in zip(self_motions(field.task, np.array([q for q, _ in known])), known, strict=True):
         elbows = [] if fibre is None else [field.elbow(q, u) for q in [*fibre, fibre[0]]]
         steps = [turn(u, e, u, f) for e, f in pairwise(elbows) if e is not None and f is not None]
         closed = bool(steps) and len(steps) == len(elbows) - 1
         laps.append(round(sum(steps) / (2 * np.pi)) if closed else 0)
         largest = max(largest, *map(abs, steps), 0.0)
-    return laps, largest
+        nearest = min([nearest, *(float(np.linalg.norm(e)) for e in elbows if e is not None)])
+    return laps, largest, nearest
 
 
 def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int) -> Obstruction:

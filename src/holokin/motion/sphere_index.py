@@ -40,11 +40,11 @@ ASKEW = np.array([0.234, -0.611, 0.377])
 
 
 class TangentField(ABC):
-    """Unit tangent directions e (3,) of the sphere, known by going there from where they are known."""
+    """Tangent vectors (3,) of the sphere, known by going there from where they are known."""
 
     @abstractmethod
     def step(self, state: Any, u: Vector) -> tuple[Any, Vector] | None:
-        """(state, e) at u (3,), from the state at a direction nearby; None where that is too far or there is none."""
+        """(state, vector) at u (3,), from the state at a place nearby; None where that is too far or there is none."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,14 @@ class Pole:
 
 @dataclass(frozen=True)
 class Poles:
-    """The regions with an index, how many of the directions looked at were reached, and the largest turn [rad] between
-    two samples, along an edge or, as it turns there, across."""
+    """The regions with an index, how many of the directions looked at were reached, the largest turn [rad] between two
+    samples, along an edge or, as it turns there, across, and the least length of a vector at any of them."""
 
     found: tuple[Pole, ...]
     directions: int
     reached: int
     largest: float
+    least: float
 
     @property
     def total(self) -> int:
@@ -86,7 +87,7 @@ def poles(tangent: TangentField, state: Any, u: Vector, fineness: int, accuracy:
     mesh, triangles, directions = _reached(tangent, state, u, fineness)
     reached = sum(corner in mesh.known for corner in range(directions))
     if not reached:
-        return Poles((), directions, 0, 0.0)
+        return Poles((), directions, 0, 0.0, mesh.least)
     found: list[Pole] = []
     waiting = [part for part, index in mesh.regions(triangles) if index]
     while waiting:
@@ -100,20 +101,22 @@ def poles(tangent: TangentField, state: Any, u: Vector, fineness: int, accuracy:
                 waiting += [part for part, index in parts if index]
                 continue
         found.append(pole)
-    return Poles(tuple(sorted(found, key=lambda pole: pole.direction)), directions, reached, mesh.largest)
+    found.sort(key=lambda pole: pole.direction)
+    return Poles(tuple(found), directions, reached, mesh.largest, mesh.least)
 
 
-def spread(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tuple[list[Any], int]:
-    """(the states at the corners of triangles that can be reached from one at u, how many corners there are)."""
+def spread(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tuple[list[Any], int, float]:
+    """The states at the corners of triangles that can be reached from one at u, how many corners there are, and the
+    least length of a vector."""
     mesh, _, directions = _reached(tangent, state, u, fineness)
-    return [mesh.known[corner][0] for corner in range(directions) if corner in mesh.known], directions
+    return [mesh.known[corner][0] for corner in range(directions) if corner in mesh.known], directions, mesh.least
 
 
 def _reached(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tuple[_Mesh, Indices, int]:
     """(the mesh with the state at u (3,) carried to all corners that can be reached, its triangles, its corners)."""
     points, triangles = icosphere(fineness)
     mesh, nearest = _Mesh(tangent, [*points, u]), int(np.argmax(points @ u))
-    there = tangent.step(state, u)
+    there = mesh.step(state, u)
     if there is not None:
         mesh.known[len(points)] = there
         first = mesh.walk(len(points), nearest)
@@ -125,7 +128,10 @@ def _reached(tangent: TangentField, state: Any, u: Vector, fineness: int) -> tup
 
 @dataclass
 class _Mesh:
-    """Triangles' corners, with states and directions where they are known, and how far e turns along the edges."""
+    """Triangles' corners, with states and unit directions e where they are known, and how far e turns along the edges.
+
+    largest: turn between two samples; least: length of the field's vectors.
+    """
 
     tangent: TangentField
     points: list[Vector]
@@ -133,6 +139,16 @@ class _Mesh:
     turns: dict[tuple[int, int], float | None] = field(default_factory=dict)
     halves: dict[tuple[int, int], int] = field(default_factory=dict)
     largest: float = 0.0
+    least: float = np.inf
+
+    def step(self, state: Any, u: Vector) -> tuple[Any, Vector] | None:
+        """(state, e) at u, from a state nearby."""
+        there = self.tangent.step(state, u)
+        if there is None:
+            return None
+        size = float(np.linalg.norm(there[1]))
+        self.least = min(self.least, size)
+        return there[0], there[1] / size
 
     def reach(self, triangles: Indices, first: Iterable[int]) -> None:
         """Carry the states of some corners to all others that can be reached along edges, near ones before far ones."""
@@ -158,7 +174,7 @@ class _Mesh:
         while share < 1.0:
             goal = min(1.0, share + width)
             v = between(self.points[i], self.points[j], goal)
-            there = self.tangent.step(state, v)
+            there = self.step(state, v)
             angle = after = np.inf
             if there is not None:
                 angle, after = abs(turn(u, e, v, there[1])), self._slope(*there, v, normal)
@@ -178,7 +194,7 @@ class _Mesh:
         """How fast e turns across the edge [rad/rad]: as 1 / distance to a pole that lies ahead."""
         v = u + ASIDE * normal
         v /= float(np.linalg.norm(v))
-        there = self.tangent.step(state, v)
+        there = self.step(state, v)
         return np.inf if there is None else abs(turn(u, e, v, there[1])) / ASIDE
 
     def edge(self, i: int, j: int) -> float | None:
