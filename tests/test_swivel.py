@@ -81,7 +81,10 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
         assert sum(np.abs((q - p + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9 for p in closed) == 1
     assert found.unseen == 0.0
     assert found.found.sum() + found.singular <= found.starts
-    assert "no proof" in found.sentence
+    assert "no proof" in found.sentence and "one more start" not in found.sentence
+    few = hk.all_postures(strategy, T, np.pi / 6, starts=8)
+    assert few.unseen == (few.found == 1).sum() / 8 > 0
+    assert f"one more start would find another with a chance of {few.unseen:.1g}; a search" in few.sentence
     assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6).q, found.q)
 
 

@@ -13,6 +13,7 @@ from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Flags, Matrix, Value, Vector, check_rotation, finite, whole
+from ..workspaces import sobol
 from .leaf import leaf_step
 
 STEPS = 60
@@ -26,9 +27,6 @@ EXACT = 1e-10
 
 MOST_STARTS = 1_000_000
 """They are all gone from at once: a million take two minutes and a gigabyte."""
-
-SHIFT = 0.382
-"""Of the sequence of starts, as a share of the ranges: away from 0 and right angles, at which arms are singular."""
 
 APART = 1e-6
 """Distance [joint units] below which two postures are one: well over `EXACT`, well under what tells branches apart."""
@@ -67,9 +65,10 @@ class Postures(Value):
         many = f"{len(self)} posture{'' if len(self) == 1 else 's'}"
         least = f", each from {int(self.found.min())} of them at least" if len(self) else ""
         left = f"; {self.outside} more outside the joint limits" if self.outside else ""
+        more = f"; one more start would find another with a chance of {self.unseen:.1g}" if self.unseen else ""
         return (
             f"{many} at this tool pose on this leaf found by Newton's method from {self.starts} starts spread over the "
-            f"joint ranges{least}{left}; a search, no proof that there are no others"
+            f"joint ranges{least}{left}{more}; a search, no proof that there are no others"
         )
 
     def __str__(self) -> str:
@@ -122,14 +121,10 @@ def all_postures(
 
 def _spread(robot: Robot, count: int) -> Matrix:
     """Postures (count, n) of low discrepancy over the joint ranges, hinges over a turn at most."""
-    from scipy.stats import qmc
-
     low, high = np.where(robot.hinges, -np.pi, -1.0), np.where(robot.hinges, np.pi, 1.0)
     slides = ~robot.hinges & np.isfinite(robot.lower) & np.isfinite(robot.upper)
     low, high = np.where(slides, robot.lower, low), np.where(slides, robot.upper, high)
-    power = int(np.ceil(np.log2(max(count, 2))))
-    points = (qmc.Sobol(robot.n, scramble=False).random_base2(power)[:count] + SHIFT) % 1.0
-    return low + (high - low) * points
+    return low + (high - low) * sobol(robot.n, count, seed=0)
 
 
 def _newton(strategy: HolonomicStrategy, q: Matrix, p: Vector, R: Matrix, c: Vector) -> tuple[Matrix, Vector, Flags]:

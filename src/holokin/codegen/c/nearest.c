@@ -35,7 +35,7 @@ static void hk_eigen(hk_t *H, hk_t *V) {
 }
 
 /* The inverse of the second derivative by z of |e|^2 / 2 - force c, made positive definite. */
-static HK_CALL void hk_stiffness(const hk_edge *edge, const hk_look *at, const hk_t *force, const hk_t *goal, hk_t *M) {
+static HK_CALL void hk_compliance(const hk_edge *edge, const hk_look *at, const hk_t *force, const hk_t *goal, hk_t *M) {
   hk_t H[HK_M * HK_M], V[HK_M * HK_M], pull[HK_M], size = HK_C(0);
   hk_look there;
   for (int i = 0; i < HK_M; i++) {
@@ -105,7 +105,7 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
       for (int k = 0; k < at->count; k++)
         if (force[k] > HK_C(0)) most = HK_FMAX(at->c[k], most);
       curved = fresh = most > -HK_INF && most <= HK_C(HK_EDGE_TIGHT);
-      if (curved) hk_stiffness(edge, at, force, goal, M);
+      if (curved) hk_compliance(edge, at, force, goal, M);
       hk_project(at, at->e, curved ? M : 0, z, force);
     }
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
