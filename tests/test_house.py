@@ -26,6 +26,7 @@ LAYERS = [
     {"task"},
     {"constraints"},
     {"strategies"},
+    {"ways"},
     {"path"},
     {"workspaces"},
     {"trajectory"},

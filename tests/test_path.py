@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
+from holokin.ways import straight
 
 POINTS = np.array([[0, 0, 0], [0.1, 0, 0.05], [0.1, 0.2, 0], [-0.1, 0.1, 0.1]])
 SPIN = np.array([[0.3, 0, 0], [0, 0.2, 0.4], [0, 0, 0.0]])
@@ -170,3 +171,18 @@ def test_a_path_turns_at_no_angular_speed_that_is_not_positive(angular_speed: fl
     path = hk.line([0, 0, 0], [0.1, 0, 0], turn=[0, 0, 1.0])
     with pytest.raises(ArgumentError, match="angular_speed"):
         path.at_speed(0.1, angular_speed)
+
+
+def test_a_straight_way_turns_about_one_axis_and_ends_in_its_pose_alone_or_beside_others() -> None:
+    R = Rotation.random(6, rng=np.random.default_rng(3)).as_matrix()
+    p = np.random.default_rng(4).normal(size=(6, 3))
+    ways = straight(p[:3], R[:3], p[3:], R[3:])
+    ends, turned = ways.at(1.0)
+    assert ends == pytest.approx(p[3:], abs=1e-12) and turned == pytest.approx(R[3:], abs=1e-12)
+    shares = np.array([0.3, 0.8])
+    for which, one, at, rotation in zip((2, 0), shares, *ways.at(shares, np.array([2, 0])), strict=True):
+        alone = straight(p[which], R[which], p[3 + which], R[3 + which])
+        assert (at == alone.at(one)[0]).all() and (rotation == alone.at(one)[1]).all()
+        spin = Rotation.from_matrix(rotation @ R[which].T).as_rotvec()
+        assert spin == pytest.approx(one * alone.turn, abs=1e-12)
+        assert np.linalg.norm(alone.turn) <= np.pi

@@ -15,6 +15,7 @@ import numpy as np
 from .arguments import typed
 from .errors import ArgumentError, OpenPathError
 from .types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
+from .ways import rotation_matrix
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
@@ -116,7 +117,7 @@ class Path(Value):
         """R at the start of every segment, and at the end (segments + 1, 3, 3)."""
         out = [np.eye(3)]
         for segment in self.segments:
-            out.append(_rotations(segment.turn) @ out[-1])
+            out.append(rotation_matrix(segment.turn) @ out[-1])
         return frozen(out)
 
     def table(self, start_rotation: Matrix) -> Matrix:
@@ -210,7 +211,7 @@ class Path(Value):
                 continue
             p[here], v[here] = segment.position(u[here]), segment.derivative(u[here]) / self._durations[i]
             w[here] = segment.turn / self._durations[i]
-            R[here] = _rotations(u[here, None] * segment.turn) @ self._rotations[i]
+            R[here] = rotation_matrix(u[here, None] * segment.turn) @ self._rotations[i]
         if self.closed and k:  # a closed path ends exactly where it starts
             last = (index == len(self.segments) - 1) & (u == 1.0)
             p[last], R[last] = self.start, np.eye(3)
@@ -368,13 +369,6 @@ def as_point(point: ArrayLike) -> Vector:
     if p.shape == (2,):
         p = np.append(p, 0.0)
     return _vector("a point", p)
-
-
-def _rotations(vectors: Array) -> Array:
-    """exp of rotation vectors (..., 3) -> (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation  # here, because it doubles the time to import holokin
-
-    return Rotation.from_rotvec(np.array(vectors)).as_matrix()  # a copy: it refuses what nobody can write to
 
 
 def _vector(what: str, value: ArrayLike) -> Vector:

@@ -7,7 +7,7 @@ after the other, but a step is judged by Newton's own convergence alone, so that
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..symbolic import Function
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from ..ways import straight
 
 FIRST = 0.35
 """Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""
@@ -141,29 +142,22 @@ class _Lines:
     """Straight lines from the poses at starts (s, n) to poses (k, 4, 4): s k of them, those of a start together."""
 
     def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
-        from scipy.spatial.transform import Rotation
-
         self.shape = (len(starts), len(poses))
         self.q = np.repeat(starts, len(poses), axis=0)
-        p0, R0 = task.robot.pose_batch(np.asarray(starts), task.tip)
-        self.p0, self.R0 = np.repeat(p0, len(poses), axis=0), np.repeat(R0, len(poses), axis=0)
+        p0, R0 = (np.repeat(part, len(poses), axis=0) for part in task.robot.pose_batch(np.asarray(starts), task.tip))
         ends = np.tile(poses, (len(starts), 1, 1))
-        self.move = ends[:, :3, 3] - self.p0
-        self.turn = Rotation.from_matrix(ends[:, :3, :3] @ self.R0.transpose(0, 2, 1)).as_rotvec()
-        if not task.turns:  # the orientation is the task's only in part, or not at all
-            self.turn = self.turn if task.orientation is not None else np.zeros_like(self.turn)
+        self.way = straight(p0, R0, ends[:, :3, 3], ends[:, :3, :3])
+        if task.orientation is None:
+            self.way = replace(self.way, turn=np.zeros_like(self.way.turn))
 
     @property
     def rates(self) -> tuple[Matrix, Matrix]:
         """Velocity and angular velocity (s k, 3) over a whole line."""
-        return self.move, self.turn
+        return self.way.move, self.way.turn
 
     def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
         """Positions and rotations of some lines at their shares."""
-        from scipy.spatial.transform import Rotation
-
-        R = Rotation.from_rotvec(share[:, None] * self.turn[which]).as_matrix() @ self.R0[which]
-        return self.p0[which] + share[:, None] * self.move[which], R
+        return self.way.at(share, which)
 
     def rays(self, q: Matrix, share: Vector) -> Rays:
         """The ends of the lines, start by start."""

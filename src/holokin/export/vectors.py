@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
-from ..motion.leaf import leaf_follower, leaf_step, straight_way
+from ..motion.leaf import leaf_follower, leaf_step, straight_way, tool_at
 from ..motion.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..task import Task
@@ -113,7 +113,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_way(s.task, q, position, pose[:3, :3], levels)
+                q, straight_way(tool_at(s.task, q), (position, pose[:3, :3]), levels)
             )
         except HolokinError:
             return None
@@ -138,7 +138,7 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.start
     pose = _single(task.robot.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start)), task.tip))
-    way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (source.leaf, source.leaf))
+    way = straight_way(tool_at(task, start), (pose[:3, 3], pose[:3, :3]), (source.leaf, source.leaf))
     try:
         found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, way)
     except HolokinError:

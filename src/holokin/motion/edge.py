@@ -19,12 +19,13 @@ import numpy as np
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from ..types import Flags, Indices, Matrix, Value, Vector, frozen, kept
+from ..ways import StraightWay, rotation_vector
 from .branch import turning
-from .leaf import Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton
+from .leaf import Pose, Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton, straight_way, tool_at
 from .stretch import TRIES
 
-Goal = tuple[Vector, Matrix]
-"""A pose of the tool: position (3,), rotation (3, 3)."""
+Goal = Pose
+"""A wanted pose of the tool."""
 
 UNMOVED = 1e-9
 """Share of the largest slope of a constraint below which the tool does not move it: round-off, a thousandfold."""
@@ -160,8 +161,7 @@ class Edge(Value):
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
-        pose = self.strategy.task.robot.pose(q, self.strategy.task.tip)
-        return pose[:3, 3], pose[:3, :3]
+        return tool_at(self.strategy.task, q)
 
     def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:
         """At a posture; `scaled`: a look whose choice of constraints and whose sizes are kept."""
@@ -204,17 +204,14 @@ class Edge(Value):
 
     def way(self, begin: Goal, v: Vector, turn: Vector, goal: Goal | None) -> Way:
         """From where the tool is along v, turning by `turn`; to a goal to the last bit, where there is one."""
-
-        def at(share: float) -> tuple[Vector, Matrix, Vector]:
-            if share == 1.0 and goal is not None:
-                return *goal, self.leaf
-            return begin[0] + share * v, rotation_matrix(share * turn) @ begin[1], self.leaf
-
-        return Way(at, turn=float(np.linalg.norm(turn)))
+        if goal is not None:
+            return self.straight(begin, goal)
+        line = StraightWay(*begin, v, turn)
+        return Way(lambda share: (*line.at(share), self.leaf), turn=float(np.linalg.norm(turn)))
 
     def straight(self, begin: Goal, goal: Goal) -> Way:
         """The straight way of the tool."""
-        return self.way(begin, goal[0] - begin[0], rotation_vector(goal[1] @ begin[1].T), goal)
+        return straight_way(begin, goal, (self.leaf, self.leaf))
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight way of the tool between two postures is shown to lead from one to the other."""
@@ -242,17 +239,3 @@ class Edge(Value):
         """The posture at a tool pose on a leaf to which Newton contracts from q."""
         found = newton(leaf_step(self.strategy), q, p, R, c, self.side)
         return None if found is None else found[0]
-
-
-def rotation_vector(R: Matrix) -> Vector:
-    """The axis of a rotation times its angle [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R).as_rotvec()
-
-
-def rotation_matrix(turn: Vector) -> Matrix:
-    """The rotation of a rotation vector."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(turn).as_matrix()

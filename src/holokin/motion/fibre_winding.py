@@ -18,6 +18,7 @@ from ..symbolic.null_space import null_space, null_vector
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, Flags, Matrix, Vector
+from ..ways import straight
 
 QUARTER = 0.25
 """Turns of the self-motion from one sample to the next: half a turn could be either way."""
@@ -76,16 +77,13 @@ def turns(task: Task, Q: Matrix) -> Turns:
 
 def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | None, Matrix | None]:
     """The postures (k, n) that least joint motion leads to on straight ways from q0, half way and at their ends."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_matrix(R @ R[0].T).as_rotvec()
-    size = max(float(np.linalg.norm(p - p[0], axis=1).max()), float(np.linalg.norm(turn, axis=1).max()))
+    lines = straight(p[0], R[0], p, R)
+    size = float(np.linalg.norm([lines.move, lines.turn], axis=2).max())
     pieces = 2 * int(np.ceil(size / PIECE / 2)) or 2
     Q, middle = np.tile(q0, (len(p), 1)), None
     for k in range(1, pieces + 1):
         share = k / pieces
-        turned = Rotation.from_rotvec(share * turn).as_matrix() @ R[0]
-        Q, good = _corrected(task, Q, p[0] + share * (p - p[0]), turned)
+        Q, good = _corrected(task, Q, *lines.at(share))
         if not good.all():
             return middle, None
         middle = Q if 2 * k == pieces else middle

@@ -30,7 +30,7 @@ from ..types import (
     rotation_gap,
     whole,
 )
-from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
+from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way, tool_at
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .rays import on_ray
 from .reach import pose_out_of_reach
@@ -205,7 +205,7 @@ class InverseKinematics(Value):
                 return begin, InverseStatus.OTHER_BRANCH
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
         ray = on_ray(s, begin) and np.array_equal(level, goal)
-        last, ended = leaf_walk(s, begin, ray=ray)(begin, straight_way(s.task, begin, p, R, (level, goal)))
+        last, ended = leaf_walk(s, begin, ray=ray)(begin, straight_way(tool_at(s.task, begin), (p, R), (level, goal)))
         if ended is WayEnd.REACHED:
             beyond = self.limits and _beyond(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED

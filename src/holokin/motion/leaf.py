@@ -22,6 +22,7 @@ from ..symbolic import Function, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector, finite, kept
+from ..ways import straight
 from .branch import Branch, branch_code
 from .native import NativeFollower
 
@@ -44,6 +45,10 @@ the joints' distance from it."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
+
+
+Pose = tuple[Vector, Matrix]
+"""A pose of the tool: position (3,), rotation (3, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,21 +215,22 @@ def leaf_walk(
     return walk
 
 
-def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, levels: tuple[Vector, Vector]) -> Way:
-    """The straight way from the tool pose at q to another, turning evenly about one axis, from one level to another."""
-    from scipy.spatial.transform import Rotation
-
-    pose = task.robot.pose(q, task.tip)
-    p0, R0, (c0, c1) = pose[:3, 3], pose[:3, :3], levels
-    turn = Rotation.from_matrix(rotation @ R0.T).as_rotvec()
+def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
+    """The straight way from one pose of the tool to another, from one level to another."""
+    line, (c0, c1) = straight(*begin, *end), levels
 
     def at(share: float) -> tuple[Vector, Matrix, Vector]:
         if share == 1.0:  # to the last bit, also where the last digits of a rotation are not those of one
-            return position, rotation, c1
-        R = Rotation.from_rotvec(share * turn).as_matrix() @ R0
-        return p0 + share * (position - p0), R, c0 + share * (c1 - c0)
+            return *end, c1
+        return *line.at(share), c0 + share * (c1 - c0)
 
-    return Way(at, turn=float(np.linalg.norm(turn)))
+    return Way(at, turn=float(np.linalg.norm(line.turn)))
+
+
+def tool_at(task: Task, q: Vector) -> Pose:
+    """(position, rotation) of the tool at a posture (n,)."""
+    pose = task.robot.pose(q, task.tip)
+    return pose[:3, 3], pose[:3, :3]
 
 
 def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
@@ -281,7 +287,6 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
-    pose = task.robot.pose(start, task.tip)
     goal = at + strategy.constraint.nearest(goal - at)
-    way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
-    return leaf_follower(strategy, start)(start, way)
+    here = tool_at(task, start)
+    return leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))

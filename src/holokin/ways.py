@@ -1,0 +1,50 @@
+"""`StraightWay`: from one tool pose to another, the position along a line, the rotation evenly about one axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .types import Array, Indices, Value, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class StraightWay(Value):
+    """p(s) = position + s move, R(s) = exp(s turn) rotation, s from 0 to 1: the twist (move, turn) is constant.
+
+    One way, of (3,), (3, 3), (3,), (3,); or many side by side, of (k, 3), (k, 3, 3), (k, 3), (k, 3), or from one pose.
+    """
+
+    position: Vector
+    rotation: Array
+    move: Vector
+    turn: Vector
+
+    def at(self, share: float | Vector, which: Indices | None = None) -> tuple[Array, Array]:
+        """Positions and rotations at a share of all ways, or at one of each (k,); `which`: of some of them."""
+        parts = self.position, self.rotation, self.move, self.turn
+        p, R, v, w = parts if which is None else (part[which] for part in parts)
+        s = np.asarray(share)[..., None]
+        return p + s * v, rotation_matrix(s * w) @ R
+
+
+def straight(position: Vector, rotation: Array, end: Vector, end_rotation: Array) -> StraightWay:
+    """The straight way from a pose to another, by the shorter turn; or ways between many."""
+    return StraightWay(
+        position, rotation, end - position, rotation_vector(end_rotation @ np.swapaxes(rotation, -1, -2))
+    )
+
+
+def rotation_vector(R: Array) -> Array:
+    """log: the axes of rotations (..., 3, 3) times their angles (..., 3) [rad]."""
+    from scipy.spatial.transform import Rotation  # here, because it doubles the time to import holokin
+
+    return Rotation.from_matrix(R).as_rotvec()
+
+
+def rotation_matrix(turn: Array) -> Array:
+    """exp: the rotations (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(np.array(turn)).as_matrix()  # a copy: it refuses what nobody can write to
