@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -63,36 +64,59 @@ def arm_angle(
     if joints is not None and len(joints) != 3:
         raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
-    def vectors(task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
-        S, elbow, wrist = find_arm(task, joints).expressions(task, k, q)
+    seen = _Seen(joints, conventional, V, R)
+    margin = least([distance for _, distance in seen.places])
+    return Constraint(f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """An arm seen from its shoulder: its angle, counted from a normal n_ref, and how far it is from being undefined.
+
+    joints: as of `find_arm`; V, R (3,): the directions of the reference and of the pole.
+    """
+
+    joints: Sequence[Any] | None
+    conventional: bool
+    V: Vector
+    R: Vector
+
+    def vectors(self, task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
+        """Elbow E, wrist W, and the direction w of the wrist (3,)."""
+        S, elbow, wrist = find_arm(task, self.joints).expressions(task, k, q)
         E, W = elbow - S, wrist - S
         return E, W, W / norm_2(W)
 
-    def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        E, W, w = vectors(task, k, q)
-        n_ref, n_sew = cross(w if conventional else w - SX(R), SX(V)), cross(W, E)
+    def angle(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """psi."""
+        E, W, w = self.vectors(task, k, q)
+        n_ref, n_sew = cross(w if self.conventional else w - SX(self.R), SX(self.V)), cross(W, E)
         return atan2(dot(n_sew, cross(w, n_ref)), dot(n_sew, n_ref))
 
-    def reach(task: Task, k: Kinematics, q: SX) -> SX:
-        return norm_2(vectors(task, k, q)[1])
+    def reach(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """How far the wrist is from the shoulder [m]."""
+        return norm_2(self.vectors(task, k, q)[1])
 
-    def bend(task: Task, k: Kinematics, q: SX) -> SX:
-        E, W, _ = vectors(task, k, q)
+    def bend(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """The sine of the angle between elbow and wrist."""
+        E, W, _ = self.vectors(task, k, q)
         return norm_2(cross(W, E)) / (norm_2(W) * norm_2(E))
 
-    def aside(task: Task, k: Kinematics, q: SX) -> SX:  # n_ref itself vanishes sooner where w - R is along V
-        w = vectors(task, k, q)[2]
-        return norm_2(cross(w, SX(V)) if conventional else w - SX(R))
+    def aside(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """How far w is from the singular direction; n_ref itself vanishes sooner where w - R is along V."""
+        w = self.vectors(task, k, q)[2]
+        return norm_2(cross(w, SX(self.V)) if self.conventional else w - SX(self.R))
 
-    line = (
-        f"where the wrist is on the line through the shoulder along the reference {np.round(V, 6).tolist()}"
-        if conventional
-        else f"where the wrist is on the half-line from the shoulder along the pole {np.round(R, 6).tolist()}"
-    )
-    straight = "where the arm is stretched or folded, the elbow on the line from shoulder to wrist"
-    places = (("where the wrist is in the shoulder", reach), (straight, bend), (line, aside))
-    margin = least([distance for _, distance in places])
-    return Constraint(f"arm angle ({definition})", 1, expression, (True,), margin, places=places)
+    @property
+    def places(self) -> tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...]:
+        """Where psi is not defined, in words, and how far the posture is from there."""
+        line = (
+            f"where the wrist is on the line through the shoulder along the reference {np.round(self.V, 6).tolist()}"
+            if self.conventional
+            else f"where the wrist is on the half-line from the shoulder along the pole {np.round(self.R, 6).tolist()}"
+        )
+        straight = "where the arm is stretched or folded, the elbow on the line from shoulder to wrist"
+        return ("where the wrist is in the shoulder", self.reach), (straight, self.bend), (line, self.aside)
 
 
 @made
