@@ -17,6 +17,7 @@ from ..constraints import Constraint
 from ..robot import Kinematics, start_posture
 from ..symbolic import (
     SX,
+    Transport,
     as_map,
     fmax,
     fmin,
@@ -30,11 +31,11 @@ from ..symbolic import (
 )
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, frozen, whole
+from ..types import ArrayLike, Matrix, Vector, frozen, whole
 from .base import Strategy
 from .build import holonomic
 from .kinds import HolonomicStrategy
-from .label import label_of
+from .label import Label, label_of
 
 ARRIVED = 0.01
 """How far the integrated transport may miss the centre, as a share of the joints' way. Of 960 random postures of four
@@ -81,85 +82,119 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     q0 = frozen(start_posture(task.robot, start))
     whole("steps", steps)
     strategy(q0)
-    r = task.n - task.m
-    chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
-    charted = replace(strategy, task=chart)
-    x0, label, rcond = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
+    lines = _lines(strategy, q0, steps)
+    return holonomic(task, _constraint(f"radial strategy of {strategy.name}", task.n - task.m, lines), name=name)
 
-    e = charted.expressions
-    dx, w = symbol("dx", task.m), symbol("w", task.n)
-    moved = e.rate(dx, written_out=True)
-    along = as_map([e.q, dx], vertcat(moved.X, fmax(0, moved.rcond)))  # fmax makes 0 of what is not a number
-    pulled = as_map([e.q, dx, w], vertcat(*e.slope(dx, w)))
 
-    def value(q: SX) -> SX:
-        return chart.value_expression(task.robot.kinematics(q, task.tip))
+def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
+    """g, written out; and with its transport left to a loop."""
+    ray, loop, angular = _kept(lines.ray), lines.loop(), (lines.label.angular,) * r
 
-    def rate(q: SX, v: SX) -> tuple[SX, SX]:
-        found = along(q, v)
-        return found[: task.n], found[task.n]
-
-    def slope(q: SX, v: SX, weight: SX) -> tuple[SX, SX]:
-        found = pulled(q, v, weight)
-        return found[: task.n], found[task.n :]
-
-    def end(q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
-        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
-        arrived = fmax(0, 1 - norm_2(left) / way)
-        passed = fmax(0, 1 - DIP * fmin(first, rcond) / least)
-        regular = first > TOLERANCES.singular
-        margin = if_else(regular, fmin(fmin(passed, arrived), fmax(0, label.margin(back))), 1)
-        return label.value(back), margin, regular
-
-    def build(q: SX) -> _Ray:
-        v = value(q) - SX(x0)
-        back, sound = q, []
-
-        def stage(at: SX, v: SX) -> SX:
-            moved, regular = rate(at, v)
-            sound.append(regular)
-            return moved
-
-        for _ in range(steps):
-            back = runge_kutta(stage, back, -1.0 / steps, v, v, v)
-        return _Ray(*end(q, back, rate(back, SX(x0) - value(back))[0], sound[0], reduce(fmin, sound)))
-
-    loop = transport(
-        lambda q: value(q) - SX(x0),
-        rate,
-        slope,
-        lambda back: SX(x0) - value(back),
-        end,
-        center=q0,
-        steps=steps,
-    )
-    ray = _kept(build)
-
-    def slopes(_task: Task, _k: Kinematics, q: SX) -> SX:
+    def slopes(task: Task, _k: Kinematics, q: SX) -> SX:
         found = ray(q)
         rows = vertcat(SX(0, task.n), *(gradient(found.label[i], q) for i in range(r)))
         return rows * found.regular  # where J is singular they are not numbers, or huge: rcond 0 says so
 
-    title = f"radial strategy of {strategy.name}"
     looped = Constraint(
         title,
         r,
         lambda _task, _k, _q: loop.label,
-        (label.angular,) * r,
+        angular,
         lambda _task, _k, _q: loop.margin,
         lambda _task, _k, _q: loop.gradient,
         transport=loop,
     )
-    constraint = Constraint(
+    return Constraint(
         title,
         r,
         lambda _task, _k, q: ray(q).label,
-        (label.angular,) * r,
+        angular,
         lambda _task, _k, q: ray(q).margin,
         slopes,
         looped,
     )
-    return holonomic(task, constraint, name=name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Straight lines of the tool to the centre, in the task's coordinates there, and a strategy that leads along them.
+
+    center (n,): the posture there, x0 (m,) its pose, rcond that of the strategy. along: (q, dx) -> (dq, rcond);
+    pulled: (q, dx, weight) -> the derivatives of weight . dq by q and by dx.
+    """
+
+    chart: Task
+    center: Vector
+    x0: Vector
+    label: Label
+    rcond: float
+    steps: int
+    along: Callable[..., SX]
+    pulled: Callable[..., SX]
+
+    def value(self, q: SX) -> SX:
+        """x."""
+        return self.chart.value_expression(self.chart.robot.kinematics(q, self.chart.tip))
+
+    def away(self, q: SX) -> SX:
+        """How far the tool is from the centre (m,)."""
+        return self.value(q) - SX(self.x0)
+
+    def left(self, back: SX) -> SX:
+        """How far the tool has still to go to the centre (m,)."""
+        return SX(self.x0) - self.value(back)
+
+    def rate(self, q: SX, v: SX) -> tuple[SX, SX]:
+        """(dq, rcond) of the strategy."""
+        found = self.along(q, v)
+        return found[: self.chart.n], found[self.chart.n]
+
+    def slope(self, q: SX, v: SX, weight: SX) -> tuple[SX, SX]:
+        """The derivatives of weight . dq by q and by v."""
+        found = self.pulled(q, v, weight)
+        return found[: self.chart.n], found[self.chart.n :]
+
+    def end(self, q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
+        """(label, margin, regular) of a transport from q to `back`, which misses the centre by the joint motion `left`;
+        rcond was `first` at q, and at least `least` on the way."""
+        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
+        arrived = fmax(0, 1 - norm_2(left) / way)
+        passed = fmax(0, 1 - DIP * fmin(first, self.rcond) / least)
+        regular = first > TOLERANCES.singular
+        margin = if_else(regular, fmin(fmin(passed, arrived), fmax(0, self.label.margin(back))), 1)
+        return self.label.value(back), margin, regular
+
+    def ray(self, q: SX) -> _Ray:
+        """One transport to the centre, its steps written out."""
+        v = self.away(q)
+        back, sound = q, []
+
+        def stage(at: SX, v: SX) -> SX:
+            moved, regular = self.rate(at, v)
+            sound.append(regular)
+            return moved
+
+        for _ in range(self.steps):
+            back = runge_kutta(stage, back, -1.0 / self.steps, v, v, v)
+        return _Ray(*self.end(q, back, self.rate(back, self.left(back))[0], sound[0], reduce(fmin, sound)))
+
+    def loop(self) -> Transport:
+        """The same as a loop."""
+        parts = self.away, self.rate, self.slope, self.left, self.end
+        return transport(*parts, center=self.center, steps=self.steps)
+
+
+def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
+    """The lines to the tool pose at q0."""
+    task = strategy.task
+    chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
+    charted = replace(strategy, task=chart)
+    e, dx, w = charted.expressions, symbol("dx", task.m), symbol("w", task.n)
+    moved = e.rate(dx, written_out=True)
+    along = as_map([e.q, dx], vertcat(moved.X, fmax(0, moved.rcond)))  # fmax makes 0 of what is not a number
+    pulled = as_map([e.q, dx, w], vertcat(*e.slope(dx, w)))
+    rcond = float(charted.gain(q0)[1])
+    return _Lines(chart, q0, chart(q0), label_of(task, q0), rcond, steps, along, pulled)
 
 
 @dataclass(frozen=True)
