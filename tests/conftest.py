@@ -16,6 +16,7 @@ import pytest
 
 import holokin as hk
 from holokin import cli
+from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
 
@@ -122,6 +123,12 @@ def out(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "mine.txt").write_text("keep me")
     return folder
+
+
+@pytest.fixture
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports of this process have sketches for figures."""
+    monkeypatch.setattr("holokin.output.report.figures", sketches)
 
 
 def shell(*arguments: object) -> Outcome:
