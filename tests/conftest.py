@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import files
 from importlib.util import find_spec
@@ -85,6 +85,20 @@ def iiwa14() -> hk.Robot:
 @pytest.fixture(scope="session")
 def planar_3r() -> hk.Robot:
     return hk.load("planar-3r")
+
+
+UNCOMPILED = ("test_advise.py", "test_design.py")
+"""Files whose functions are long and called a few times each: a compiler takes longer than they do (with one
+six tests took 54 s of processor time, without 15 s)."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def uncompiled(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The virtual machine for such files."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.name in UNCOMPILED:
+            patch.setenv("HOLOKIN_NATIVE", "0")
+        yield
 
 
 # --- the command line and what it may leave behind ---
