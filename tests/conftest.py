@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import files
 from importlib.util import find_spec
@@ -16,6 +16,7 @@ import pytest
 
 import holokin as hk
 from holokin import cli
+from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
 
@@ -86,6 +87,20 @@ def planar_3r() -> hk.Robot:
     return hk.load("planar-3r")
 
 
+UNCOMPILED = ("test_advise.py", "test_design.py")
+"""Files whose functions are long and called a few times each: a compiler takes longer than they do (with one
+six tests took 54 s of processor time, without 15 s)."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def uncompiled(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The virtual machine for such files."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.name in UNCOMPILED:
+            patch.setenv("HOLOKIN_NATIVE", "0")
+        yield
+
+
 # --- the command line and what it may leave behind ---
 
 
@@ -122,6 +137,12 @@ def out(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "mine.txt").write_text("keep me")
     return folder
+
+
+@pytest.fixture
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports of this process have sketches for figures."""
+    monkeypatch.setattr("holokin.output.report.figures", sketches)
 
 
 def shell(*arguments: object) -> Outcome:

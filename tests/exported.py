@@ -58,7 +58,7 @@ int main(void) {
   NAME_real q[NAME_N], target[NAME_TARGET], dx[NAME_M], twist[NAME_TWIST], T[16], G[NAME_N * NAME_M], dq[NAME_N], scale;
   NAME_parameters parameters;
   NAME_defaults(&parameters);
-  for (int k = 0; k < 20000; k++) {
+  for (int k = 0; k < 3000; k++) {
     for (int i = 0; i < NAME_N; i++) q[i] = (NAME_real)draw(3.0);
     for (int i = 0; i < NAME_M; i++) dx[i] = (NAME_real)draw(1.0);
     for (int i = 0; i < NAME_TWIST; i++) twist[i] = (NAME_real)draw(1.0);
@@ -76,7 +76,7 @@ LEAF
   return wrong != 0;
 }
 """
-"""Every function on 20,000 postures, targets and rates, bad ones among them; prints how often each status came."""
+"""Every function on 3,000 postures, targets and rates, bad ones among them; prints how often each status came."""
 
 LEAF = """
     NAME_real c[NAME_R], g[NAME_R], before[NAME_N];
@@ -108,7 +108,7 @@ def program(written: Exported, text: str, folder: Path, *flags: str, leaf: str =
 
 def rates(written: Exported, folder: Path, Q: Array, X: Array, *flags: str) -> tuple[Array, Array]:
     """(dq (k, n), status (k,)) of the exported `rate` at many postures."""
-    made = program(written, ON_A_FILE, folder, "-O2", *flags)
+    made = program(written, ON_A_FILE, folder, "-O1", *flags)
     np.hstack([Q, X]).tofile(folder / "in.bin")
     subprocess.run([str(made), str(folder / "in.bin"), str(folder / "out.bin")], check=True, timeout=300)
     out = np.fromfile(folder / "out.bin").reshape(len(Q), -1)

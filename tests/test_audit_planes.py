@@ -133,7 +133,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         areas[i, j] = areas[j, i] = 0.0
         assert areas.max() < 0.4
     law = hk.laws.closed_loop(hk.moore_penrose(task))
-    found = hk.audit(law, task.robot, task, start=start, dt=0.02, cycles=3)
+    found = hk.audit(law, task.robot, task, start=start, dt=0.04, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:

@@ -82,6 +82,7 @@ def test_the_drift_benchmark_runs_and_says_what_it_measured(tmp_path: Path, monk
     monkeypatch.setattr(drift, "GAIN", 10.0)
     assert drift.main(["--quick", "--out", str(tmp_path)]) == 0
     page = (tmp_path / "drift.md").read_text("utf-8")
+    assert "nan" not in page
     rows = {line.split("|")[1].strip(): line.split("|")[3:7] for line in page.splitlines() if line.startswith("| ")}
     assert float(rows["Moore-Penrose"][0]) > 0.05
     assert float(rows["locked joint 3"][0]) < 1e-3

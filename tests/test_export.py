@@ -14,7 +14,7 @@ import pytest
 
 import holokin as hk
 from chains import chain, shared_bend
-from conftest import PANDA_START, Command, assert_refused, assert_untouched
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched
 from exported import LEAF, ON_ANYTHING, STRICT, program, rates
 from holokin.codegen import native
 from holokin.errors import ArgumentError, ExportError, SingularityError
@@ -80,7 +80,8 @@ def test_arguments_that_are_not_needed_must_be_finite_too(orientation: str, holo
 
 @compiled
 def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
-    made = export_c(sew(), tmp_path, start=PANDA_START, name="law", vectors_count=3)
+    law = hk.moore_penrose(hk.position(hk.load("ppr")))
+    made = export_c(law, tmp_path, start=PPR_START, name="law", vectors_count=3)
     code = (tmp_path / "law.c").read_text()
     (tmp_path / "law.c").write_text(
         code.replace("out[i] = sound ? y[i] :", "out[i] = i == 0 ? HK_NAN : sound ? y[i] :")
@@ -90,15 +91,16 @@ def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("n", [7, 40])
+@pytest.mark.parametrize("n", [7, 12])
 def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path) -> None:
-    """A badly scaled constraint, and forty joints, whose det [J; J_g] is no number in single precision."""
+    """A badly scaled constraint, and twelve joints, whose det [J; J_g] is no number in single precision."""
     if n == 7:
         strategy, start = hk.holonomic(hk.pose(hk.load("panda")), hk.linear([50, 0, 50, 0, 0, 0, 0])), PANDA_START
     else:
-        rows = 0.05 * np.random.default_rng(0).normal(size=(n - 2, n))
+        rows = 1e-5 * np.random.default_rng(0).normal(size=(n - 2, n))
         start = np.random.default_rng(1).uniform(-0.5, 0.5, n)
         strategy = hk.holonomic(hk.position(chain(n)), hk.linear(rows))
+        assert np.float32(np.linalg.det(np.vstack([strategy.task.jacobian(start), rows]))) == 0
     double, single = check(export_c(strategy, tmp_path, start=start, name="law", vectors_count=16))
     assert "16 vectors" in double
     assert " 0 vectors" not in single
@@ -134,7 +136,10 @@ def test_a_million_postures_agree(written: Exported, tmp_path: Path, monkeypatch
     [("arm", ()), ("arm", ("-DLAW_FLOAT",)), ("position", ()), ("no leaf", ()), ("dense", ("-DLAW_FLOAT",))],
 )
 def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...], tmp_path: Path) -> None:
-    """Addresses and undefined behaviour, on 20,000 calls of everything, with bad input among them."""
+    """Addresses and undefined behaviour, on 3,000 calls of everything, with bad input among them.
+
+    Ten joints are the fewest of which [J; J_g] is solved in loops.
+    """
     irb, pose = hk.load("irb140"), hk.pose(hk.load("panda"))
     cases = {
         "arm": (lambda: sew(), PANDA_START),
@@ -143,10 +148,11 @@ def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...
             np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0]),
         ),
         "no leaf": (lambda: hk.moore_penrose(pose), PANDA_START),
-        "dense": (lambda: hk.holonomic(hk.position(chain(12)), shared_bend(12)), np.full(12, 0.2)),
+        "dense": (lambda: hk.holonomic(hk.position(chain(10)), shared_bend(10)), np.full(10, 0.2)),
     }
     make, start = cases[kind]
     made = export_c(make(), tmp_path, start=start, name="law", vectors_count=2)
+    assert ("hk_solve(" in (tmp_path / "law.c").read_text()) == (kind == "dense")
     leaf = "" if kind == "no leaf" else LEAF
     sanitize = ("-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     run = subprocess.run(
@@ -156,7 +162,7 @@ def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...
     assert run.returncode == 0, run.stdout + run.stderr
     counts = dict(zip(range(-1, 7), map(int, run.stdout.split()), strict=True))
     assert counts[0] + counts[1] + counts[-1] > 500
-    assert counts[4] > 1000
+    assert counts[4] > 400
 
 
 def test_the_text_is_the_golden_one(tmp_path: Path) -> None:
@@ -185,10 +191,13 @@ def unstamped(text: str) -> str:
 # --- in a controller ---
 
 
-def loaded(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ctypes.CDLL:
-    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "cache"))
+@pytest.fixture(scope="module")
+def c_code(written: Exported, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    """The export as a library of Python."""
     source = (written.folder / f"{written.name}.c").read_text()
-    return native.library(source, includes=(str(written.folder),))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        return native.library(source, includes=(str(written.folder),))
 
 
 def at(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
@@ -196,10 +205,8 @@ def at(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
 
 
 @compiled
-def test_its_inverse_kinematics_comes_home_from_a_loop(
-    written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    c_code, strategy = loaded(written, tmp_path, monkeypatch), sew()
+def test_its_inverse_kinematics_comes_home_from_a_loop(c_code: ctypes.CDLL) -> None:
+    strategy = sew()
     robot = strategy.task.robot
     q, leaf = PANDA_START.copy(), np.atleast_1d(strategy.constraint_value(PANDA_START))
     target, far = robot.pose(q), 0.0
@@ -224,9 +231,9 @@ def test_its_inverse_kinematics_comes_home_from_a_loop(
 
 
 @compiled
-def test_its_step_is_the_controllers(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.MonkeyPatch) -> None:
     """By its own defaults, slowed and at a limit; and the start it knows is the job's."""
-    c_code, strategy = loaded(written, tmp_path, monkeypatch), sew()
+    strategy = sew()
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     servo = hk.controller(strategy, dt=1e-3, start=PANDA_START)
     parameters, q, dq, scale = np.zeros(4), np.zeros(7), np.zeros(7), np.zeros(1)
@@ -261,7 +268,7 @@ def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> N
     command = ["cc", *STRICT, f"-I{tmp_path}", f"-I{written.folder}", *map(str, sources), "-o", str(tmp_path / "a")]
     subprocess.run([*command, "-lm"], check=True, timeout=300)
     subprocess.run([str(tmp_path / "a")], check=True, timeout=60)
-    symbols = subprocess.run(["nm", str(tmp_path / "a")], capture_output=True, text=True, check=True).stdout
+    symbols = subprocess.run(["nm", str(tmp_path / "a")], capture_output=True, text=True, check=True, timeout=60).stdout
     assert " B hk_" not in symbols and " D hk_" not in symbols and " b hk_" not in symbols and " d hk_" not in symbols
     assert other.name == "other"
 
@@ -273,18 +280,18 @@ def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> N
 def test_it_compiles_for_a_microcontroller(written: Exported, flags: tuple[str, ...], tmp_path: Path) -> None:
     target = tmp_path / "arm.o"
     source = str(written.folder / "panda_sew.c")
-    subprocess.run(
-        ["arm-none-eabi-gcc", "-mthumb", "-O2", *flags, *STRICT, "-c", source, "-o", str(target)], check=True
-    )
-    sizes = subprocess.run(["arm-none-eabi-size", str(target)], capture_output=True, text=True, check=True)
+    command = ["arm-none-eabi-gcc", "-mthumb", "-O1", *flags, *STRICT, "-c", source, "-o", str(target)]
+    subprocess.run(command, check=True, timeout=300)
+    sizes = subprocess.run(["arm-none-eabi-size", str(target)], capture_output=True, text=True, check=True, timeout=60)
     _, data, bss = map(int, sizes.stdout.splitlines()[1].split()[:3])
     assert data == bss == 0
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake here")
-def test_cmake_builds_and_tests_it(written: Exported, tmp_path: Path) -> None:
+def test_cmake_builds_and_tests_it(tmp_path: Path) -> None:
+    made = export_c(hk.holonomic(hk.position(hk.load("ppr")), hk.lock(2)), tmp_path / "c", start=PPR_START)
     build = str(tmp_path / "build")
-    for command in (["cmake", "-S", str(written.folder), "-B", build], ["cmake", "--build", build]):
+    for command in (["cmake", "-S", str(made.folder), "-B", build], ["cmake", "--build", build]):
         subprocess.run(command, check=True, capture_output=True, timeout=300)
     subprocess.run(["ctest", "--test-dir", build], check=True, capture_output=True, timeout=300)
 
@@ -328,13 +335,14 @@ def test_the_command_refuses_in_one_sentence(holokin: Command, out: Path) -> Non
 
 
 def test_an_export_over_an_older_one_replaces_it(tmp_path: Path) -> None:
-    first = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.002)
-    again = export_c(sew(), tmp_path, start=PANDA_START, name="law", dt=0.004)
+    law = hk.moore_penrose(hk.position(hk.load("ppr")))
+    first = export_c(law, tmp_path, start=PPR_START, name="law", dt=0.002)
+    again = export_c(law, tmp_path, start=PPR_START, name="law", dt=0.004)
     assert first.files == again.files
     assert "parameters->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(again.files)
     with pytest.raises(ArgumentError, match="another export"):
-        export_c(sew(), tmp_path, start=PANDA_START, name="other")
+        export_c(law, tmp_path, start=PPR_START, name="other")
 
 
 def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
@@ -354,8 +362,8 @@ def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
 
 
 def test_words_of_a_user_end_no_comment(tmp_path: Path) -> None:
-    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.linear([1, 0, -1, 0, 0, 0, 0], name="odd */ int x;\n name"))
-    made = export_c(strategy, tmp_path, start=PANDA_START, name="odd", vectors_count=1)
+    strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.linear([1, 0, -1], name="odd */ int x;\n name"))
+    made = export_c(strategy, tmp_path, start=PPR_START, name="odd", vectors_count=1)
     assert "odd * / int x; name" in (tmp_path / "odd.h").read_text()
     if shutil.which("cc") is not None:
         check(made)

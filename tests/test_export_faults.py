@@ -34,7 +34,9 @@ def refusal(folder: Path) -> str:
     chosen = compiler()
     assert chosen is not None
     files = [str(folder / f"law{part}.c") for part in ("", "_selftest")]
-    done = subprocess.run([*chosen.command, "-std=c99", "-fsyntax-only", *files], capture_output=True, text=True)
+    done = subprocess.run(
+        [*chosen.command, "-std=c99", "-fsyntax-only", *files], capture_output=True, text=True, timeout=60
+    )
     return done.stderr if done.returncode else ""
 
 

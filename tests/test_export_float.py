@@ -56,5 +56,6 @@ def in_float(folder: Path) -> str:
     chosen = compiler()
     assert chosen is not None
     sources = [str(folder / "law.c"), str(folder / "law_selftest.c")]
-    subprocess.run([*chosen.command, "-std=c99", "-DLAW_FLOAT", *sources, "-o", str(folder / "t"), "-lm"], check=True)
-    return subprocess.run([str(folder / "t")], capture_output=True, text=True, check=False).stdout
+    command = [*chosen.command, "-std=c99", "-DLAW_FLOAT", *sources, "-o", str(folder / "t"), "-lm"]
+    subprocess.run(command, check=True, timeout=60)
+    return subprocess.run([str(folder / "t")], capture_output=True, text=True, check=False, timeout=60).stdout

@@ -20,11 +20,15 @@ from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_unto
 from holokin.errors import WriteError
 from holokin.files import aside, replacing
 from holokin.output.folder import check_folder, renewed
+from sketches import SKETCHED
+
+pytestmark = pytest.mark.usefixtures("sketched")
 
 
 def command(*arguments: object, setup: str = "", **options: object) -> subprocess.CompletedProcess[str]:
     """The command line in a process of its own, after some Python."""
-    code = f"{setup}\nimport sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\nfrom holokin.cli import main; main()"
+    setup = f"{SKETCHED}{setup}\nimport sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\n"
+    code = f"{setup}from holokin.cli import main; main()"
     return subprocess.run([sys.executable, "-c", code], text=True, timeout=120, check=False, **options)  # type: ignore[call-overload]
 
 
@@ -39,7 +43,7 @@ def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(
     before = state(out)
     limited = command(
         "run", *files, "--out", out, capture_output=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, resource.RLIM_INFINITY)),
     )  # fmt: skip
     assert limited.returncode == 2
     assert "Traceback" not in limited.stderr
@@ -219,11 +223,10 @@ def contents(out: Path) -> dict[str, str]:
 
 
 def test_a_signal_at_a_random_moment_loses_nothing(tmp_path: Path) -> None:
-    """Two; `python -m benchmarks.kills` sends hundreds."""
+    """Ctrl-C here, a kill by `benchmarks.kills --quick` in tests/test_benchmarks.py, hundreds without --quick."""
     kills.prepare(tmp_path)
-    for number, (kind, moment) in enumerate(((signal.SIGKILL, 0.3), (signal.SIGINT, 0.1)), 1):
-        ended, faults = kills.trial(kind, (True, moment), tmp_path, number)
-        assert faults == [], ended
+    ended, faults = kills.trial(signal.SIGINT, (True, 0.1), tmp_path, 1)
+    assert faults == [], ended
 
 
 def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, tmp_path: Path, out: Path) -> None:
@@ -236,7 +239,8 @@ def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, t
         "def slow(a, b):\n    rename(a, b)\n    if 'old' in str(b): print('gap', flush=True); sys.stdin.readline()\n"
         "os.rename = slow\n"
     )
-    run = [sys.executable, "-c", f"{setup}from holokin.cli import main; main()", "run", str(file), "--out", str(out)]
+    code = f"{SKETCHED}{setup}from holokin.cli import main; main()"
+    run = [sys.executable, "-c", code, "run", str(file), "--out", str(out)]
     with subprocess.Popen(run, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
         assert one.stdin is not None and one.stdout is not None
         assert one.stdout.readline() == "gap\n"
@@ -349,7 +353,7 @@ def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost:
         "import signal, sys, warnings\nimport holokin.output.report as report\nfill = report._fill\n"
         f"def loses(*arguments):\n {lost}\n fill(*arguments)\nreport._fill = loses\n"
     )
-    process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", setup)
+    process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", SKETCHED + setup)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130
     assert said.startswith("stopped") and said.count("\n") == 1

@@ -1,4 +1,4 @@
-"""500 mutants of each kind of file that people write: none ends in anything but a result or a refusal."""
+"""300 mutants of each kind of file that people write: none ends in anything but a result or a refusal."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from benchmarks.fuzz import harness
 
 @pytest.mark.parametrize("kind", ["jobs", "urdfs", "dh"])
 def test_a_mutant_is_done_or_refused(kind: str) -> None:
-    found = [harness.one(kind, seed) for seed in range(500)]
+    found = [harness.one(kind, seed) for seed in range(300)]
     faults = {seed: fault for seed, _, _, fault in found if fault}
     refused = sum(refusal for _, refusal, _, _ in found)
     assert faults == {}
-    assert 50 < refused < 490  # both ends of the code are reached
+    assert 30 < refused < 294  # both ends of the code are reached

@@ -183,7 +183,8 @@ def test_a_thorough_verdict_has_a_number_of_its_own(
 # --- the reference of the job file ----------------------------------------------------------------------------
 
 
-def test_the_references_example_runs_and_shows_what_it_says(tmp_path: Path) -> None:
+def test_the_references_example_runs_and_shows_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     (example,) = re.findall(r"```toml\n(.*?)```", REFERENCE, re.DOTALL)
     (tmp_path / "example.toml").write_text(example)
     result = run_job(*open_job(str(tmp_path / "example.toml")))

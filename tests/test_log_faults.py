@@ -206,10 +206,10 @@ def test_the_loops_of_a_circle_are_counted(rows: int, loops: int, kind: str) -> 
 
 def test_loops_of_few_samples_are_counted_in_a_log_of_thousands() -> None:
     """On one grid over the whole log a loop would have eight points: seven were one cycle."""
-    angle = phase(100_000, 7000, "even")
+    angle = phase(30_000, 2100, "even")
     q = joined(0.3 * np.cos(angle), 0.3 * np.sin(angle))
     cycles = find_cycles(recorded(q), PPR, orientation=False)
-    assert len(cycles) == 7000
+    assert len(cycles) == 2100
     assert cycles.length == pytest.approx(0.6 * np.pi, rel=0.05)
 
 

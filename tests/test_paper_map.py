@@ -62,6 +62,7 @@ def test_each_rows_tests_run_the_code_of_the_row(tmp_path: Path) -> None:
     done = subprocess.run(
         [*command, *(f"tests/{name}" for name in names)],
         cwd=ROOT, env=os.environ | more | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False,
+        timeout=280,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     called = {test: set(keys) for test, keys in json.loads((tmp_path / "calls.json").read_text()).items()}

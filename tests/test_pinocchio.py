@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 import holokin as hk
 from conftest import urdf, urdf_files
 from holokin.errors import RobotFileError
+from holokin.robot import urdf as reading
 
 TOLERANCE = 1e-12
 POSTURES = 3
@@ -27,6 +29,14 @@ NOTHING_TO_COMPARE = {
 
 MIMIC_OF_NOTHING = "alex_psyonic_hands.urdf"
 """A file whose finger tips mimic joints that it does not have: Pinocchio makes them independent, holokin refuses."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_once() -> Iterator[None]:
+    """A file is read once, not again for each of its tips."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reading, "_read", cache(reading._read))
+        yield
 
 
 @dataclass(frozen=True)
