@@ -148,9 +148,10 @@ class InverseKinematics(Value):
         given = numbers("a tool pose", pose)
         if given.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
-        p, R = self._targets(given[None])
-        begin = None
-        if q is not None:
+        begin, (p, R) = None, self._targets(given[None])
+        if q is None:
+            self._target(given)
+        else:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         most = None if step is None else _steps(step, len(self.start))
         check("limits", bool | None, limits)
