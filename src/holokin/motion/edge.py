@@ -33,8 +33,8 @@ SAME = 1e-7
 """Difference of two postures [joint units] that are the same, found in two ways; branches lie far apart."""
 
 NARROW = 2.0**-16
-"""Share of a way below which a glance at it gives up: 0.02 mm of a metre. With 2^-12, 2 % of the ways of arm angles that
-lead to their ends were given up, those that pass close by singular postures; with this one, none of 640."""
+"""Share of a way below which a glance at it gives up: 0.02 mm of a metre. With 2^-12, 2 % of the ways of arm angles
+that lead to their ends were given up, those that pass close by singular postures; with this one, none of 640."""
 
 COARSE = 2.0**-12
 """Share of a way below which a glance that is given up in the end does not move the posture where it got to: a fold is
@@ -48,8 +48,8 @@ BEGUN = 1e-3
 """Share of a way over which its first rate is taken."""
 
 FEW = 200
-"""Pieces of one step of the tool tried at most. A step is some centimetres long; where that is not enough, a shorter one
-is tried."""
+"""Pieces of one step of the tool tried at most. A step is some centimetres long; where that is not enough, a shorter
+one is tried."""
 
 
 @kept
@@ -198,7 +198,9 @@ class Edge(Value):
 
     def walk(self, q: Vector, way: Way, tries: int) -> tuple[Vector, bool]:
         """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""
-        walk = leaf_walk(self.strategy, q, tries, on_ray(self.strategy, q))  # a new one: it knows the branch where it was
+        walk = leaf_walk(
+            self.strategy, q, tries, on_ray(self.strategy, q)
+        )  # a new one: it knows the branch where it was
         q, ended = walk(q, way)
         return q, ended is WayEnd.REACHED
 
@@ -210,10 +212,11 @@ class Edge(Value):
             begun = q + (end - share) * rate
             found = self.solved(begun, *way.at(end))
             width = (end - share) / 2
-            if found is not None:
-                off = float(np.abs(found - begun).max())
-                width *= min(8.0, max(0.5, (2 * LEAP / max(off, 1e-300)) ** 0.5))  # for a half of the leap, next time
-            if found is None or off > LEAP:
+            if found is None:
+                continue
+            off = float(np.abs(found - begun).max())
+            width *= min(8.0, max(0.5, (2 * LEAP / max(off, 1e-300)) ** 0.5))  # for a half of the leap, next time
+            if off > LEAP:
                 continue
             last = found if end - share >= COARSE else last
             rate, q, share = (found - q) / (end - share), found, end

@@ -33,8 +33,8 @@ REACHED = 1e-9
 
 
 ALONG = 0.1
-"""Share of what is missing by which a step along the edge must lead on, where it is to be known whether a slide from the
-start comes to a pose: below, the edge is square to the way there, and the slide as good as ended."""
+"""Share of what is missing by which a step along the edge must lead on, where it is to be known whether a slide from
+the start comes to a pose: below, the edge is square to the way there, and the slide as good as ended."""
 
 LEAST = 0.5
 """Steps by which a call must bring the joints nearer to where they belong, or they go straight: it takes twice as many
@@ -48,12 +48,12 @@ _REFUSED = {2: InverseStatus.NOT_FINITE, 3: InverseStatus.NOT_A_ROTATION}
 class Nearest(Value):
     """The posture q (n,) of a leaf whose tool pose (4, 4) is nearest to a wanted one.
 
-    status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose.
+    status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose: then q is as it was.
     distance [m] = sqrt(position^2 + (length angle)^2): what is missing, with its parts position [m] and angle [rad]; of
     a task that knows no whole orientation the angle is that of its rows.
     rcond: m / (|J| |G|), of Frobenius norms, angles in units of length; 1 at best, 0 at a singular posture.
     held: what stops the tool, "rcond" and the names of joints at their limits.
-    moving: True where `step` was too short to get there in this call.
+    moving: True where `step` was too short to get there in this call; then a joint has moved by half of it or more.
     """
 
     q: Vector
@@ -104,8 +104,8 @@ def down(
 ) -> tuple[Look, Look | None] | None:
     """The end of the way down from a look, which may be outside; and how far a step leads, where that is not its end.
 
-    None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is shown
-    to keep to the branch; else Newton steps alone lead down, and the straight way from q to the end is.
+    None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
+    shown to keep to the branch; else Newton steps alone lead down, and the straight way from q to the end is.
     """
     within = inside(edge, at, goal, careful)
     if within is None:
@@ -154,42 +154,43 @@ def cold(edge: Edge, goal: Goal) -> Look:
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
     """The same from a posture nearby, each joint moving by at most a step (n,), and True where that cut it short.
 
-    A pose that the start reaches has its joints; one that is not is slid to. With a step, the tool goes there on the leaf
-    as long as that brings the joints nearer, else the joints go straight.
+    The joints belong to a pose that the start reaches; to one that it does not, the tool slides. Where they belong, the
+    tool goes straight on the leaf, if that brings the joints nearer, else they go straight: so they arrive, from any q.
     """
     begin = edge.onto(q, goal)
-    target, belongs = reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
-    cut = None
-    if not belongs:
-        found = None if begin is None else slide(edge, begin, goal, step)
-        other = None
-        if found is None:
-            other = cold(edge, goal)
-        elif found[0].distance > REACHED:
-            other = slid_from_start(edge, goal, target)
-        belongs = other is not None
-        target, cut = found if other is None and found is not None else (other or target, None)
-    if step is None or least_ratio(target.q, q, step) >= 1.0:
-        return target, False
+    end, cut, belongs = whither(edge, goal, q, begin, step)
+    if step is None or least_ratio(end.q, q, step) >= 1.0:
+        return end, False
     if belongs and begin is not None:
         share = min(1.0, least_ratio(begin.q + begin.S @ begin.e, begin.q, step))
         cut = part(edge, begin, None, share, goal, True, begin.q, step)
-    straight = edge.look(limited(q, target.q, step), goal)
+    straight = edge.look(limited(q, end.q, step), goal)
     if cut is None:
         return straight, True
-    part_way = edge.look(limited(q, cut.q, step), goal)
-    gone = steps(q, part_way.q, step)
-    if belongs:
-        gone = steps(q, target.q, step) - steps(part_way.q, target.q, step)
-    elif gone < LEAST and not straight.distance + straight.excess < part_way.distance:
-        return part_way, False
-    return (part_way if gone >= LEAST else straight), True
+    along = edge.look(limited(q, cut.q, step), goal)
+    gone = steps(q, end.q, step) - steps(along.q, end.q, step) if belongs else steps(q, along.q, step)
+    if gone < LEAST and not belongs and straight.distance + straight.excess >= along.distance:
+        return along, False  # the straight way there leads by worse places
+    return (along if gone >= LEAST else straight), True
 
 
-def slide(edge: Edge, begin: Look, goal: Goal, step: Vector | None) -> tuple[Look, Look | None] | None:
-    """Down from a posture of the leaf, as `down` says."""
-    tool = begin.position, begin.rotation
-    return down(edge, begin, goal, False, tool, begin.q, step) or down(edge, begin, goal, True, tool, begin.q, step)
+def whither(
+    edge: Edge, goal: Goal, q: Vector, begin: Look | None, step: Vector | None
+) -> tuple[Look, Look | None, bool]:
+    """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
+    True; else down to the nearest pose, and how far a step leads on that way, where that is not its end."""
+    at, reached = reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
+    if reached:
+        return at, None, True
+    found = None
+    if begin is not None:
+        tool = begin.position, begin.rotation
+        tries = (down(edge, begin, goal, careful, tool, begin.q, step) for careful in (False, True))
+        found = next((one for one in tries if one is not None), None)
+    if found is None:
+        return cold(edge, goal), None, True
+    slid = slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
+    return (*found, False) if slid is None else (slid, None, True)
 
 
 def steps(a: Vector, b: Vector, step: Vector) -> float:
@@ -216,7 +217,7 @@ def nearest(
     else:
         found, moving = None, False
     if found is None or status is not InverseStatus.REACHED:
-        stays = edge.start if q is None else q
+        stays = edge.start if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
     joints, e, rcond, tool, slack = found
     pose = np.zeros((4, 4))

@@ -219,44 +219,53 @@ static void hk_limited(const hk_t *q, const hk_t *end, const hk_t *step, hk_t *t
   for (int i = 0; i < HK_N; i++) there[i] = q[i] + share * (end[i] - q[i]);
 }
 
+/* Where q, or `begin` on the leaf, if there is one, is to go: 1 where the joints belong, which the start tells; else 0, down
+   to the nearest pose, and is_cut where a step leads only to `cut` on that way. */
+static int hk_whither(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_look *begin, const hk_t *step,
+                      hk_look *end, hk_look *cut, int *is_cut) {
+  hk_t x[HK_STATE];
+  hk_look at;
+  *is_cut = -1;
+  if (hk_reaches(edge, goal, hk_solved(edge, q, goal, x) ? x : 0, end)) return 1;
+  at = *end;
+  for (int careful = 0; careful < 2 && begin && *is_cut < 0; careful++) {
+    *end = *begin;
+    *is_cut = hk_down(edge, end, goal, careful, begin->q, begin->tool, step, cut);
+  }
+  if (*is_cut < 0) {
+    hk_nearest_cold(edge, goal, end);
+    return 1;
+  }
+  if (hk_at_goal(end) || !hk_slides(edge, goal, &at)) return 0;
+  *end = at;
+  return 1;
+}
+
 /* From q, each joint by at most a step where one is given: 1 where that cut it short. */
 static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
-  hk_look begin, cut, end;
-  hk_t there[HK_N], ahead[HK_N], x[HK_STATE];
-  int is_cut = 0, found = -1;
-  const int on = hk_onto(edge, q, goal, &begin);
-  int belongs = hk_reaches(edge, goal, hk_solved(edge, q, goal, x) ? x : 0, at);
-  if (!belongs) {
-    for (int careful = 0; careful < 2 && on && found < 0; careful++) {
-      end = begin;
-      found = hk_down(edge, &end, goal, careful, begin.q, begin.tool, step, &cut);
-    }
-    if (found < 0) {
-      hk_nearest_cold(edge, goal, at);
-      belongs = 1;
-    } else if (!hk_at_goal(&end))
-      belongs = hk_slides(edge, goal, at);
-    if (!belongs) *at = end, is_cut = found;
-  }
+  hk_look begin, cut, straight;
+  hk_t there[HK_N];
+  int is_cut;
+  const int on = hk_onto(edge, q, goal, &begin), belongs = hk_whither(edge, goal, q, on ? &begin : 0, step, at, &cut, &is_cut);
   if (!step || hk_least_ratio(at->q, q, step) >= HK_C(1)) return 0;
   if (belongs && on) {
-    for (int i = 0; i < HK_N; i++) ahead[i] = begin.q[i] + hk_times(begin.S + i * HK_M, begin.e, HK_M);
-    const hk_t share = HK_FMIN(HK_C(1), hk_least_ratio(ahead, begin.q, step));
+    for (int i = 0; i < HK_N; i++) there[i] = begin.q[i] + hk_times(begin.S + i * HK_M, begin.e, HK_M);
+    const hk_t share = HK_FMIN(HK_C(1), hk_least_ratio(there, begin.q, step));
     is_cut = hk_part(edge, &begin, 0, share, goal, 1, begin.q, step, &cut);
   }
   hk_limited(q, at->q, step, there);
-  hk_look_at(edge, there, goal, 0, &end); /* straight */
-  if (is_cut) {
+  hk_look_at(edge, there, goal, 0, &straight);
+  if (is_cut > 0) {
     hk_limited(q, cut.q, step, there);
     hk_look_at(edge, there, goal, 0, &cut);
     const hk_t gone = belongs ? hk_steps(q, at->q, step) - hk_steps(there, at->q, step) : hk_steps(q, there, step);
     const int enough = gone >= HK_C(HK_EDGE_LEAST);
-    if (enough || (!belongs && !(hk_distance(&end) + hk_excess(&end) < hk_distance(&cut)))) {
+    if (enough || (!belongs && hk_distance(&straight) + hk_excess(&straight) >= hk_distance(&cut))) {
       *at = cut;
       return enough;
     }
   }
-  *at = end;
+  *at = straight;
   return 1;
 }
 
