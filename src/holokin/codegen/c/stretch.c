@@ -187,7 +187,7 @@ static int hk_meet(const hk_stretch *a, const hk_stretch *b, hk_t share) {
   hk_curve(b, share, q);
   for (int i = 0; i < HK_N; i++) p[i] -= q[i];
   const hk_t gap = hk_most(p);
-  return gap + HK_FMIN(a->reach, a->radius) <= b->radius || gap + HK_FMIN(b->reach, b->radius) <= a->radius;
+  return gap + a->reach <= b->radius || gap + b->reach <= a->radius;
 }
 
 /* Go the way in stretches as far as they can be shown, or until a fold is found: q becomes the posture there. Returns the
