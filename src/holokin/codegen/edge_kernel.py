@@ -34,7 +34,7 @@ class EdgeKernel:
         parts = [*map(prelude, ("branch.c", "newton.c", "path.c", "way.c", "fold.c"))]
         if stretches:
             parts += [prelude("model.c"), stretches, prelude("stretch.c")]
-        parts += [*map(prelude, ("inverse.c", "edge.c", "nearest.c"))]
+        parts += [*map(prelude, ("ray.c", "inverse.c", "edge.c", "nearest.c"))]
         whole = source(SCALAR, head, code + "".join(parts))
         self._library = library(whole, long=operations > LONG, interleaved=True, needs=("hk_nearest_to",))
         self._run: Any = self._library.hk_nearest_to

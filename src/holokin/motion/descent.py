@@ -33,6 +33,9 @@ back at once, since beyond the margin, some millimetres away, there is a singula
 STEPS = 60
 """Steps of the tool on one way down, at most; some five are usual."""
 
+AMPLE = 1.5
+"""A step over how far its joint goes, up to which that is far enough."""
+
 HALVINGS = 30
 """Times that one step is halved before there is none."""
 
@@ -61,9 +64,11 @@ SPREAD = 1e-6
 CURVED = 0.05
 """Least curvature of the model: behind a hollow edge that of the distance may be negative."""
 
-_NAMES = "TRUST DONE WITHIN NEAR STEPS HALVINGS RETURNS DESCENT SMALL CONTRACTION FAST TIGHT DEPENDENT SPREAD CURVED"
+_NAMES = (
+    "TRUST DONE WITHIN NEAR STEPS AMPLE HALVINGS RETURNS DESCENT SMALL CONTRACTION FAST TIGHT DEPENDENT SPREAD CURVED"
+)
 CONSTANTS = {name: globals()[name] for name in _NAMES.split()} | {
-    name: getattr(edges, name) for name in ("UNMOVED", "SAME", "NARROW")
+    name: getattr(edges, name) for name in ("UNMOVED", "SAME", "NARROW", "COARSE", "LEAP", "BEGUN", "FEW")
 }
 """All of them, for native code."""
 
@@ -116,10 +121,13 @@ def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | Non
 
 
 def descend(
-    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Vector, step: Vector | None = None
+    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Vector, step: Vector | None = None, least: float = 0.0
 ) -> tuple[Look, Look | None]:
     """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
-    by more than a step (n,) from its beginning, None where that is its end."""
+    by more than a step (n,) from its beginning, None where that is its end.
+
+    least: share of the distance below which a step along the edge is not worth it.
+    """
     cut, trust, M, fresh, safe = None, TRUST, None, False, at
     z, forces = projection(at, at.e, None)
     for _ in range(STEPS):
@@ -129,7 +137,7 @@ def descend(
             M = compliance(edge, at, forces, goal) if fresh else None
             z, forces = projection(at, at.e, M)
         size, weight = float(np.linalg.norm(z)), 2 * float(forces.sum())
-        if not size > DONE:
+        if not size > (max(DONE, least * at.distance) if weight > 0 else DONE):
             break
         along, share = z if weight > 0 else None, min(1.0, trust / size)
         while share * size > DONE:
@@ -158,13 +166,19 @@ def part(
     edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, begin: Vector, step: Vector
 ) -> Look | None:
     """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
+    best, low, high = None, 0.0, 2.0 * share
     for _ in range(HALVINGS):
         there = inside(edge, edge.moved(at, z, share, goal, careful), goal, careful)
         ratio = 0.0 if there is None else least_ratio(there.q, begin, step)
         if there is not None and ratio >= 1.0:
-            return there
-        share *= 0.99 * ratio if ratio > 0 else 0.5
-    return None
+            best, low = there, share
+            if ratio <= AMPLE or share >= 1.0:
+                break
+        else:
+            high = share
+        share = min(1.0, 0.99 * ratio * share)
+        share = share if low < share < high else (low + high) / 2
+    return best
 
 
 def compliance(edge: Edge, at: Look, forces: Vector, goal: Goal) -> Matrix:

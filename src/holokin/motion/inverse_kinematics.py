@@ -118,20 +118,21 @@ class InverseKinematics(Value):
 
             min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, and joint limits when asked
 
-        A pose that is reached within these bounds has the joints of `ik(pose)`; from a q that the hand has led round a
-        place where the leaf ends it may have others. Towards another pose the tool goes as far as it can: from the
-        start, `ik.nearest(pose)`, a function of the pose alone; or from the last answer, `ik.nearest(pose, q)`, for a
-        loop, in which it slides along the edge of what it reaches.
+        A pose that `ik(pose)` reaches within these bounds has its joints, whatever q is. Towards another pose the tool
+        goes as far as it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last
+        answer, `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
 
         The answer moves continuously with the pose wherever one place of the edge is nearest. Midway between two that
         are equally near, as in the middle of a hole of the workspace, no function of the pose can be continuous, and
         `ik.nearest(pose)` jumps. From the last answer the tool stays on its side while there is a nearest place; where
-        that ceases, it slides along the edge to the next, and where the hand has come back to a pose that is reached
-        from the start, it goes there. Both may be far: `step` spreads them over as many calls as they take.
+        that ceases, it slides along the edge to the next. A hand that comes back from round a hole finds the joints a
+        full turn away from those of `ik(pose)`, or on another branch. They go there, in one call without `step`, which
+        is a jump. With it they go in small steps, while the tool leaves the hand: the hand at rest has it again after
+        the joints' way over the step, at most two times.
 
         Args:
             pose: (4, 4), or a position (3,) or (2,) with the orientation of the start.
-            q: the last answer (n,), to begin from; by default the start.
+            q: the last answer (n,), or where the joints are, to begin from; by default the start.
             length: what a radian counts in metres [m].
             rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
             limits: True keeps to the joint limits; by default as `inverse` was told.
@@ -139,20 +140,21 @@ class InverseKinematics(Value):
                 period of the loop. Only with q.
 
         Returns:
-            Nearest: joints, the tool's pose, a status, what is missing. A pose that is not finite, or whose rotation is
-            none, gives its status and nothing else: q stays as it was given, or is NaN.
+            Nearest: joints, the tool's pose, a status, what is missing. With q, a pose that is not finite, or whose
+            rotation is none, gives its status and nothing else: q stays as it was given, so that the robot rests.
 
         Raises:
-            ShapeError, ArgumentError: what is no pose; numbers that are not positive; a start beyond the edge itself; a
-                q that is no answer, and why not; a step without q. JointLimitError: with limits, the start is beyond
-                them. NotFiniteError: q.
+            ShapeError: what is no pose. ArgumentError: numbers that are not positive; a start beyond the edge itself; a
+                step without q. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
+            NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
         given = numbers("a tool pose", pose)
         if given.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
-        p, R = self._targets(given[None])
-        begin = None
-        if q is not None:
+        begin, (p, R) = None, self._targets(given[None])
+        if q is None:
+            self._target(given)
+        else:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
             raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")

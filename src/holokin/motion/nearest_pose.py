@@ -11,12 +11,11 @@ from ..codegen import LARGEST, EdgeKernel, enabled, tell
 from ..errors import ArgumentError, NativeError
 from ..strategies import HolonomicStrategy
 from ..types import Matrix, Value, Vector, kept
-from .beginning import no_beginning
-from .descent import CONSTANTS, WITHIN, descend, inside
-from .edge import Edge, Goal, Look, edge_function
-from .leaf import leaf_step
+from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
+from .edge import SAME, Edge, Goal, Look, edge_function
+from .leaf import TRIES, leaf_step
 from .solutions import InverseStatus
-from .stretch import TRIES, inverse_code, stretch_code
+from .stretch import inverse_code, stretch_code
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it
@@ -33,6 +32,14 @@ REACHED = 1e-9
 """Distance [m] that counts as none."""
 
 
+ALONG = 0.1
+"""Share of what is missing by which a step along the edge must lead on, where it is to be known whether a slide from
+the start comes to a pose: below, the edge is square to the way there, and the slide as good as ended."""
+
+LEAST = 0.5
+"""Steps by which a call must bring the joints nearer to where they belong, or they go straight: it takes twice as many
+calls as the joints' way has steps, at most."""
+
 _REFUSED = {2: InverseStatus.NOT_FINITE, 3: InverseStatus.NOT_A_ROTATION}
 """What native code says of a goal that is no pose."""
 
@@ -41,12 +48,12 @@ _REFUSED = {2: InverseStatus.NOT_FINITE, 3: InverseStatus.NOT_A_ROTATION}
 class Nearest(Value):
     """The posture q (n,) of a leaf whose tool pose (4, 4) is nearest to a wanted one.
 
-    status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose.
+    status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose: then q is as it was.
     distance [m] = sqrt(position^2 + (length angle)^2): what is missing, with its parts position [m] and angle [rad]; of
     a task that knows no whole orientation the angle is that of its rows.
     rcond: m / (|J| |G|), of Frobenius norms, angles in units of length; 1 at best, 0 at a singular posture.
     held: what stops the tool, "rcond" and the names of joints at their limits.
-    moving: True where `step` was too short to get there in this call.
+    moving: True where `step` was too short to get there in this call; then a joint has moved by half of it or more.
     """
 
     q: Vector
@@ -68,7 +75,7 @@ def edge_kernel(strategy: HolonomicStrategy) -> EdgeKernel | None:
     if operations > LARGEST or not enabled():
         return None
     code = inverse_code(strategy) + step.c("hk_leaf_body") + look.c("hk_edge_body")
-    constants = {**CONSTANTS, "REACHED": REACHED}
+    constants = {**CONSTANTS, "REACHED": REACHED, "LEAST": LEAST, "ALONG": ALONG}
     task = strategy.task
     try:
         return EdgeKernel(task.n, task.m, code, stretch_code(strategy), constants, operations)
@@ -93,18 +100,18 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
 
 
 def down(
-    edge: Edge, at: Look, goal: Goal, careful: bool, q: Vector, tool: Goal, step: Vector | None = None
+    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
 ) -> tuple[Look, Look | None] | None:
     """The end of the way down from a look, which may be outside; and how far a step leads, where that is not its end.
 
-    None where it is not shown to be on the branch of a posture q. careful: each piece is shown to keep to the branch;
-    else Newton steps alone lead down, and the straight way from q to the end is.
+    None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
+    shown to keep to the branch; else Newton steps alone lead down, and the straight way from q to the end is.
     """
     within = inside(edge, at, goal, careful)
     if within is None:
         return None
     end, cut = descend(edge, within, goal, careful, q, step)
-    return (end, cut) if careful or edge.joined(q, tool, cut or end) else None
+    return (end, cut) if careful or edge.joined(q, begin, cut or end) else None
 
 
 def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
@@ -115,10 +122,24 @@ def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     return at, reached and at.excess <= WITHIN
 
 
-def reached_from_start(edge: Edge, goal: Goal) -> tuple[Look, bool]:
-    """The same: what a glance does not reach is not reached."""
+def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
+    """The same: what a glance does not reach is not reached; what it does reach is shown.
+
+    But where it comes to a posture that is known to be `near`: then two ways agree, and a way that passes close by a
+    singular posture takes milliseconds to show. Of 7,200 poses that were reached, a glance missed one, and came to
+    another posture never.
+    """
     at, reached = from_start(edge, goal, False)
-    return from_start(edge, goal, True) if reached else (at, False)
+    agrees = near is not None and float(np.abs(at.q - near).max()) <= SAME
+    return from_start(edge, goal, True) if reached and not agrees else (at, reached)
+
+
+def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
+    """The look at a goal, where the way down leads to it from where the straight way from the start ends."""
+    within = inside(edge, at, goal, False)
+    end = at if within is None else descend(edge, within, goal, False, edge.start, None, ALONG)[0]
+    reached = end.distance <= REACHED and end.excess <= WITHIN
+    return end if reached and edge.joined(edge.start, edge.tool(edge.start), end) else None
 
 
 def cold(edge: Edge, goal: Goal) -> Look:
@@ -126,61 +147,81 @@ def cold(edge: Edge, goal: Goal) -> Look:
     at, reached = reached_from_start(edge, goal)
     if reached:
         return at
-    found = down(edge, at, goal, False, edge.start, edge.tool(edge.start))
+    found = down(edge, at, goal, False, edge.tool(edge.start), edge.start)
     return found[0] if found is not None else descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
 
 
-def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool] | None:
+def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
     """The same from a posture nearby, each joint moving by at most a step (n,), and True where that cut it short.
 
-    None where it leads nowhere.
+    The joints belong to a pose that the start reaches; to one that it does not, the tool slides. Where they belong, the
+    tool goes straight on the leaf, if that brings the joints nearer, else they go straight: so they arrive, from any q.
     """
-    tool = edge.tool(q)
-    found = edge.solved(q, *tool, edge.leaf)  # to the leaf, with its tool where it is
+    begin = edge.onto(q, goal)
+    end, cut, belongs = whither(edge, goal, q, begin, step)
+    if step is None or least_ratio(end.q, q, step) >= 1.0:
+        return end, False
+    if belongs and begin is not None:
+        share = min(1.0, least_ratio(begin.q + begin.S @ begin.e, begin.q, step))
+        cut = part(edge, begin, None, share, goal, True, begin.q, step)
+    straight = edge.look(limited(q, end.q, step), goal)
+    if cut is None:
+        return straight, True
+    along = edge.look(limited(q, cut.q, step), goal)
+    gone = steps(q, end.q, step) - steps(along.q, end.q, step) if belongs else steps(q, along.q, step)
+    if gone < LEAST and not belongs and straight.distance + straight.excess >= along.distance:
+        return along, False  # the straight way there leads by worse places
+    return (along if gone >= LEAST else straight), True
+
+
+def whither(
+    edge: Edge, goal: Goal, q: Vector, begin: Look | None, step: Vector | None
+) -> tuple[Look, Look | None, bool]:
+    """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
+    True; else down to the nearest pose, and how far a step leads on that way, where that is not its end."""
+    at, reached = reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
+    if reached:
+        return at, None, True
+    found = None
+    if begin is not None:
+        tool = begin.position, begin.rotation
+        tries = (down(edge, begin, goal, careful, tool, begin.q, step) for careful in (False, True))
+        found = next((one for one in tries if one is not None), None)
     if found is None:
-        return None
-    q, begin = found, edge.look(found, goal)
-    found = down(edge, begin, goal, False, q, tool, step) or down(edge, begin, goal, True, q, tool, step)
-    if found is None:
-        return None
-    end, cut = found
-    if end.distance > REACHED:
-        other, reached = reached_from_start(edge, goal)
-        if reached and step is None:
-            return other, False
-        if reached:  # the way there leads by the start at the latest
-            back = edge.tool(edge.start)
-            found = down(edge, edge.look(q, back), back, True, q, tool, step)
-            return None if found is None else (edge.look((found[1] or found[0]).q, goal), True)
-    return (end, False) if cut is None else (cut, True)
+        return cold(edge, goal), None, True
+    slid = slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
+    return (*found, False) if slid is None else (slid, None, True)
+
+
+def steps(a: Vector, b: Vector, step: Vector) -> float:
+    """How many steps the joints are from a to b."""
+    return 1.0 / least_ratio(b, a, step)
+
+
+def limited(q: Vector, end: Vector, step: Vector) -> Vector:
+    """From q straight towards a posture, as far as a step allows."""
+    return q + min(1.0, least_ratio(end, q, step)) * (end - q)
 
 
 def nearest(
     edge: Edge, goal: Goal, refused: Callable[[], InverseStatus], q: Vector | None, step: Vector | None
 ) -> Nearest:
-    """The nearest pose to a goal, from the start or from q; `refused` looks whether the goal is a pose at all.
-
-    Raises:
-        ArgumentError: q is no posture of the leaf.
-    """
-    kernel, found, moving = edge_kernel(edge.strategy), None, False
+    """The nearest pose to a goal, from the start or from q; `refused` looks whether the goal is a pose at all."""
+    kernel = edge_kernel(edge.strategy)
     if kernel is not None:
         ended, found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
-        found, moving, status = found if ended >= 0 else None, ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
+        moving, status = ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
+    elif (status := refused()) is InverseStatus.REACHED:
+        at, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+        found = at.numbers
     else:
-        status = refused()
-    if status is not InverseStatus.REACHED:
-        stays = np.full(len(edge.start), np.nan) if q is None else q
+        found, moving = None, False
+    if found is None or status is not InverseStatus.REACHED:
+        stays = edge.start if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
-    if kernel is None and q is None:
-        found = cold(edge, goal).numbers
-    elif kernel is None and q is not None and (answer := warm(edge, goal, q, step)) is not None:
-        found, moving = answer[0].numbers, answer[1]
-    if found is None:
-        raise no_beginning(edge, edge.start if q is None else q)
     joints, e, rcond, tool, slack = found
     pose = np.zeros((4, 4))
-    pose[:3, 3], pose[:3, :3], pose[3, 3] = tool[:3], tool[3:].reshape(3, 3), 1.0
+    pose[:3, :3], pose[:3, 3], pose[3, 3] = tool[3:].reshape(3, 3), tool[:3], 1.0
     distance, position, angle = (float(part @ part) ** 0.5 for part in (e, e[edge.linear], e[~edge.linear]))
     missing = distance > REACHED
     held = tuple(edge.names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()

@@ -28,6 +28,8 @@ static hk_t hk_excess(const hk_look *at) {
   return most;
 }
 
+static hk_t hk_distance(const hk_look *at) { return HK_SQRT(hk_times(at->e, at->e, HK_M)); }
+
 static hk_t hk_merit(const hk_look *at, hk_t weight) {
   return hk_times(at->e, at->e, HK_M) / HK_C(2) + weight * hk_excess(at);
 }
@@ -155,33 +157,57 @@ static void hk_straight(const hk_edge *edge, const hk_t *from, const hk_t *to, h
   hk_way_to(from, edge->level, to, edge->level, way);
 }
 
-/* From q along a way, in stretches shown to keep to the branch: 1 where it is gone to its end; q is how far it got. */
-static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way) {
+/* From q along a way, in stretches shown to keep to the branch, and in so many pieces at most: 1 where it is gone to its
+   end; q is how far it got. */
+static int hk_walked(const hk_edge *edge, hk_t *q, const hk_way *way, int tries) {
   hk_t x[HK_STATE];
-  return hk_go(way, &edge->rules, q, x) == 0;
+  hk_rules rules = edge->rules;
+  rules.tries = tries;
+  return hk_go(way, &rules, q, x) == 0;
 }
 
 /* The same by Newton steps alone: quick, and not shown to keep to the branch; nothing less than its end counts. */
 static HK_CALL int hk_glance(const hk_edge *edge, hk_t *q, const hk_way *way) {
-  hk_t x[HK_STATE], rate[HK_N], margin, share = HK_C(0), width = HK_C(1);
-  for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
+  hk_t x[HK_STATE], y[HK_N + 3], at[HK_N], begun[HK_N], rate[HK_N], margin, share = HK_C(0), width = HK_C(1);
+  hk_aim(way, HK_C(HK_EDGE_BEGUN), x);
+  for (int i = 0; i < HK_N; i++) x[i] = at[i] = q[i];
+  hk_leaf_body(x, y);
+  for (int i = 0; i < HK_N; i++) rate[i] = y[i] / HK_C(HK_EDGE_BEGUN);
   while (width >= HK_C(HK_EDGE_NARROW)) {
-    const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1);
+    const hk_t end = share + width < HK_C(1) ? share + width : HK_C(1), gone = end - share;
+    hk_t off = HK_C(0);
     hk_aim(way, end, x);
-    for (int i = 0; i < HK_N; i++) x[i] = q[i] + (end - share) * rate[i];
-    if (!hk_newton(x, &edge->rules, &margin)) {
-      width = (end - share) / HK_C(2);
-      continue;
-    }
-    for (int i = 0; i < HK_N; i++) {
-      rate[i] = (x[i] - q[i]) / (end - share);
-      q[i] = x[i];
-    }
+    for (int i = 0; i < HK_N; i++) x[i] = begun[i] = at[i] + gone * rate[i];
+    const int found = hk_newton(x, &edge->rules, &margin);
+    width = gone / HK_C(2);
+    if (!found) continue;
+    for (int i = 0; i < HK_N; i++) off = HK_FMAX(HK_FABS(x[i] - begun[i]), off);
+    width *= HK_FMIN(HK_C(8), HK_FMAX(HK_C(0.5), HK_SQRT(HK_C(2) * HK_C(HK_EDGE_LEAP) / HK_FMAX(off, HK_C(1e-300)))));
+    if (off > HK_C(HK_EDGE_LEAP)) continue;
+    for (int i = 0; i < HK_N; i++) rate[i] = (x[i] - at[i]) / gone, at[i] = x[i];
+    for (int i = 0; i < HK_N && (gone >= HK_C(HK_EDGE_COARSE) || end == HK_C(1)); i++) q[i] = x[i];
     if (end == HK_C(1)) return 1;
-    width = HK_C(2) * (end - share);
     share = end;
   }
   return 0;
+}
+
+/* The posture of the leaf at a tool pose to which Newton's method contracts from q, in x; 0 where there is none. */
+static int hk_solved(const hk_edge *edge, const hk_t *q, const hk_t *pose, hk_t *x) {
+  hk_t margin;
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < 12; i++) x[HK_N + i] = pose[i];
+  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = edge->level[i];
+  return hk_newton(x, &edge->rules, &margin);
+}
+
+/* The look at the posture of the leaf nearby that has the tool pose of q; 0 where there is none. */
+static int hk_onto(const hk_edge *edge, const hk_t *q, const hk_t *goal, hk_look *at) {
+  hk_t x[HK_STATE];
+  hk_look_at(edge, q, goal, 0, at);
+  if (!hk_solved(edge, q, at->tool, x)) return 0;
+  hk_look_at(edge, x, goal, 0, at);
+  return 1;
 }
 
 /* The look after a share of a motion z of the tool, or, without z, of the straight way to the goal; 0 where that leads
@@ -203,7 +229,7 @@ static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t 
   for (int i = 0; i < HK_N; i++) x[i] = at->q[i];
   if (careful) {
     hk_straight(edge, at->tool, x + HK_N, &way);
-    if (!hk_walked(edge, x, &way)) return 0;
+    if (!hk_walked(edge, x, &way, HK_EDGE_FEW)) return 0;
   } else {
     for (int i = 0; i < HK_N; i++) x[i] += share * hk_times(at->S + i * HK_M, z ? z : at->e, HK_M);
     if (!hk_newton(x, &edge->rules, &margin)) return 0;

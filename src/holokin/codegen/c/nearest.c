@@ -79,21 +79,30 @@ static hk_t hk_least_ratio(const hk_t *q, const hk_t *begin, const hk_t *step) {
 
 /* Along a motion of the tool as far as no joint goes farther from its beginning than a step; 0 for nowhere. */
 static int hk_part(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t share, const hk_t *goal, int careful,
-                    const hk_t *begin, const hk_t *step, hk_look *there) {
+                    const hk_t *begin, const hk_t *step, hk_look *best) {
+  hk_t low = HK_C(0), high = HK_C(2) * share;
+  hk_look there;
   for (int tried = 0; tried < HK_EDGE_HALVINGS; tried++) {
     hk_t ratio = HK_C(0);
-    if (hk_moved(edge, at, z, share, goal, careful, there) && hk_inside(edge, there, goal, careful))
-      ratio = hk_least_ratio(there->q, begin, step);
-    if (ratio >= HK_C(1)) return 1;
-    share *= ratio > HK_C(0) ? HK_C(0.99) * ratio : HK_C(0.5);
+    if (hk_moved(edge, at, z, share, goal, careful, &there) && hk_inside(edge, &there, goal, careful))
+      ratio = hk_least_ratio(there.q, begin, step);
+    if (ratio >= HK_C(1)) {
+      *best = there;
+      low = share;
+      if (ratio <= HK_C(HK_EDGE_AMPLE) || share >= HK_C(1)) break;
+    } else
+      high = share;
+    share = HK_FMIN(HK_C(1), HK_C(0.99) * ratio * share);
+    if (!(share > low && share < high)) share = (low + high) / HK_C(2);
   }
-  return 0;
+  return low > HK_C(0);
 }
 
 /* Leads a look within the constraints down to the end of its way. With a step, 1 where that takes more than one from
-   its beginning, and `cut` is how far one leads. */
+   its beginning, and `cut` is how far one leads. least: share of the distance below which a step along the edge is not
+   worth it. */
 static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful, const hk_t *begin, const hk_t *step,
-                      hk_look *cut) {
+                      hk_look *cut, hk_t least) {
   hk_t M[HK_M * HK_M], z[HK_M], further[HK_M], force[HK_MOST_HELD], forces[HK_MOST_HELD];
   hk_t trust = HK_C(HK_EDGE_TRUST);
   int fresh = 0, is_cut = 0, curved = 0;
@@ -109,8 +118,9 @@ static int hk_descend(const hk_edge *edge, hk_look *at, const hk_t *goal, int ca
       hk_project(at, at->e, curved ? M : 0, z, force);
     }
     const hk_t size = HK_SQRT(hk_times(z, z, HK_M));
-    if (!(size > HK_C(HK_EDGE_DONE))) break;
     for (int k = 0; k < at->count; k++) weight += HK_C(2) * force[k];
+    const hk_t small = weight > HK_C(0) ? least * hk_distance(at) : HK_C(0);
+    if (!(size > HK_FMAX(HK_C(HK_EDGE_DONE), small))) break;
     const hk_t *along = weight > HK_C(0) ? z : 0;
     hk_t share = HK_FMIN(HK_C(1), trust / size), ratio = HK_C(0);
     int good = 0;
@@ -149,7 +159,7 @@ static int hk_joined(const hk_edge *edge, const hk_t *q, const hk_t *tool, const
   hk_t x[HK_N];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   hk_straight(edge, tool, end->tool, &way);
-  if (!hk_walked(edge, x, &way)) return 0;
+  if (!hk_walked(edge, x, &way, HK_EDGE_FEW)) return 0;
   for (int i = 0; i < HK_N; i++)
     if (!(HK_FABS(x[i] - end->q[i]) <= HK_C(HK_EDGE_SAME))) return 0;
   return 1;
@@ -161,7 +171,7 @@ static int hk_joined(const hk_edge *edge, const hk_t *q, const hk_t *tool, const
 static int hk_down(const hk_edge *edge, hk_look *at, const hk_t *goal, int careful, const hk_t *q, const hk_t *tool,
                    const hk_t *step, hk_look *cut) {
   if (!hk_inside(edge, at, goal, careful)) return -1;
-  const int is_cut = hk_descend(edge, at, goal, careful, q, step, cut);
+  const int is_cut = hk_descend(edge, at, goal, careful, q, step, cut, HK_C(0));
   return careful || hk_joined(edge, q, tool, is_cut ? cut : at) ? is_cut : -1;
 }
 
@@ -171,52 +181,92 @@ static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_
   hk_way way;
   hk_straight(edge, edge->tool, goal, &way);
   for (int i = 0; i < HK_N; i++) q[i] = edge->start[i];
-  const int reached = careful ? hk_walked(edge, q, &way) : hk_glance(edge, q, &way);
+  const int reached = careful ? hk_walked(edge, q, &way, edge->rules.tries) : hk_glance(edge, q, &way);
   hk_look_at(edge, q, goal, 0, at);
   return reached && hk_excess(at) <= HK_C(HK_EDGE_WITHIN);
 }
 
-/* The same, both: what a glance does not reach is not reached. */
-static int hk_reaches(const hk_edge *edge, const hk_t *goal, hk_look *at) {
-  return hk_from_start(edge, goal, 0, at) && hk_from_start(edge, goal, 1, at);
+/* The same: what a glance does not reach is not reached; what it does reach is shown, but where that is the posture `near`
+   (or 0), which is found in another way. */
+static int hk_reaches(const hk_edge *edge, const hk_t *goal, const hk_t *near, hk_look *at) {
+  int agrees = near != 0;
+  if (!hk_from_start(edge, goal, 0, at)) return 0;
+  for (int i = 0; i < HK_N && agrees; i++) agrees = HK_FABS(at->q[i] - near[i]) <= HK_C(HK_EDGE_SAME);
+  return agrees || hk_from_start(edge, goal, 1, at);
+}
+
+static int hk_at_goal(const hk_look *at) { return hk_distance(at) <= HK_C(HK_EDGE_REACHED); }
+
+/* 1 where the way down leads to a goal from where the straight way from the start ends. */
+static int hk_slides(const hk_edge *edge, const hk_t *goal, hk_look *at) {
+  if (hk_inside(edge, at, goal, 0)) hk_descend(edge, at, goal, 0, edge->start, 0, 0, HK_C(HK_EDGE_ALONG));
+  return hk_at_goal(at) && hk_excess(at) <= HK_C(HK_EDGE_WITHIN) && hk_joined(edge, edge->start, edge->tool, at);
 }
 
 /* From the start alone. */
 static void hk_nearest_cold(const hk_edge *edge, const hk_t *goal, hk_look *at) {
-  if (hk_reaches(edge, goal, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
+  if (hk_reaches(edge, goal, 0, at) || hk_down(edge, at, goal, 0, edge->start, edge->tool, 0, 0) >= 0) return;
   hk_look_at(edge, edge->start, goal, 0, at);
-  hk_descend(edge, at, goal, 1, edge->start, 0, 0);
+  hk_descend(edge, at, goal, 1, edge->start, 0, 0, HK_C(0));
 }
 
-/* From q, each joint by at most a step where one is given: 1 where that cut it short, -1 where q leads nowhere. */
+/* How many steps the joints are from a to b. */
+static hk_t hk_steps(const hk_t *a, const hk_t *b, const hk_t *step) { return HK_C(1) / hk_least_ratio(b, a, step); }
+
+/* From q straight towards a posture, as far as a step allows. */
+static void hk_limited(const hk_t *q, const hk_t *end, const hk_t *step, hk_t *there) {
+  const hk_t share = HK_FMIN(HK_C(1), hk_least_ratio(end, q, step));
+  for (int i = 0; i < HK_N; i++) there[i] = q[i] + share * (end[i] - q[i]);
+}
+
+/* Where q, or `begin` on the leaf, if there is one, is to go: 1 where the joints belong, which the start tells; else 0, down
+   to the nearest pose, and is_cut where a step leads only to `cut` on that way. */
+static int hk_whither(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_look *begin, const hk_t *step,
+                      hk_look *end, hk_look *cut, int *is_cut) {
+  hk_t x[HK_STATE];
+  hk_look at;
+  *is_cut = -1;
+  if (hk_reaches(edge, goal, hk_solved(edge, q, goal, x) ? x : 0, end)) return 1;
+  at = *end;
+  for (int careful = 0; careful < 2 && begin && *is_cut < 0; careful++) {
+    *end = *begin;
+    *is_cut = hk_down(edge, end, goal, careful, begin->q, begin->tool, step, cut);
+  }
+  if (*is_cut < 0) {
+    hk_nearest_cold(edge, goal, end);
+    return 1;
+  }
+  if (hk_at_goal(end) || !hk_slides(edge, goal, &at)) return 0;
+  *end = at;
+  return 1;
+}
+
+/* From q, each joint by at most a step where one is given: 1 where that cut it short. */
 static int hk_nearest_warm(const hk_edge *edge, const hk_t *goal, const hk_t *q, const hk_t *step, hk_look *at) {
-  hk_look begin, cut, other;
-  hk_t x[HK_STATE], margin;
-  int moving = -1;
-  hk_look_at(edge, q, goal, 0, &begin);
-  for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  for (int i = 0; i < 12; i++) x[HK_N + i] = begin.tool[i];
-  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = edge->level[i];
-  *at = begin;
-  if (!hk_newton(x, &edge->rules, &margin)) return -1; /* to the leaf, with its tool where it is */
-  hk_look_at(edge, x, goal, 0, &begin);
-  for (int careful = 0; careful < 2 && moving < 0; careful++) {
-    *at = begin;
-    moving = hk_down(edge, at, goal, careful, begin.q, begin.tool, step, &cut);
+  hk_look begin, cut, straight;
+  hk_t there[HK_N];
+  int is_cut;
+  const int on = hk_onto(edge, q, goal, &begin), belongs = hk_whither(edge, goal, q, on ? &begin : 0, step, at, &cut, &is_cut);
+  if (!step || hk_least_ratio(at->q, q, step) >= HK_C(1)) return 0;
+  if (belongs && on) {
+    for (int i = 0; i < HK_N; i++) there[i] = begin.q[i] + hk_times(begin.S + i * HK_M, begin.e, HK_M);
+    const hk_t share = HK_FMIN(HK_C(1), hk_least_ratio(there, begin.q, step));
+    is_cut = hk_part(edge, &begin, 0, share, goal, 1, begin.q, step, &cut);
   }
-  if (moving < 0) return moving;
-  if (hk_times(at->e, at->e, HK_M) > HK_C(HK_EDGE_REACHED) * HK_C(HK_EDGE_REACHED) && hk_reaches(edge, goal, &other)) {
-    if (!step) {
-      *at = other;
-      return 0;
+  hk_limited(q, at->q, step, there);
+  hk_look_at(edge, there, goal, 0, &straight);
+  if (is_cut > 0) {
+    hk_limited(q, cut.q, step, there);
+    hk_look_at(edge, there, goal, 0, &cut);
+    const hk_t gone = belongs ? hk_steps(q, at->q, step) - hk_steps(there, at->q, step) : hk_steps(q, there, step);
+    const int enough = gone >= HK_C(HK_EDGE_LEAST);
+    if (enough || (!belongs && hk_distance(&straight) + hk_excess(&straight) >= hk_distance(&cut))) {
+      *at = cut;
+      return enough;
     }
-    hk_look_at(edge, begin.q, edge->tool, 0, at); /* the way there leads by the start at the latest */
-    moving = hk_down(edge, at, edge->tool, 1, begin.q, begin.tool, step, &cut);
-    hk_look_at(edge, moving > 0 ? cut.q : at->q, goal, 0, at);
-    return moving < 0 ? moving : 1;
   }
-  if (moving > 0) *at = cut;
-  return moving;
+  *at = straight;
+  return 1;
 }
 
 /* The posture nearest to a goal (p, R), from the start, or from q where there is one. context: as of poses.c, then the
