@@ -110,11 +110,44 @@ ROTATION = 1e-5
 """How far R R^T of a wanted rotation may be from 1: rotations in single precision are right to 1e-7."""
 
 
+DIGITS = 1e-2
+"""How far R R^T is from 1 where it may be that of a rotation written with too few digits: with three, 2e-3."""
+
+
 def rotation_gap(rotations: Array) -> Array:
     """How far matrices (..., 3, 3) are from rotations: the largest entry of |R R^T - 1|; 2 or more for a reflection."""
     with np.errstate(invalid="ignore", over="ignore"):
         gap = np.abs(rotations @ np.swapaxes(rotations, -1, -2) - np.eye(3)).max(axis=(-2, -1))
         return np.where(np.linalg.det(rotations) > 0, gap, np.maximum(gap, 2.0))
+
+
+def last_row_gap(poses: Array) -> Array:
+    """How far the last rows of matrices (..., 4, 4) are from 0, 0, 0, 1: the largest entry."""
+    return np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(axis=-1)
+
+
+def right_last_row(what: str, pose: Matrix) -> None:
+    """Raises: ArgumentError: the last row of a matrix (4, 4) is not 0, 0, 0, 1."""
+    if not last_row_gap(pose) < ROTATION:
+        cure = "give 0, 0, 0, 1 there, and rotation and position above; is the matrix transposed?"
+        raise ArgumentError(f"the last row of {what}", pose[3].tolist(), cure)
+
+
+def tool_pose(what: str, pose: Matrix) -> Matrix:
+    """The same matrix (4, 4), if it is a right-handed rotation and a position above a last row 0, 0, 0, 1.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    right_last_row(what, pose)
+    if not rotation_gap(pose[:3, :3]) < ROTATION:
+        R = pose[:3, :3]
+        side = np.sign(np.linalg.det(R))
+        off = float(rotation_gap(side * R))
+        more = ", and it is left-handed" if side < 0 else ": give all its digits" if off < DIGITS else ""
+        cure = f"give a right-handed rotation matrix; R R^T is {off:.2g} away from 1{more}"
+        raise ArgumentError(f"the rotation of {what}", R.tolist(), cure)
+    return pose
 
 
 def frozen(array: Any) -> Any:

@@ -25,6 +25,7 @@ from .types import (
     numbers,
     positive,
     rotation_gap,
+    tool_pose,
     whole,
 )
 
@@ -296,9 +297,7 @@ def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
     if not len(given):
         raise ArgumentError("the number of poses of a workspace", 0, "give at least one")
     for i, pose in enumerate(given):
-        if (gap := rotation_gap(pose[:3, :3])) > ROTATION or not np.array_equal(pose[3], [0, 0, 0, 1]):
-            cure = f"give a right-handed rotation (R R^T is {gap:.2g} away from 1) above a last row 0, 0, 0, 1"
-            raise ArgumentError(f"pose {i} of a workspace", pose.tolist(), cure)
+        tool_pose(f"pose {i} of a workspace", pose)
     return PoseCloud(given, source)
 
 

@@ -20,8 +20,7 @@ from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from ..types import Flags, Indices, Matrix, Value, Vector, frozen, kept
 from .branch import turning
-from .leaf import Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton
-from .stretch import TRIES
+from .leaf import TRIES, Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton
 
 Goal = tuple[Vector, Matrix]
 """A pose of the tool: position (3,), rotation (3, 3)."""

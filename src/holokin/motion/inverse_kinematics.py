@@ -24,9 +24,11 @@ from ..types import (
     Vector,
     finite,
     frozen,
+    last_row_gap,
     numbers,
     positive,
     rotation_gap,
+    tool_pose,
     whole,
 )
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way
@@ -228,18 +230,16 @@ class InverseKinematics(Value):
         wanted = finite("a tool pose", pose)
         if wanted.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
-        p, R = self._targets(wanted[None])
-        if self._refused(p, R)[0]:
-            side = np.sign(np.linalg.det(R[0]))
-            off, hand = rotation_gap(side * R[0]), "" if side > 0 else ", and it is left-handed"
-            cure = f"give a right-handed rotation matrix; R R^T is {off:.2g} away from 1{hand}"
-            raise ArgumentError("the rotation of a tool pose", R[0].tolist(), cure)
+        p, R = self._targets((tool_pose("a tool pose", wanted) if wanted.ndim == 2 else wanted)[None])
         return p[0], R[0]
 
     def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3)."""
+        """Positions (k, 3) and rotations (k, 3, 3): of zeros, which is none, where the last row is not that of a pose."""
         if wanted.shape[1:] == (4, 4):
-            return np.ascontiguousarray(wanted[:, :3, 3]), np.ascontiguousarray(wanted[:, :3, :3])
+            with np.errstate(invalid="ignore"):
+                gap = last_row_gap(wanted)[:, None, None]
+                R = np.where(gap < ROTATION, wanted[:, :3, :3], 0.0 * gap)  # not a number where that row is not finite
+            return np.ascontiguousarray(wanted[:, :3, 3]), R
         missing = np.broadcast_to(self._pose[wanted.shape[1] : 3, 3], (len(wanted), 3 - wanted.shape[1]))
         return np.hstack([wanted, missing]), np.broadcast_to(self._pose[:3, :3], (len(wanted), 3, 3))
 

@@ -23,6 +23,7 @@ from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector, finite, kept
 from .branch import Branch, branch_code
 from .native import NativeFollower
+from .rays import keeps_turns
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""
@@ -189,9 +190,12 @@ def leaf_walk(
         share, width = 0.0, 1.0
         for _ in range(tries):
             goal = min(1.0, share + width)
-            found, fits = newton(correct, q + (goal - share) * rate, *way.at(goal), side), 0.5
-            if found is not None:
-                fits = 2.0 if ray else branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
+            begun = q + (goal - share) * rate
+            found, fits = newton(correct, begun, *way.at(goal), side), 0.5
+            if found is not None and ray:
+                fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
+            elif found is not None:
+                fits = branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)

@@ -13,9 +13,9 @@ from ..strategies import HolonomicStrategy
 from ..types import Matrix, Value, Vector, kept
 from .descent import CONSTANTS, WITHIN, descend, inside
 from .edge import Edge, Goal, Look, edge_function
-from .leaf import leaf_step
+from .leaf import TRIES, leaf_step
 from .solutions import InverseStatus
-from .stretch import TRIES, inverse_code, stretch_code
+from .stretch import inverse_code, stretch_code
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it

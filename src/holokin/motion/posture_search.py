@@ -12,7 +12,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
-from ..types import ROTATION, ArrayLike, Flags, Matrix, Value, Vector, finite, rotation_gap, whole
+from ..types import ArrayLike, Flags, Matrix, Value, Vector, finite, tool_pose, whole
 from .leaf import leaf_step
 
 STEPS = 60
@@ -102,10 +102,8 @@ def all_postures(
     task, count = strategy.task, whole("starts", starts)
     if count > MOST_STARTS:
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
-    wanted = finite("a tool pose", pose, (4, 4))
+    wanted = tool_pose("a tool pose", finite("a tool pose", pose, (4, 4)))
     p, R = wanted[:3, 3], wanted[:3, :3]
-    if not rotation_gap(R) < ROTATION:
-        raise ArgumentError("the rotation of a tool pose", R.tolist(), "give a right-handed rotation matrix")
     given, r = finite("the leaf", leaf), strategy.constraint.rows
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)
