@@ -94,7 +94,8 @@ LEAF = """
 def program(written: Exported, text: str, folder: Path, *flags: str, leaf: str = "") -> Path:
     """The program of a text whose NAME and LEAF are replaced, built with the library by gcc's rules."""
     code = text.replace("LEAF\n", leaf).replace("NAME_", "@").replace("NAME", written.name)
-    upper = ("N", "M", "R", "TARGET", "TWIST", "SINGULAR", "IMPRECISE", "BAD_PARAMETERS", "NOT_A_ROTATION", "LIMIT", "OK")
+    upper = ("N", "M", "R", "TARGET", "TWIST", "OK", "IMPRECISE", "LIMIT", "SINGULAR", "BAD_PARAMETERS")
+    upper = (*upper, "NOT_A_ROTATION")
     for word in sorted(upper, key=len, reverse=True):
         code = code.replace(f"@{word}", f"{written.name.upper()}_{word}")
     source = folder / "program.c"

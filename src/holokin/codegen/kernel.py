@@ -208,7 +208,8 @@ def _glue() -> Any:
     if not (Path(folder) / "Python.h").is_file():
         return None
     try:
-        built = library(f"#define HK_OFF {ROTATION}\n{prelude('glue.c')}", includes=(folder,), needs=("PyInit_holokin_glue",))
+        code = f"#define HK_OFF {ROTATION}\n{prelude('glue.c')}"
+        built = library(code, includes=(folder,), needs=("PyInit_holokin_glue",))
     except NativeError:
         return None
     module = extension(built, "holokin_glue")

@@ -234,7 +234,7 @@ class InverseKinematics(Value):
         return p[0], R[0]
 
     def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3): of zeros, which is none, where the last row is not that of a pose."""
+        """Positions (k, 3) and rotations (k, 3, 3); of zeros, which is none, where the last row is no pose's."""
         if wanted.shape[1:] == (4, 4):
             with np.errstate(invalid="ignore"):
                 gap = last_row_gap(wanted)[:, None, None]

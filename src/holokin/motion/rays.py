@@ -1,11 +1,11 @@
 """Rays of a radial law: straight ways of the tool from its center, on whose leaf each pose has one posture.
 
 The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
-label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So of
-an exact transport the postures of one pose on the leaf, within the margins of the label, are q + 2 pi k, k whole numbers
-for the joints, and no folds are looked for on the way there, as `follow` does. What is left to tell is k. In a piece
-of the way in which each joint is found to move by less than half a turn, not far from where it was looked for, it is
-taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
+label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
+of an exact transport the postures of one pose on the leaf, within the margins of the label, are q + 2 pi k, k whole
+numbers for the joints, and no folds are looked for on the way there, as `follow` does. What is left to tell is k. In a
+piece of the way in which each joint is found to move by less than half a turn, not far from where it was looked for, it
+is taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
 
 Two things are not shown: that last one, and that the transport of a few steps leads different postures to different
 ones, as the exact transport does. Both were tested: against the given law, integrated along rays of hundreds of poses.

@@ -126,7 +126,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
     missing = HK_FMAX(miss, missing);
     if (!(all + miss < HK_INF)) return HK_INF; /* not a number included */
   }
-  s->reach = missing / (HK_C(1) - change);
+  s->reach = HK_FMIN(missing / (HK_C(1) - change), s->radius);
   s->balance = missing / (change * s->radius);
   return most;
 }
