@@ -52,6 +52,9 @@ WIDEST = 0.1
 ALIKE = 0.4
 """Largest |1 - Y A| in a region: a way may be 1.4 / 0.6 times as long in it as Newton's first correction."""
 
+WIDER = 1.3
+"""How much wider than the last region the next one may be tried."""
+
 AHEAD = 0.7
 """Share of its radius by which the middle of a region lies ahead of the posture for which it is made."""
 
@@ -122,6 +125,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, tries)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
+        "WIDER": WIDER,
         "SLENDER": SLENDER, "SLENDEREST": SLENDEREST, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
         "RULES": f"{{{', '.join(map(repr, rules))}}}",
     }  # fmt: skip
