@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.motion import InverseStatus
 from holokin.workspaces import pose_cloud
@@ -249,6 +250,17 @@ def test_threads_that_lead_hands_get_what_each_gets_alone_to_the_last_bit(ik, pa
         sys.setswitchinterval(before)
     assert np.array_equal(together, alone)
     assert np.abs(np.array(alone)[:, 1:] - [ik.batch(hand).q for hand in hands]).max() < 1e-12
+
+
+def test_after_its_engine_is_asked_no_call_builds_anything(
+    planar_3r: hk.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    assert ik.engine
+    for module, name in ((inverse_kernel, "library"), (evaluator, "_module"), (evaluator, "bound_call")):
+        monkeypatch.setattr(module, name, None)
+    assert planar_3r.pose(ik([1.5, 0.5]))[:2, 3] == pytest.approx([1.5, 0.5], abs=1e-12)
+    assert ik.near([1.5, 0.5], ik.start) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
 
 
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:

@@ -80,6 +80,8 @@ class InverseKinematics(Value):
         where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
         by a full turn of a joint.
 
+        What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
+
         Raises:
             BranchError: q lies on another branch than the start.
             As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
@@ -163,7 +165,8 @@ class InverseKinematics(Value):
 
     @property
     def engine(self) -> str:
-        """One line that says what runs."""
+        """One line that says what runs. It is built, or loaded, if it is not yet there: ask before a loop begins."""
+        _ = self._calls
         return engine() if self._kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: ArrayLike) -> Vector:

@@ -23,7 +23,7 @@ from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector, finite, kept
 from .branch import Branch, branch_code
 from .native import NativeFollower
-from .rays import keeps_turns
+from .rays import SHORTEST, keeps_turns
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""
@@ -177,7 +177,7 @@ def leaf_walk(
 
     ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
     """
-    correct, branch = leaf_step(strategy), Branch(strategy)
+    correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
     angles = angular and not strategy.task.turns
@@ -206,7 +206,7 @@ def leaf_walk(
                 q, share, width = found[0], goal, fits * (goal - share)
                 continue
             width = fits * (goal - share)
-            if width < TOLERANCES.smallest_step:
+            if width < smallest:
                 return q, WayEnd.STOPPED
         return q, WayEnd.TRIED
 

@@ -30,6 +30,11 @@ ASIDE = 1.0
 an eighth each, the first was no more than 7/6 of this, and such a one leads no joint round."""
 
 
+SHORTEST = 2.0**-16
+"""Share of a ray below which it is given up: where the law ends is then nearer than some 1e-5 m. Poses of a Panda
+beyond are refused in half the time that 2^-48 takes, and the same are reached."""
+
+
 def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
     """True where a piece of a ray from q to a posture that was found, begun somewhere, cannot miss a joint's turn."""
     return bool((np.abs(found - q) < HALF_TURN).all() and (np.abs(found - begun) <= ASIDE).all())
@@ -59,7 +64,7 @@ def rays_code(strategy: HolonomicStrategy) -> str:
     values = ", ".join(f"HK_C({value!r})" for value in center.tolist())
     rows = ", ".join(map(str, strategy.task.rows))
     return (
-        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\n#define HK_HALF_TURN {HALF_TURN}\n"
-        f"#define HK_ASIDE {ASIDE}\nstatic const hk_t hk_center[] = {{{values}}};\n"
+        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\n#define HK_HALF_TURN {HALF_TURN}\n#define HK_ASIDE {ASIDE}\n"
+        f"#define HK_SHORTEST_RAY {SHORTEST!r}\nstatic const hk_t hk_center[] = {{{values}}};\n"
         f"static const int hk_ray_rows[] = {{{rows}}};\n"
     )

@@ -31,7 +31,7 @@ static int hk_go_ray(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x)
         for (int i = 0; i < HK_N; i++) rate[i] = HK_C(0);
       width = (goal - share) / HK_C(2);
     }
-    if (!(width >= rules->smallest)) return 1;
+    if (!(width >= HK_C(HK_SHORTEST_RAY))) return 1;
   }
   return 0;
 }
