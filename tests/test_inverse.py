@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.motion import InverseStatus
+from holokin.workspaces import pose_cloud
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -79,6 +83,39 @@ def test_a_rotation_that_is_none_is_refused_with_how_far_it_is_from_one(ik) -> N
         ik(scaled)
     with pytest.raises(ArgumentError, match="left-handed"):
         ik.near(mirrored, PANDA_START)
+
+
+@pytest.mark.parametrize("native_code", ["1", "0"])
+def test_a_transposed_pose_is_refused_wherever_one_comes_in(
+    panda: hk.Robot, native_code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
+    strategy = hk.holonomic(hk.pose(panda), hk.lock(2))
+    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    point = hk.controller(hk.moore_penrose(hk.position(panda)), dt=1e-3)
+    pose = panda.pose(PANDA_START)
+    turned, lost = np.ascontiguousarray(pose.T), pose.copy()
+    lost[3, 1] = np.nan
+    assert ik.batch([pose, turned, lost]).status.tolist() == [
+        InverseStatus.REACHED, InverseStatus.NOT_A_ROTATION, InverseStatus.NOT_FINITE,
+    ]  # fmt: skip
+    assert ik.nearest(turned).status is ik.nearest(turned, PANDA_START).status is InverseStatus.NOT_A_ROTATION
+    for matrix in (turned, pose.T, turned.tolist()):
+        for ask in (
+            ik,
+            lambda wanted: ik.near(wanted, PANDA_START),
+            lambda wanted: hk.motion.all_postures(strategy, wanted, starts=4),
+            lambda wanted: step.step(PANDA_START, wanted, np.zeros(6)),
+            lambda wanted: point.step(PANDA_START, wanted, np.zeros(6)),
+            lambda wanted: pose_cloud([wanted]),
+        ):
+            with pytest.raises(ArgumentError, match="is the matrix transposed"):
+                ask(matrix)
+
+
+def test_a_rotation_of_too_few_digits_is_told_so(ik) -> None:
+    with pytest.raises(ArgumentError, match="give all its digits"):
+        ik(poses_of_the_box(1)[0].round(3))
 
 
 def test_from_a_posture_nearby_the_same_joints_are_found_though_it_is_not_on_the_leaf(ik) -> None:
@@ -186,6 +223,44 @@ def test_threads_do_not_change_the_answers(ik) -> None:
     assert np.array_equal(one.status, four.status)
     with pytest.raises(ArgumentError):
         ik.batch(poses, threads=0)
+
+
+def test_threads_that_lead_hands_get_what_each_gets_alone_to_the_last_bit(ik, panda: hk.Robot) -> None:
+    """What a call keeps for the next one is its thread's own."""
+    ways, angle = np.random.default_rng(3).uniform(-0.12, 0.12, (4, 3)), np.linspace(0, 2 * np.pi, 300)
+    hands = np.tile(panda.pose(PANDA_START), (4, 300, 1, 1))
+    hands[..., :3, 3] += ways[:, None] * np.stack([np.sin(angle), np.cos(angle) - 1, np.sin(2 * angle)], axis=1)
+
+    def lead(hand: np.ndarray) -> np.ndarray:
+        answers = [PANDA_START]
+        for pose in hand:
+            answers.append(ik.near(pose, answers[-1]))
+        return np.array(answers)
+
+    alone = []
+    for hand in hands:
+        with ThreadPoolExecutor(1) as pool:
+            alone.append(pool.submit(lead, hand).result())
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            together = list(pool.map(lead, hands))
+    finally:
+        sys.setswitchinterval(before)
+    assert np.array_equal(together, alone)
+    assert np.abs(np.array(alone)[:, 1:] - [ik.batch(hand).q for hand in hands]).max() < 1e-12
+
+
+def test_after_its_engine_is_asked_no_call_builds_anything(
+    planar_3r: hk.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    assert ik.engine
+    for module, name in ((inverse_kernel, "library"), (evaluator, "_module"), (evaluator, "bound_call")):
+        monkeypatch.setattr(module, name, None)
+    assert planar_3r.pose(ik([1.5, 0.5]))[:2, 3] == pytest.approx([1.5, 0.5], abs=1e-12)
+    assert ik.near([1.5, 0.5], ik.start) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
 
 
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:

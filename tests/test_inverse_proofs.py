@@ -106,6 +106,11 @@ def test_a_fold_however_narrow_is_not_passed(kind: str, width: float) -> None:
     for beyond in (1.001, 1.5, 30.0):
         with pytest.raises((BranchError, SingularityError)):
             ik(tool + [beyond * room, 0, 0])
+    for share in (0.9, 0.99, 0.999):  # and from a posture before it
+        q = ik(tool + [share * room, 0, 0])
+        for beyond in (1.0001, 2 - share, 1.1, 2.0, 4.0, 4.5):  # 4: as far again behind both folds of the cubic
+            with pytest.raises((BranchError, SingularityError)):
+                ik.near(tool + [beyond * room, 0, 0], q)
 
 
 def test_a_way_that_ends_at_a_fold_ends_close_to_it_and_says_so() -> None:

@@ -10,12 +10,13 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from chains import chain
 from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
 from exported import LEAF, ON_ANYTHING, STRICT, program
-from holokin.codegen import native, transport
+from holokin.codegen import inverse_kernel, native, transport
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
 from holokin.export.building import check
@@ -176,6 +177,59 @@ def test_its_inverse_is_where_following_the_ray_ends(
         assert np.abs(ik.near(turned, near) - wanted).max() < 1e-11
         q = ik.near(turned, q)
         assert np.abs(q - wanted).max() < 1e-11
+
+
+def gone(task: hk.Task, start: np.ndarray, v: Array, steps: int = 60) -> Array:
+    """Where dq/dt = J^+ v leads from a posture in t = 1 (k, n), v (k, m): Runge-Kutta, which no turn escapes."""
+    q, h = np.repeat(start[None], len(v), axis=0), 1 / steps
+
+    def rate(q: Array) -> Array:
+        J = task.jacobian_batch(q)[0]
+        return np.einsum("kji,kj->ki", J, np.linalg.solve(J @ J.swapaxes(1, 2), v[..., None])[..., 0])
+
+    for _ in range(steps):
+        a = rate(q)
+        b = rate(q + h / 2 * a)
+        c = rate(q + h / 2 * b)
+        q = q + h / 6 * (a + 2 * (b + c) + rate(q + h * c))
+    return q
+
+
+@compiled
+@pytest.mark.parametrize(("arm", "count"), [("panda", 120), ("planar-3r", 200)])
+def test_its_inverse_is_where_the_given_law_leads_along_hundreds_of_rays(arm: str, count: int) -> None:
+    """In the same turns of all joints, and as near as 16 steps are to the given law, integrated in 60."""
+    robot, rng = hk.load(arm), np.random.default_rng(1)
+    task = hk.position(robot) if robot.planar else hk.pose(robot)
+    start = np.array([0.3, 1.5, 1.0]) if robot.planar else PANDA_START
+    ik = hk.inverse(hk.radial(hk.moore_penrose(task), start, steps=16), start)
+    v = rng.uniform(-1.5, 1.5, (count, 2)) if robot.planar else rng.uniform(-0.5, 0.5, (count, 6)) * [1, 1, 1, 3, 3, 3]
+    poses = np.tile(robot.pose(start), (count, 1, 1))
+    poses[:, : min(3, v.shape[1]), 3] += v[:, :3]
+    if not robot.planar:
+        poses[:, :3, :3] = Rotation.from_rotvec(v[:, 3:]).as_matrix() @ poses[:, :3, :3]
+    found = ik.batch(poses)
+    off = np.abs(gone(task, start, v) - found.q)[found.reached].max(axis=1)
+    assert found.reached.sum() > count / 2
+    assert np.abs(found.q - start)[found.reached].max() > 1.3
+    assert off.max() < 0.05
+    assert np.median(off) < 1e-4
+
+
+@compiled
+def test_a_full_turn_from_which_newton_begins_is_not_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Postures a turn of a joint apart have one pose and one level: what is a turn off is refused, and looked for in
+    shorter pieces."""
+    start, first = np.array([0.3, 0.9, 0.7]), "rate[i] = y[HK_TRANSPORT_S % 2][i] - q[i];"
+    task = hk.position(hk.load("planar-3r"))
+    right = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)([1.0, 1.2])
+    written = inverse_kernel.prelude
+    assert first in written("ray.c")
+    monkeypatch.setattr(
+        inverse_kernel, "prelude", lambda name: written(name).replace(first, f"{first} rate[0] += 6.283185307179586;")
+    )
+    ik = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)
+    assert ik([1.0, 1.2]) == pytest.approx(right, abs=1e-12)
 
 
 def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_straight_ways() -> None:

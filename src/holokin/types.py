@@ -138,6 +138,29 @@ def check_rotation(what: str, R: Array) -> None:
         raise ArgumentError(what, R.tolist(), rotation_cure(R))
 
 
+def last_row_gap(poses: Array) -> Array:
+    """How far the last rows of matrices (..., 4, 4) are from 0, 0, 0, 1: the largest entry."""
+    return np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(axis=-1)
+
+
+def right_last_row(what: str, pose: Matrix) -> None:
+    """Raises: ArgumentError: the last row of a matrix (4, 4) is not 0, 0, 0, 1."""
+    if not last_row_gap(pose) < ROTATION:
+        cure = "give 0, 0, 0, 1 there, and rotation and position above; is the matrix transposed?"
+        raise ArgumentError(f"the last row of {what}", pose[3].tolist(), cure)
+
+
+def tool_pose(what: str, pose: Matrix) -> Matrix:
+    """The same matrix (4, 4), if it is a right-handed rotation and a position above a last row 0, 0, 0, 1.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    right_last_row(what, pose)
+    check_rotation(f"the rotation of {what}", pose[:3, :3])
+    return pose
+
+
 def frozen(array: Any) -> Any:
     """The array, if nobody can write to it, else a copy to which nobody can."""
     if isinstance(array, np.ndarray):

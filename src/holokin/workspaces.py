@@ -25,6 +25,7 @@ from .types import (
     not_negative,
     numbers,
     positive,
+    tool_pose,
     whole,
 )
 
@@ -313,10 +314,7 @@ def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
     if not len(given):
         raise ArgumentError("the number of poses of a workspace", 0, "give at least one")
     for i, pose in enumerate(given):
-        check_rotation(f"the rotation of pose {i} of a workspace", pose[:3, :3])
-        if not np.array_equal(pose[3], [0, 0, 0, 1]):
-            cure = "give a last row of 0, 0, 0, 1: is the matrix transposed?"
-            raise ArgumentError(f"the last row of pose {i} of a workspace", pose[3].tolist(), cure)
+        tool_pose(f"pose {i} of a workspace", pose)
     return PoseCloud(given, source)
 
 

@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xf44b4dfff6fbd21aU
+#if PPR_EXPORT != 0xe7d8e2df4a0e1f97U
 #error "these files are of different exports: export again"
 #endif
 
@@ -693,6 +693,15 @@ static int hk_refuse(int count, hk_t *out) {
   return PPR_NOT_FINITE;
 }
 
+#define HK_ROTATION 1e-05
+/* 1 where a wanted pose of `count` numbers, a position or a matrix by rows, can be one: the last row of a matrix is 0 0 0 1,
+   which is not so where the matrix is transposed, as by a library that keeps matrices by columns. */
+static int hk_posed(const hk_t *pose, int count) {
+  for (int i = 12; i < count; i++)
+    if (!(HK_FABS(pose[i] - HK_C(i == 15)) < HK_C(HK_ROTATION))) return 0;
+  return 1;
+}
+
 /* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, given):
    room is the scale that positions allow, given is finite where all arguments are.
    pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
@@ -774,6 +783,11 @@ int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real twist
     hk_refuse(HK_N, dq);
     return PPR_BAD_PARAMETERS;
   }
+  if (hk_finite(target, HK_POSE) && !hk_posed(target, HK_POSE)) {
+    *scale = HK_C(0);
+    hk_refuse(HK_N, dq);
+    return PPR_NOT_A_ROTATION;
+  }
   const int status = hk_step(q, target, twist, out, values);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];
   *scale = out[HK_N];
@@ -802,6 +816,10 @@ int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real 
     ppr_real dq[3]) {
   hk_t x[HK_N + 12 + HK_R], y[HK_N + 3];
   if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
+  if (!hk_posed(target, HK_POSE)) {
+    hk_refuse(HK_N, dq);
+    return PPR_NOT_A_ROTATION;
+  }
   hk_leaf_body(x, y);
   return hk_deliver(y, HK_N, dq);
 }
@@ -1290,7 +1308,6 @@ static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
       R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
 }
 
-#define HK_ROTATION 1e-05
 /* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
    leaf. hk_angular: rows of g that are angles. */
 typedef struct {
@@ -1457,7 +1474,7 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   hk_rules rules;
   hk_way way;
   if (!hk_gather(q, target, c, x)) return PPR_NOT_FINITE;
-  if (!hk_rotates(x + HK_N + 3)) return PPR_NOT_A_ROTATION;
+  if (!hk_posed(target, HK_POSE) || !hk_rotates(x + HK_N + 3)) return PPR_NOT_A_ROTATION;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);

@@ -6,14 +6,14 @@
    Joints: q1, q2, q3.
    Task rows: x, y.
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame. A wanted pose is a position, 3 numbers.
-   That a wanted pose is one, with a rotation in it, is not checked; its last row is not used.
+   Of a wanted position it is checked that it is finite.
    Functions with a status: where it is PPR_SINGULAR or more their results are zero. None allocates, keeps
    anything between calls, or loops without a bound. Define PPR_FLOAT for single precision. */
 #ifndef PPR_H
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xf44b4dfff6fbd21aU
+#define PPR_EXPORT 0xe7d8e2df4a0e1f97U
 
 #ifdef __cplusplus
 extern "C" {
@@ -40,9 +40,9 @@ enum {
   PPR_LIMIT = 2,        /* a joint stands at its position limit */
   PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
-  PPR_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
+  PPR_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */
   PPR_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
-  PPR_NOT_A_ROTATION = 7  /* the rotation of a wanted pose is scaled, skewed or left-handed; inverse kinematics asks */
+  PPR_NOT_A_ROTATION = 7  /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
 };
 
 /* The parameters of a control step. ppr_defaults gives those of the start posture, with gains of 0.1/dt: another
@@ -85,7 +85,7 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
 
 /* Inverse kinematics as a function of the pose alone, whatever came before: the same from the start posture, on its
    leaf. The whole way is gone at each call: 100 pieces are plenty for most of it, ppr_inverse from the last
-   answer is faster. PPR_NOT_A_ROTATION: the target's rotation is scaled, skewed or left-handed. */
+   answer is faster. */
 int ppr_solve(ppr_real q[3], const ppr_real target[3], int most);
 
 #ifdef __cplusplus

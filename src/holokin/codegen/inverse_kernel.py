@@ -21,9 +21,6 @@ from .source import body, source
 LEAST = 64
 """Poses from which a second thread is worth its start, 50 us: as long as a handful of them takes."""
 
-REGION = 4
-"""Numbers of hk_region of inverse.c, besides a posture: what a call near a posture leaves for the next one."""
-
 
 class InverseKernel:
     """The doors of poses.c, about a Newton step (q, p, R, c) -> (dq, rcond, margin, side).
@@ -37,7 +34,7 @@ class InverseKernel:
         parts = [*map(prelude, ("branch.c", "newton.c", "path.c", "way.c", "fold.c"))]
         if stretches:
             parts += [prelude("model.c"), stretches, prelude("stretch.c")]
-        parts += [*map(prelude, ("ray.c", "inverse.c", "poses.c"))]
+        parts += [*map(prelude, ("ray.c", "inverse.c", "posed.c", "poses.c"))]
         whole = source(SCALAR, head, code + "".join(parts))
         long = made.instructions > LONG
         self._library: Any = library(whole, long=long, needs=("hk_call_cold", "hk_call_warm", "hk_poses"))
@@ -56,7 +53,6 @@ class InverseKernel:
             context: what poses.c reads besides.
         """
         n, found = self._joints, []
-        context = np.concatenate([context, np.zeros(n + REGION)])
         for name, shapes, other in (("cold", ((4, 4),), cold), ("warm", ((4, 4), (n,)), warm)):
             function = getattr(self._library, f"hk_call_{name}")
             found.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))

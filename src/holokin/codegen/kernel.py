@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NativeError
-from ..types import Array, Indices, whole
+from ..types import ROTATION, Array, Indices, whole
 from .emit import LANES, SCALAR, prelude
 from .native import extension, library
 from .program import Program, Shapes
@@ -208,7 +208,8 @@ def _glue() -> Any:
     if not (Path(folder) / "Python.h").is_file():
         return None
     try:
-        built = library(prelude("glue.c"), includes=(folder,), needs=("PyInit_holokin_glue",))
+        code = f"#define HK_OFF {ROTATION}\n{prelude('glue.c')}"
+        built = library(code, includes=(folder,), needs=("PyInit_holokin_glue",))
     except NativeError:
         return None
     module = extension(built, "holokin_glue")

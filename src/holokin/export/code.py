@@ -55,6 +55,8 @@ RESERVED = frozenset(_WORDS.split())
 """Words of C, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and of Windows. A
 header of ours by such a name would hide theirs, which <math.h> and <stdio.h> may want."""
 
+_FILES = {"prelude": "scalar.h", "posed": "posed.c", "step": "step.c"}
+
 SHORTEST, LONGEST = 1e-5, 1.0
 """Steps [s] for which the default gains make sense."""
 
@@ -139,6 +141,7 @@ class Source:
             "twist": 3 if position else 6,
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
             "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
+            "pose_checked": _pose_checked(position, self.holonomic is not None),
             "target_words": "a position in the base frame, 3 numbers" if position else
             "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
             "twist_words": "a velocity in the base frame, 3 numbers [m/s]" if position else
@@ -168,6 +171,14 @@ class Source:
             "dt": f"{self.dt:g}",
             "leaf_words": "and the leaf of the start" if r else "no leaf",
         }  # fmt: skip
+
+
+def _pose_checked(position: bool, holonomic: bool) -> str:
+    """What is looked at of a wanted pose."""
+    if position:
+        return "Of a wanted position it is checked that it is finite."
+    rotation = "inverse kinematics alone checks" if holonomic else "is not checked"
+    return f"The last row of a wanted pose must be 0 0 0 1: is it transposed? That its rotation is one, {rotation}."
 
 
 def _beyond(source: Source) -> str:
@@ -242,6 +253,6 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
     if "#define HK_RAYS" not in branch:
         drivers["ray"] = ""
     leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""
-    parts = {"prelude": code_file("scalar.h"), "step": code_file("step.c"), "leaf": leaf}
+    parts = {key: code_file(file) for key, file in _FILES.items()} | {"leaf": leaf}
     solver = code_file("solve.c") if "hk_solve(" in bodies + branch else ""
     return text("interface.c", {**words, **parts, "bodies": solver + bodies})

@@ -252,7 +252,16 @@ def _row(values: Vector) -> str:
 def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
     name, n, r = source.name, words["n"], words["r"]
-    leaf_tests = bad = declare = ""
+    leaf_tests = bad = declare = turned = ""
+    if words["target"] == 16:
+        found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
+        turned = (
+            f"  for (int i = 0; i < 16; i++) target[i] = (real)vectors[0].target[4 * (i % 4) + i / 4];\n"
+            f'  expect("step to a transposed target", {step}, {found}, dq, {n});\n'
+        )
+        if source.holonomic:
+            solve = f"{name}_solve(q, target, {PIECES})"
+            turned += f'  expect("solve for a transposed target", {solve}, {found}, dq, 0);\n'
     if source.holonomic:
         declare = f"  real c[{r}], g[{r}];\n"
         leaf_tests = (
@@ -289,7 +298,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
         "declare_leaf": declare,
         "leaf_tests": leaf_tests,
         "bad_leaf": bad,
-        "singular_test": at_singular,
+        "singular_test": turned + at_singular,
         "leaf_words": ", constraint %.1e, leaf step %.1e, inverse %.1e" if source.holonomic else "",
         "leaf_worst": ", worst[4], worst[5], worst[6]" if source.holonomic else "",
     }

@@ -26,7 +26,7 @@ from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector, frozen, number
+from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
 from .control_law import ControlLaw, Step, feedback, tracking
 from .leaf import leaf_value
 
@@ -93,7 +93,8 @@ class Controller(ControlLaw):
             dq (n,), a new array. It is zero where `status` is SINGULAR or NOT_FINITE; nothing is raised then.
 
         Raises:
-            ArgumentError: an argument is no array of real numbers. ShapeError.
+            ArgumentError: an argument is no array of real numbers, or the pose's last row is not 0, 0, 0, 1, as of a
+                transposed matrix. That its rotation is one is not looked at. ShapeError.
         """
         return self._rates(q, pose, twist)
 
@@ -143,6 +144,8 @@ class _Compiled:
         a, b, c = arguments
         T = _numbers("pose", b, ((4, 4), (3,)) if point else ((4, 4),))
         v = _numbers("twist", c, ((6,), (3,)) if point else ((6,),))
+        if T.shape == (4, 4) and np.isfinite(T[3]).all():
+            right_last_row("pose", T)
         whole = point and T.shape == (4, 4)
         return _numbers("q", a, (q,)), T[:3, 3].copy() if whole else T, v[: twist[0]].copy()
 
@@ -223,6 +226,7 @@ def _machine(
     def step(q: Any, pose: Any, twist: Any) -> Vector:
         try:
             fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
+            fit = fit and (len(pose) == 3 or pose[3].tolist() == [0.0, 0.0, 0.0, 1.0])
         except AttributeError:  # no arrays
             fit = False
         if not fit:

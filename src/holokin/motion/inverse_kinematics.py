@@ -22,12 +22,13 @@ from ..types import (
     Matrix,
     Value,
     Vector,
-    check_rotation,
     finite,
     frozen,
+    last_row_gap,
     numbers,
     positive,
     rotation_gap,
+    tool_pose,
     whole,
 )
 from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way, tool_at
@@ -78,6 +79,8 @@ class InverseKinematics(Value):
         the pose, from the start by q and straight from the start, can be drawn into one another without passing a place
         where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
         by a full turn of a joint.
+
+        What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
 
         Raises:
             BranchError: q lies on another branch than the start.
@@ -167,7 +170,8 @@ class InverseKinematics(Value):
 
     @property
     def engine(self) -> str:
-        """One line that says what runs."""
+        """One line that says what runs. It is built, or loaded, if it is not yet there: ask before a loop begins."""
+        _ = self._calls
         return engine() if self._kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: ArrayLike) -> Vector:
@@ -234,14 +238,16 @@ class InverseKinematics(Value):
         wanted = finite("a tool pose", pose)
         if wanted.shape not in ((4, 4), (3,), (2,)):
             raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
-        p, R = self._targets(wanted[None])
-        check_rotation("the rotation of a tool pose", R[0])
+        p, R = self._targets((tool_pose("a tool pose", wanted) if wanted.ndim == 2 else wanted)[None])
         return p[0], R[0]
 
     def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3)."""
+        """Positions (k, 3) and rotations (k, 3, 3); of zeros, which is none, where the last row is no pose's."""
         if wanted.shape[1:] == (4, 4):
-            return np.ascontiguousarray(wanted[:, :3, 3]), np.ascontiguousarray(wanted[:, :3, :3])
+            with np.errstate(invalid="ignore"):
+                gap = last_row_gap(wanted)[:, None, None]
+                R = np.where(gap < ROTATION, wanted[:, :3, :3], 0.0 * gap)  # not a number where that row is not finite
+            return np.ascontiguousarray(wanted[:, :3, 3]), R
         missing = np.broadcast_to(self._pose[wanted.shape[1] : 3, 3], (len(wanted), 3 - wanted.shape[1]))
         return np.hstack([wanted, missing]), np.broadcast_to(self._pose[:3, :3], (len(wanted), 3, 3))
 

@@ -25,6 +25,7 @@ from ..types import ArrayLike, Matrix, Vector, finite, kept
 from ..ways import straight
 from .branch import Branch, branch_code
 from .native import NativeFollower
+from .rays import SHORTEST, keeps_turns
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""
@@ -182,7 +183,7 @@ def leaf_walk(
 
     ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
     """
-    correct, branch = leaf_step(strategy), Branch(strategy)
+    correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
     angles = angular and not strategy.task.turns
@@ -195,9 +196,12 @@ def leaf_walk(
         share, width = 0.0, 1.0
         for _ in range(tries):
             goal = min(1.0, share + width)
-            found, fits = newton(correct, q + (goal - share) * rate, *way.at(goal), side), 0.5
-            if found is not None:
-                fits = 2.0 if ray else branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
+            begun = q + (goal - share) * rate
+            found, fits = newton(correct, begun, *way.at(goal), side), 0.5
+            if found is not None and ray:
+                fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
+            elif found is not None:
+                fits = branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)
@@ -208,7 +212,7 @@ def leaf_walk(
                 q, share, width = found[0], goal, fits * (goal - share)
                 continue
             width = fits * (goal - share)
-            if width < TOLERANCES.smallest_step:
+            if width < smallest:
                 return q, WayEnd.STOPPED
         return q, WayEnd.TRIED
 

@@ -12,7 +12,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Flags, Matrix, Value, Vector, check_rotation, finite, whole
+from ..types import ArrayLike, Flags, Matrix, Value, Vector, finite, tool_pose, whole
 from ..workspaces import sobol
 from .leaf import leaf_step
 
@@ -101,9 +101,8 @@ def all_postures(
     task, count = strategy.task, whole("starts", starts)
     if count > MOST_STARTS:
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
-    wanted = finite("a tool pose", pose, (4, 4))
+    wanted = tool_pose("a tool pose", finite("a tool pose", pose, (4, 4)))
     p, R = wanted[:3, 3], wanted[:3, :3]
-    check_rotation("the rotation of a tool pose", R)
     given, r = finite("the leaf", leaf), strategy.constraint.rows
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)

@@ -1,9 +1,14 @@
 """Rays of a radial law: straight ways of the tool from its center, on whose leaf each pose has one posture.
 
-The transport leads a posture back along the ray to one over the center, and where arc length labels those, no two have
-one label but for full turns of joints: a posture with the level of the leaf, within the margins of the label, is taken
-for the one that the ray leads to, and no folds are looked for on the way there, as `follow` does. This holds of an
-exact transport; that of a few steps was compared with `follow`, not shown.
+The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
+label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
+of an exact transport the postures of one pose on the leaf, within the margins of the label, are q + 2 pi k, k whole
+numbers for the joints, and no folds are looked for on the way there, as `follow` does. What is left to tell is k. In a
+piece of the way in which each joint is found to move by less than half a turn, not far from where it was looked for, it
+is taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
+
+Two things are not shown: that last one, and that the transport of a few steps leads different postures to different
+ones, as the exact transport does. Both were tested: against the given law, integrated along rays of hundreds of poses.
 """
 
 from __future__ import annotations
@@ -15,6 +20,24 @@ from ..types import Vector
 
 LEAP = 0.1
 """Joint motion [joint unit] to an answer near by that Newton's method finds in one go."""
+
+
+HALF_TURN = 3.14
+"""Joint motion [joint unit] in a piece of a ray from which on a full turn may be missed or made up."""
+
+ASIDE = 1.0
+"""Farthest that the answer to a piece may lie from where Newton's method began [joint unit]: as its corrections fall to
+an eighth each, the first was no more than 7/6 of this, and such a one leads no joint round."""
+
+
+SHORTEST = 2.0**-16
+"""Share of a ray below which it is given up: where the law ends is then nearer than some 1e-5 m. Poses of a Panda
+beyond are refused in half the time that 2^-48 takes, and the same are reached."""
+
+
+def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
+    """True where a piece of a ray from q to a posture that was found, begun somewhere, cannot miss a joint's turn."""
+    return bool((np.abs(found - q) < HALF_TURN).all() and (np.abs(found - begun) <= ASIDE).all())
 
 
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
@@ -41,6 +64,7 @@ def rays_code(strategy: HolonomicStrategy) -> str:
     values = ", ".join(f"HK_C({value!r})" for value in center.tolist())
     rows = ", ".join(map(str, strategy.task.rows))
     return (
-        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\nstatic const hk_t hk_center[] = {{{values}}};\n"
+        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\n#define HK_HALF_TURN {HALF_TURN}\n#define HK_ASIDE {ASIDE}\n"
+        f"#define HK_SHORTEST_RAY {SHORTEST!r}\nstatic const hk_t hk_center[] = {{{values}}};\n"
         f"static const int hk_ray_rows[] = {{{rows}}};\n"
     )

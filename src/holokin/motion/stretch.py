@@ -52,6 +52,9 @@ WIDEST = 0.1
 ALIKE = 0.4
 """Largest |1 - Y A| in a region: a way may be 1.4 / 0.6 times as long in it as Newton's first correction."""
 
+WIDER = 1.3
+"""How much wider than the last region the next one may be tried."""
+
 AHEAD = 0.7
 """Share of its radius by which the middle of a region lies ahead of the posture for which it is made."""
 
@@ -59,9 +62,8 @@ STRETCHES = 2_000
 """Stretches of one way tried at most, before the pieces of `follow` take over."""
 
 SHORT = 1_000
-"""Operations of the extended Jacobian up to which it has Taylor models: those of longer ones, `stationary` has
-2,630, are
-so wide that stretches are no longer than the pieces of `follow`, and take longer."""
+"""Operations of the extended Jacobian up to which it has Taylor models. Those of longer ones are so wide that stretches
+are no longer than the pieces of `follow`, and take longer: that of `stationary` has 2,630."""
 
 PIECES = 1_000
 """Pieces of `follow` that native code tries at most after the stretches, which end within some 1e-4 rad of a fold:
@@ -123,6 +125,7 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, tries)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
+        "WIDER": WIDER,
         "SLENDER": SLENDER, "SLENDEREST": SLENDEREST, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
         "RULES": f"{{{', '.join(map(repr, rules))}}}",
     }  # fmt: skip

@@ -1,10 +1,12 @@
 """Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of what is left.
 
-Every operation of a CasADi function is applied to models instead of numbers: m + a t + b t^2 + c t^3 + sum_j e_j u_j,
-give or take r, for all |t| <= 1 and |u_j| <= 1; give or take r0 where all u_j are 0. The arguments are
-x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the u_j and cubic in t is exact: a model
-serves over pieces ten times as long as an `Enclosure`, which keeps the middle alone. Round-off is not enclosed, and a
-copysign takes the sign at the middle, as there.
+Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and |u_j| <= 1:
+
+    m + a t + b t^2 + c t^3 + sum_j e_j u_j,   give or take r;   give or take r0 where all u_j are 0
+
+The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the u_j and cubic in t is
+exact: a model serves over pieces ten times as long as an `Enclosure`, which keeps the middle alone. Round-off is not
+enclosed, and a copysign takes the sign at the middle, as there.
 """
 
 from __future__ import annotations

@@ -65,11 +65,22 @@ static const double *hk_numbers(PyObject *given, int rank, Py_ssize_t size) {
   return (const double *)a->data;
 }
 
+/* 1 where the last row of a pose is not 0 0 0 1, as where it is transposed; what is not finite the step itself refuses. */
+static int hk_odd_row(const double *pose) {
+  int odd = 0;
+  for (int i = 12; i < 16; i++) {
+    const double off = pose[i] - (i == 15);
+    odd |= off - off == 0.0 && !(off < HK_OFF && off > -HK_OFF);
+  }
+  return odd;
+}
+
 /* The step of three plain arrays. Returns 1, or 0 where they are none. */
 static int hk_run(const hk_bound *b, PyObject *const *args, double *out) {
   double point[3];
   const double *q = hk_numbers(args[0], 1, b->joints), *pose = hk_numbers(args[1], 2, 4);
   const double *twist = hk_numbers(args[2], 1, 6);
+  if (pose && hk_odd_row(pose)) return 0;
   if (b->point) {
     for (int i = 0; pose && i < 3; i++) point[i] = pose[4 * i + 3];
     pose = pose ? point : hk_numbers(args[1], 1, 3);

@@ -1,12 +1,17 @@
 /* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers first; hk_constraint_body: q -> g.
    A context is a row of numbers: the start, its pose (p, R), the leaf c, the joints' lower and upper limits, the sign of
-   det there; then room for a region, of calls from Python, which come one at a time. */
+   det there. It is only read, so that threads may share it. */
+#include <string.h>
+
 enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + 12, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N,
-       HK_SIDE = HK_UPPER + HK_N, HK_REGION };
+       HK_SIDE = HK_UPPER + HK_N };
 enum { HK_REACHED, HK_CLAMPED, HK_LIMIT, HK_LEAF_ENDS, HK_AT_SINGULAR, HK_NOT_CONVERGED, HK_NOT_FINITE, HK_NOT_A_ROTATION,
        HK_OTHER_BRANCH };
 
 static const hk_rules hk_ours = HK_RULES;
+#ifndef HK_STRETCHES
+typedef char hk_region; /* none is ever found */
+#endif
 
 static int hk_finite(const double *x, int count) {
   for (int i = 0; i < count; i++)
@@ -46,8 +51,8 @@ static int hk_cold(const double *to, const double *context, double *q) {
   return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context);
 }
 
-/* From the posture in q; region: one that may hold, which becomes one that does. */
-static int hk_warm(const double *to, const double *context, double *region, double *q) {
+/* From the posture in q; region: one of the law, about whatever posture, which becomes one about q where it was none. */
+static int hk_warm(const double *to, const double *context, hk_region *region, double *q) {
   double T[18], from[12], g[HK_R + 1], x[HK_N + 12 + HK_R], y[HK_N + 3];
   if (!hk_finite(to, 12) || !hk_finite(q, HK_N)) return HK_NOT_FINITE;
   if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
@@ -56,7 +61,7 @@ static int hk_warm(const double *to, const double *context, double *region, doub
   rules.side = context[HK_SIDE];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < 12 + HK_R; i++) x[HK_N + i] = i < 12 ? to[i] : context[HK_LEAF + i - 12];
-  if (hk_go_within((hk_region *)region, &rules, x, q)) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
+  if (hk_go_within(region, &rules, x, q)) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
 #else
   (void)region;
 #endif
@@ -75,35 +80,36 @@ static int hk_warm(const double *to, const double *context, double *region, doub
   return hk_answer(q, from, g, to, context);
 }
 
-/* (p, R) of a 4x4 matrix by rows. */
-static void hk_read(const double *T, double *to) {
+/* (p, R) of a 4x4 matrix by rows; 0 where its last row is not that of a pose, as of a transposed one. */
+static int hk_read(const double *T, double *to) {
   for (int i = 0; i < 3; i++) {
     to[i] = T[4 * i + 3];
     for (int j = 0; j < 3; j++) to[3 + 3 * i + j] = T[4 * i + j];
   }
+  return hk_posed(T, 16);
 }
 
-/* For a call from Python, evaluator.c: 1 where the pose in[0], (4, 4), is reached; near in[1] in the second. */
+/* For a call from Python, evaluator.c: 1 where the pose in[0], (4, 4), is reached; near in[1] in the second, which has a
+   region for each thread, of its last call. */
 int hk_call_cold(const double *const *in, double *const *out, const double *context) {
   double to[12];
-  hk_read(in[0], to);
-  return hk_cold(to, context, out[0]) == HK_REACHED;
+  return hk_read(in[0], to) && hk_cold(to, context, out[0]) == HK_REACHED;
 }
 
 int hk_call_warm(const double *const *in, double *const *out, const double *context) {
+  static __thread hk_region last;
   double to[12];
-  hk_read(in[0], to);
   for (int i = 0; i < HK_N; i++) out[0][i] = in[1][i];
-  return hk_warm(to, context, (double *)context + HK_REGION, out[0]) == HK_REACHED;
+  return hk_read(in[0], to) && hk_warm(to, context, &last, out[0]) == HK_REACHED;
 }
 
 /* Many poses (count, 12), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
    the ways ended. */
 void hk_poses(long long count, const double *to, const double *context, int warm, double *q, long long *status) {
-  double region[HK_N + 4];
-  for (int i = 0; i < HK_N + 4; i++) region[i] = 0.0;
+  hk_region region;
+  memset(&region, 0, sizeof region);
   for (long long k = 0; k < count; k++) {
     double *here = q + k * HK_N;
-    status[k] = warm ? hk_warm(to + 12 * k, context, region, here) : hk_cold(to + 12 * k, context, here);
+    status[k] = warm ? hk_warm(to + 12 * k, context, &region, here) : hk_cold(to + 12 * k, context, here);
   }
 }

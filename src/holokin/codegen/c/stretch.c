@@ -41,7 +41,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
     x[i].a = s->v[i], x[i].b = s->w[i], x[i].c = s->z[i], x[i].s = x[i].e[i] = s->radius;
   }
   hk_along_body(x, A);
-  for (int e = 0; e < SIZE; e++) Y[e] = P[e] = HK_C(0);
+  for (int e = 0; e < SIZE; e++) Y[e] = P[e] = X1[e] = X2[e] = X3[e] = X11[e] = X12[e] = X13[e] = HK_C(0);
   for (int i = 0; i < HK_N; i++) {
     width[i] = gap[i] = HK_C(0);
     for (int j = 0; j < HK_N; j++) {
@@ -51,18 +51,20 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       gap[i] += one->r0 * (HK_FABS(s->v[j]) + HK_C(2) * HK_FABS(s->w[j]) + HK_C(3) * HK_FABS(s->z[j])) / HK_C(5);
     }
   }
-  for (int i = 0; i < HK_N; i++)
-    for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].a;
-  hk_product(Y, P, X1);
-  for (int i = 0; i < HK_N; i++)
-    for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].b;
-  hk_product(Y, P, X2);
-  for (int i = 0; i < HK_N; i++)
-    for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].c;
-  hk_product(Y, P, X3);
-  hk_product(X1, X1, X11);
-  hk_product(X1, X2, X12);
-  hk_product(X1, X3, X13);
+  if (turn >= HK_C(0)) { /* without a curve all these are 0 */
+    for (int i = 0; i < HK_N; i++)
+      for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].a;
+    hk_product(Y, P, X1);
+    for (int i = 0; i < HK_N; i++)
+      for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].b;
+    hk_product(Y, P, X2);
+    for (int i = 0; i < HK_N; i++)
+      for (int j = 0; j < HK_N; j++) P[i * HK_WIDE + j] = A[j * HK_N + i].c;
+    hk_product(Y, P, X3);
+    hk_product(X1, X1, X11);
+    hk_product(X1, X2, X12);
+    hk_product(X1, X3, X13);
+  }
   for (int i = 0; i < HK_N; i++) { /* load: the change of A off the middle; eta: what the curve misses */
     hk_t first = HK_C(0), second = HK_C(0), third = HK_C(0), fourth = HK_C(0), fifth = HK_C(0), rest = HK_C(0);
     load[i] = HK_C(0);
@@ -126,7 +128,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
     missing = HK_FMAX(miss, missing);
     if (!(all + miss < HK_INF)) return HK_INF; /* not a number included */
   }
-  s->reach = missing / (HK_C(1) - change);
+  s->reach = HK_FMIN(missing / (HK_C(1) - change), s->radius);
   s->balance = missing / (change * s->radius);
   return most;
 }
@@ -236,21 +238,26 @@ static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *f
 }
 
 /* Postures within `radius` of c, largest joint: change < 1 is |1 - Y A| there. axes, turns: sizes of the columns of A for
-   the tool's rotation, all together, and of the rows of Y for it. */
+   the tool's rotation, all together, and of the rows of Y for it. next: the radius to try for another region. */
 typedef struct {
-  hk_t c[HK_N], radius, change, axes, turns;
+  hk_t c[HK_N], radius, change, axes, turns, next;
 } hk_region;
 
 /* A region about a posture a little farther on than q, where x has (q, p, R, c) and dq leads there; of radius 0 where
-   there is none. */
+   there is none that could hold the way. */
 static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_region *region) {
   const hk_t nothing[HK_N] = {HK_C(0)}, step = hk_most(dq);
-  hk_t at[HK_N + 12 + HK_R], most = HK_C(0);
+  hk_t at[HK_N + 12 + HK_R];
   hk_stretch s;
   hk_node node;
-  s.radius = region->radius > HK_C(0) ? HK_FMIN(HK_C(1.3) * region->radius, HK_C(HK_WIDEST)) : HK_C(HK_WIDEST);
   region->radius = HK_C(0);
+  if (!(region->next > HK_C(0))) region->next = HK_C(HK_WIDEST);
   for (int tried = 0; tried < 3; tried++) {
+    s.radius = region->next;
+    if (!(s.radius > step)) { /* too narrow; as far on as this it may not be */
+      region->next = HK_C(HK_WIDER) * s.radius;
+      return;
+    }
     for (int i = 0; i < HK_N + 12 + HK_R; i++) at[i] = x[i];
     for (int i = 0; i < HK_N; i++) {
       s.c[i] = at[i] = x[i] + (step > HK_C(0) ? dq[i] / step * (HK_C(HK_AHEAD) * s.radius) : HK_C(0));
@@ -258,23 +265,29 @@ static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_
     }
     hk_node_body(at, node.off);
     if (!(node.measures[0] > rules->singular && node.measures[2] * rules->side > HK_C(0))) return;
-    most = hk_room(&s, node.inverse, nothing, HK_C(-1));
+    const hk_t most = hk_room(&s, node.inverse, nothing, HK_C(-1)), fits = HK_C(0.9) * HK_C(HK_ALIKE) / most;
+    region->next = HK_FMIN(HK_C(HK_WIDEST), s.radius * (most < HK_INF ? HK_FMAX(HK_C(0.1), HK_FMIN(HK_C(HK_WIDER), fits)) : HK_C(0.1)));
     if (most <= HK_C(HK_ALIKE)) {
       for (int i = 0; i < HK_N; i++) region->c[i] = at[i];
       region->radius = s.radius, region->change = most, region->axes = s.axes, region->turns = s.turns;
       return;
     }
-    s.radius *= most < HK_INF ? HK_FMAX(HK_C(0.1), HK_C(0.9) * HK_C(HK_ALIKE) / most) : HK_C(0.1);
   }
 }
 
 /* 1 where the way from q to the target in x, which has (q, p, R, c), stays in the region, by the first correction dq of
-   Newton: its rate is at most (1 + change) / (1 - change) of dq. */
+   Newton, which is the way's rate at q. With Y A(q) = 1 - E and 1 - F elsewhere, that is (1 - F)^-1 (1 - E) dq there,
+   2 change / (1 - change) of dq off at most: no point q + t dq is farther off than the farther one of q and q + dq. */
 static int hk_within(const hk_region *region, const hk_t *x, const hk_t *dq) {
-  hk_t off = HK_C(0);
+  hk_t off = HK_C(0), end = HK_C(0);
   if (!(region->radius > HK_C(0))) return 0;
-  for (int i = 0; i < HK_N; i++) off = HK_FMAX(HK_FABS(x[i] - region->c[i]), off);
-  return off + (HK_C(1) + region->change) / (HK_C(1) - region->change) * hk_most(dq) <= region->radius;
+  for (int i = 0; i < HK_N; i++) {
+    const hk_t apart = x[i] - region->c[i];
+    off = HK_FMAX(HK_FABS(apart), off);
+    end = HK_FMAX(HK_FABS(apart + dq[i]), end);
+  }
+  const hk_t aside = HK_C(2) * region->change / (HK_C(1) - region->change) * hk_most(dq);
+  return off <= region->radius && end + aside <= region->radius;
 }
 
 /* q at the target in x, which has (q, p, R, c), where a region shows that it is on q's branch; else 0. */

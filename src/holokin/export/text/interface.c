@@ -63,6 +63,8 @@ static int hk_refuse(int count, hk_t *out) {
   return ${NAME}_NOT_FINITE;
 }
 
+#define HK_ROTATION $rotation
+$posed
 $step
 void ${name}_defaults(${name}_parameters *parameters) {
 $defaults}
@@ -105,6 +107,11 @@ $leaf_copy  values[HK_R] = dt;
     *scale = HK_C(0);
     hk_refuse(HK_N, dq);
     return ${NAME}_BAD_PARAMETERS;
+  }
+  if (hk_finite(target, HK_POSE) && !hk_posed(target, HK_POSE)) {
+    *scale = HK_C(0);
+    hk_refuse(HK_N, dq);
+    return ${NAME}_NOT_A_ROTATION;
   }
   const int status = hk_step(q, target, twist, out, values);
   for (int i = 0; i < HK_N; i++) dq[i] = out[i];

@@ -6,7 +6,7 @@
    Joints: $joints.
    Task rows: $rows.
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame.$pose_note
-   That a wanted pose is one, with a rotation in it, is not checked; its last row is not used.
+   $pose_checked
    Functions with a status: where it is ${NAME}_SINGULAR or more their results are zero. None allocates, keeps
    anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision.$limit_words */
 #ifndef ${NAME}_H
@@ -40,9 +40,9 @@ enum {
   ${NAME}_LIMIT = 2,        /* a joint stands at its position limit */
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
-  ${NAME}_NOT_CONVERGED = 5, /* no posture on this leaf near the given one has the wanted pose */
+  ${NAME}_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */
   ${NAME}_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
-  ${NAME}_NOT_A_ROTATION = 7  /* the rotation of a wanted pose is scaled, skewed or left-handed; inverse kinematics asks */
+  ${NAME}_NOT_A_ROTATION = 7  /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
 };
 
 /* The parameters of a control step. ${name}_defaults gives those of the start posture, with gains of 0.1/dt: another

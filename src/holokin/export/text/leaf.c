@@ -17,6 +17,10 @@ int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$targe
     ${name}_real dq[$n]) {
   hk_t x[HK_N + 12 + HK_R], y[HK_N + 3];
   if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
+  if (!hk_posed(target, HK_POSE)) {
+    hk_refuse(HK_N, dq);
+    return ${NAME}_NOT_A_ROTATION;
+  }
   hk_leaf_body(x, y);
   return hk_deliver(y, HK_N, dq);
 }
@@ -30,7 +34,6 @@ static const int hk_angular[] = {$angular}; /* rows of g that are angles */
 $branch
 $newton
 $path
-#define HK_ROTATION $rotation
 $way
 $fold
 $ray
@@ -40,7 +43,7 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   hk_rules rules;
   hk_way way;
   if (!hk_gather(q, target, c, x)) return ${NAME}_NOT_FINITE;
-  if (!hk_rotates(x + HK_N + 3)) return ${NAME}_NOT_A_ROTATION;
+  if (!hk_posed(target, HK_POSE) || !hk_rotates(x + HK_N + 3)) return ${NAME}_NOT_A_ROTATION;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);

@@ -14,5 +14,5 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
 
 /* Inverse kinematics as a function of the pose alone, whatever came before: the same from the start posture, on its
    leaf. The whole way is gone at each call: 100 pieces are plenty for most of it, ${name}_inverse from the last
-   answer is faster. ${NAME}_NOT_A_ROTATION: the target's rotation is scaled, skewed or left-handed. */
+   answer is faster. */
 int ${name}_solve(${name}_real q[$n], const ${name}_real target[$target], int most);
