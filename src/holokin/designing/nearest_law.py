@@ -27,7 +27,7 @@ from ..arguments import typed
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
-from ..strategies import HolonomicStrategy, Strategy, holonomic, radial, self_motion
+from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
 from ..task import Task
 from ..types import Matrix, Value, Vector, frozen, whole
@@ -35,13 +35,15 @@ from ..workspaces import Cylinder, Sphere, sobol
 from .coordinates import chart_of, coordinates_of
 from .leaf_series import SampledSeries, along_leaves, series_over
 from .objectives import Objective, length_of
-from .self_motions import SelfMotions
 
 WHOLE = 0.9
 """Share of a closed self-motion that a region must hold for g to be written with its period."""
 
 JUDGED = 1024
 """Postures, besides those of the search, that a law is judged at: figures are right to about a per cent."""
+
+STEP = 0.2
+"""Arc length of a step along a self-motion [joint units]: two Newton corrections bring it to round-off."""
 
 BOUND = 16
 """Postures of the ball that go into the theorem's estimates; the bound itself is of the circle."""
@@ -179,7 +181,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, coun
         whole = self_motion(task, start, step=0.05, limits=False)
         along = min(along, (whole.s[-1] - whole.s[0]) / 2) if whole.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
-    Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[ok, 3] - 1) * along)
+    Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[ok, 3] - 1) * along, STEP)
     if not sound.sum() > JUDGED:
         raise ArgumentError(f"the postures found in the ball, of {count}", int(sound.sum()), "give a smaller ball")
     return Q[sound]
