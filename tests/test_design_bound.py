@@ -1,4 +1,4 @@
-"""What no law can have less of: beside laws from other branches, all postures that another search finds, dense walks."""
+"""What no law can have less of: beside laws of other branches, postures that another search finds, dense walks."""
 
 from __future__ import annotations
 
