@@ -49,7 +49,7 @@ def squared_speed(task: hk.Task, R: Array, Q: Matrix) -> Array:
 def inside(task: hk.Task, Q: Matrix, allowed: float) -> Flags:
     """Which postures (k, n), turned by full turns towards the middles, are within a share of the joint ranges."""
     middle, half = (task.robot.upper + task.robot.lower) / 2, (task.robot.upper - task.robot.lower) / 2
-    return (np.abs((Q - middle + np.pi) % (2 * np.pi) - np.pi) <= allowed * half).all(axis=1)
+    return np.all(np.abs((Q - middle + np.pi) % (2 * np.pi) - np.pi) <= allowed * half, axis=1)
 
 
 def test_no_law_is_below_the_bound_of_a_law_on_another_branch(task: hk.Task) -> None:

@@ -101,7 +101,7 @@ class SelfMotions(Value):
         ahead, last = self._one_way(Q, v, every, step, length, limits)
         still = np.flatnonzero([end != "closed" for end in last])
         others, first = self._one_way(Q[still], -v[still], still, step, length, limits)
-        behind, starts = dict(zip(still, others, strict=True)), dict(zip(still, first, strict=True))
+        behind, starts = dict(zip(still.tolist(), others, strict=True)), dict(zip(still.tolist(), first, strict=True))
         found = []
         for i, q in enumerate(Q):
             back = behind.get(i, Q[:0])
