@@ -11,6 +11,7 @@ from holokin.analysis import ball, box
 from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.leaf_series import SampledSeries, series_over
 from holokin.errors import ArgumentError
+from holokin.symbolic import SX, sin
 
 OPTIMUM = 0.035229
 """rms of |A - A'| over the disc and all leaves, A = dq3/dx along the pseudo-inverse of the PPR arm (theory 5.4)."""
@@ -59,6 +60,24 @@ def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
         assert found.ours.extra_speed > 0  # the pseudo-inverse is the slowest
         assert found.bound is None
         assert hk.involutivity(found.strategy, hk.around(PANDA_START, 0.1)).holonomic
+
+
+def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> None:
+    """Its own constraint where it has one; where it has rows alone, which nobody integrated, radial of it."""
+    task, region = hk.pose(panda), hk.around(PANDA_START, 0.15)
+    held = hk.nearest(hk.holonomic(task, hk.arm_angle()), region, degree=2, samples=256)
+    assert held.ours.largest < 1e-12
+    assert held.least_slope == pytest.approx(1.0)
+
+    def rows(q: SX) -> SX:
+        return SX([[1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]]) + 3 * sin(q[2]) * SX([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
+
+    law = hk.strategies.pfaffian(task, rows)
+    found = hk.nearest(law, region, degree=2, samples=256)
+    assert found.terms == 0
+    assert found.ours.rms < 1e-5 < found.steps[1]
+    Q = region.sample(5, 3)
+    assert found.strategy.batch(Q) == pytest.approx(law.batch(Q), abs=1e-3)
 
 
 @pytest.mark.parametrize("rows", [None, (0, 1)])

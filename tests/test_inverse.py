@@ -114,7 +114,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
 
 
 def test_a_rotation_of_too_few_digits_is_told_so(ik) -> None:
-    with pytest.raises(ArgumentError, match="give all its digits"):
+    with pytest.raises(ArgumentError, match="with all its digits"):
         ik(poses_of_the_box(1)[0].round(3))
 
 

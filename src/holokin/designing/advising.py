@@ -221,7 +221,7 @@ class _Case:
         T, found = self.poses.T[which], np.full(len(self.poses), np.nan)
         p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
         if which.any():
-            least = least_costs(self.coordinates, self.costs, Q[which], p, R, allowed, speeds=False)
+            least = least_costs(self.coordinates, self.costs, Q[which], p, R, allowed)
             found[which] = least.squared_speed
         return found
 

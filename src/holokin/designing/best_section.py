@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ..types import Array, Matrix, Value, Vector
+from .bfgs import Cost, descend
 from .coordinates import monomials_up_to
-from .descent import Cost, descend
 from .objectives import Costs, Slopes
 from .section import Sampled, SectionSamples
 

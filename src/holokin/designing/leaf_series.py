@@ -20,8 +20,8 @@ from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ..task import Task
 from ..types import Array, Matrix, Value, Vector
+from .bfgs import Cost, descend
 from .coordinates import Coordinates, monomials, monomials_up_to
-from .descent import Cost, descend
 from .section import TiltedLeaves
 
 BARRIER = 1e-4

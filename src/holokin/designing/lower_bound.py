@@ -1,40 +1,24 @@
-"""The least cost at each tool pose, over the self-motion through a given posture there and over all slopes.
+"""The least cost at each tool pose, over all postures that a search finds there and over all slopes.
 
 A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
-asked, so the mean of these least costs is a lower bound of the sections whose postures lie on these self-motions
-(theory 7.1). The postures of one pose may form several separate curves: others may cost less, and are not looked at.
-
-With one redundant joint whole self-motions are walked. With more a walk is a line in it, and lines are searched one
-after another, each from the best posture before: the least found may then be too high.
+asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not
+(theory 7.1). They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from ..strategies.self_motions import least_motion
+from ..symbolic import wrapped
 from ..tolerances import TOLERANCES
 from ..types import Array, Matrix, Value, Vector
 from .coordinates import Coordinates
-from .objectives import Costs
-from .self_motions import STEP, SelfMotions, right_inverse
-
-LENGTH = 20.0
-"""A walk goes so far each way [joint units]; a Panda's self-motions close after 13 or less."""
-
-FINER = 8
-"""Walks round the best posture have steps shorter by this, twice: the least value is then right to 1e-5."""
-
-LINES = 12
-"""Lines searched for each redundant joint, where there are several; a second and a third third of them have steps that
-are shorter by `SHORTER` and by its square."""
-
-STEPS = 10
-"""Steps of such a line each way."""
-
-SHORTER = 5
-"""See `LINES`."""
+from .objectives import POWER, Costs
+from .pose_postures import STARTS, Cost, PosePostures, postures_at_poses
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -43,54 +27,119 @@ to a per cent."""
 
 @dataclass(frozen=True, eq=False)
 class LeastCosts(Value):
-    """The least costs at each tool pose (S,), and how far postures are beyond the allowed joint limits there, at least.
+    """The least costs (S,) at each tool pose over postures found there, those between them included.
 
-    `traced` is True where whole self-motions were walked, one curve each.
+    allowed: |q - middle| over half the range (n,) up to which postures count, full turns of hinges taken off; inf for
+        all. Costs are inf where no posture found is within.
     """
 
-    squared_speed: Vector
-    worst_speed: Vector
-    joint_limits: Vector
-    beyond: Vector
-    traced: bool
+    postures: PosePostures
+    coordinates: Coordinates
+    costs: Costs
+    allowed: Vector
+
+    @property
+    def traced(self) -> bool:
+        """True where whole self-motions were walked."""
+        return self.postures.traced
+
+    @cached_property
+    def squared_speed(self) -> Vector:
+        """The least |G|^2, as in `Costs`."""
+
+        def cost(q: Matrix) -> Vector:
+            G = least_slopes(self._J(q), self.coordinates.P, self.costs.joints)
+            return np.sum(G**2 * self.costs.joints[:, None] * self.costs.columns**2, axis=(1, 2))
+
+        return self._least(cost)
+
+    @cached_property
+    def worst_speed(self) -> Vector:
+        """The least greatest share of a joint's speed limit."""
+        return self._least(lambda q: least_worst(self._J(q), self.coordinates.P, self.costs))
+
+    @cached_property
+    def joint_limits(self) -> Vector:
+        """The least distance of the farthest joint from its middle, over half its range."""
+        return self._least(lambda q: self._off(q).max(axis=1))
+
+    @cached_property
+    def beyond(self) -> Vector:
+        """How far a posture is beyond the allowed limits at least, 0 where one is within."""
+        if np.isinf(self.allowed).all():
+            return np.zeros(len(self.postures.p))
+        return np.maximum(self.postures.least(self._over, self._over), 0.0)
+
+    def _least(self, cost: Cost) -> Vector:
+        """The least of a cost over the postures that count."""
+
+        def counted(q: Matrix) -> Vector:
+            found, known = np.full(len(q), np.inf), self._over(q) <= TOLERANCES.limit
+            found[known] = cost(q[known])
+            return np.where(np.isfinite(found), found, np.inf)
+
+        return self.postures.least(counted, self._over)
+
+    def _J(self, q: Matrix) -> Array:
+        return self.coordinates.chart.jacobian_batch(q)[0]
+
+    def _off(self, q: Matrix) -> Matrix:
+        gap, turning = q - self.costs.middle, self.coordinates.chart.robot.hinges & np.isfinite(self.costs.half)
+        return np.abs(np.where(turning, wrapped(gap), gap)) / self.costs.half
+
+    def _over(self, q: Matrix) -> Vector:
+        return (self._off(q) - self.allowed).max(axis=1)
 
 
-def least_costs(
-    coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, allowed: Vector, *, speeds: bool
-) -> LeastCosts:
-    """The least costs over the self-motions through postures (S, n) at tool poses p (S, 3), R (S, 3, 3).
+@dataclass(frozen=True, eq=False)
+class Floor(Value):
+    """What no law at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
 
-    Args:
-        allowed: |q - middle| over half the range (n,) up to which postures count; inf for all.
-        speeds: whether the worst speed is asked for, too.
+    Q: a law's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
     """
-    task = coordinates.chart
-    r, kinds = task.n - task.m, 4 if speeds else 3
 
-    def least(at: Matrix) -> Matrix:
-        J, off = task.jacobian_batch(at)[0], np.abs(at - costs.middle) / costs.half
-        G = least_slopes(J, coordinates.P, costs.joints)
-        found = [np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2)), off.max(axis=1)]
-        over = (off - allowed).max(axis=1)
-        values = np.array([over, *found, *([least_worst(J, coordinates.P, costs)] if speeds else [])])
-        values[1:, (over > TOLERANCES.limit) | ~np.isfinite(values[1:]).all(axis=0)] = np.inf
-        return values
+    coordinates: Coordinates
+    costs: Costs
+    weights: dict[str, float]
+    allowed: Vector
+    Q: Matrix
+    p: Matrix
+    R: Array
 
-    motions, values = SelfMotions(task, p, R), np.full((kinds, len(Q)), np.inf)
-    best, rng = np.array([Q] * kinds), np.random.default_rng(0)
-    v = np.zeros_like(Q)
-    for k in range(1 if r == 1 else LINES * r):
-        v, step = rng.normal(size=Q.shape), STEP / SHORTER ** (3 * k // (LINES * r))
-        found, at = motions.best(least, best[k % kinds], v, step, LENGTH if r == 1 else STEPS * step)
-        better = found < values
-        values[better], best[better] = found[better], at[better]
-    for step in (STEP / FINER, STEP / FINER**2) if r == 1 else ():
-        for kind in range(kinds):
-            found, at = motions.best(least, best[kind], v, step, 2 * FINER * step)
-            better = found < values
-            values[better], best[better] = found[better], at[better]
-    worst = values[3] if speeds else np.zeros(len(Q))
-    return LeastCosts(values[1], worst, values[2], np.maximum(values[0], 0.0), traced=r == 1)
+    @cached_property
+    def here(self) -> LeastCosts:
+        """The least costs over the self-motions of the law's postures."""
+        return self._over(0)
+
+    @cached_property
+    def anywhere(self) -> LeastCosts:
+        """The least costs over all postures found."""
+        return self._over(STARTS)
+
+    def _over(self, starts: int) -> LeastCosts:
+        found = postures_at_poses(self.coordinates.chart, self.Q, self.p, self.R, starts=starts)
+        return LeastCosts(found, self.coordinates, self.costs, self.allowed)
+
+    def of(self, least: LeastCosts) -> float:
+        """The weighted costs of these least ones: no law has less, since each of the costs is at its least there.
+
+        Where the law's own self-motions leave the allowed limits, limits do not count.
+        """
+        if self.here.beyond.any():
+            least = replace(least, allowed=np.full_like(self.allowed, np.inf))
+        known = {
+            "squared_speed": lambda: float(np.mean(least.squared_speed)),
+            "worst_speed": lambda: float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
+            "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
+            "rcond": lambda: 1.0,
+            "travel": lambda: 0.0,
+        }
+        return sum(w * known[name]() for name, w in self.weights.items())
+
+
+def least_costs(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, allowed: Vector) -> LeastCosts:
+    """The least costs over all postures found at tool poses p (S, 3), R (S, 3, 3), those of Q (S, n) among them."""
+    return Floor(coordinates, costs, {}, allowed, Q, p, R).anywhere
 
 
 def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
@@ -98,7 +147,7 @@ def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
 
     weights: (n,), or one for each sample (S, n).
     """
-    return right_inverse(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
+    return least_motion(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
 
 
 def least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:

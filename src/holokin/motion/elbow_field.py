@@ -10,7 +10,7 @@ import numpy as np
 from ..constraints import Arm
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
-from ..strategies.fibre import correction
+from ..strategies.self_motions import correction
 from ..symbolic import runge_kutta
 from ..task import Task
 from ..tolerances import TOLERANCES

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..strategies import SelfMotions
 from ..symbolic import wrapped
-from ..symbolic.null_space import null_space, null_vector
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, Flags, Matrix, Vector
@@ -103,29 +103,8 @@ def _corrected(task: Task, Q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flag
 
 def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
     """The self-motions (points, n) through postures (k, n), all at once, each round once; None for those left open."""
-    p, R = task.robot.pose_batch(Q, task.tip)
-    N = np.array([null_vector(J) for J in task.jacobian_batch(Q)[0]])
-    points, at, ends = [Q], Q, np.zeros(len(Q), dtype=int)
-    going = np.ones(len(Q), dtype=bool)
-    for k in range(1, int(LONGEST / STEP)):
-        half = _null(task, at + STEP / 2 * N, N)
-        at, good = _corrected(task, at + STEP * half, p, R)
-        going = going & (good | (ends > 0))
-        N = _null(task, at, half)
-        points.append(at)
-        gap = at - Q
-        back = np.linalg.norm(np.where(task.robot.hinges, wrapped(gap), gap), axis=1) < 0.75 * STEP
-        ends[(ends == 0) & going & back & (k > 2)] = k
-        if not (going & (ends == 0)).any():
-            break
-    lines = np.array(points)
-    return [lines[: end + 1, i] if end else None for i, end in enumerate(ends)]
-
-
-def _null(task: Task, Q: Matrix, like: Matrix) -> Matrix:
-    """Unit null vectors (k, n) of J at postures, on the side of others."""
-    N = null_space(task.jacobian_batch(Q)[0])[:, :, 0]
-    return N * np.where(np.sum(N * like, axis=1) >= 0, 1.0, -1.0)[:, None]
+    lines = SelfMotions.through(task, Q).traced(Q, step=STEP, length=LONGEST)
+    return [line.q if line.closed else None for line in lines]
 
 
 def _share(task: Task, fibre: Matrix, q: Vector) -> float | None:

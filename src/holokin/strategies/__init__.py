@@ -4,10 +4,10 @@ from .base import Field, Strategy, check_regular, checked_rate
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
 from .expressions import Brackets, Expressions, FrameExpressions, RowExpressions
 from .family import from_transport
-from .fibre import SelfMotion, correction, self_motion, unit_null
 from .kinds import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy
 from .physical import check_exact, geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
 from .polynomial import fitted
+from .self_motions import SelfMotion, SelfMotions, correction, self_motion, unit_null
 from .straight_lines import radial
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "RowExpressions",
     "RowStrategy",
     "SelfMotion",
+    "SelfMotions",
     "Strategy",
     "check_exact",
     "check_regular",

@@ -16,7 +16,7 @@ from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
 from ..symbolic.null_space import null_space, null_space_expression
 from ..task import Task
 from ..types import Matrix, Vector
-from .fibre import self_motion
+from .self_motions import self_motion
 
 STEP = 0.05
 """Arc length between the postures that the curve is traced by [joint units]."""

@@ -1,4 +1,4 @@
-"""Least cost over a few dozen numbers: BFGS with halved steps, and inequalities by an augmented Lagrangian. [NW06]
+"""Least cost over a few dozen numbers: BFGS with halved steps. [NW06]
 
 A cost may end: where a posture is not found, it says None, and the step is halved. Library routines have no such
 answer; their line searches make of an infinite cost steps that are no numbers.

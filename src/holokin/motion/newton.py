@@ -1,0 +1,34 @@
+"""Newton's method from many postures at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..types import Flags, Indices, Matrix
+
+Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
+"""(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""
+
+
+def newton(correct: Correct, q: Matrix, *, steps: int, longest: float, exact: float) -> tuple[Matrix, Flags]:
+    """(postures (k, n), whether Newton's method got there (k,)) from others (k, n).
+
+    Each goes on by itself, until its correction is sound and below `exact` [joint units], or until one is not sound.
+
+    Args:
+        longest: joint motion of one step; a longer one is shortened, since slopes mean nothing so far away.
+    """
+    q, arrived, going = q.copy(), np.zeros(len(q), dtype=bool), np.arange(len(q))
+    for _ in range(steps):
+        if not len(going):
+            break
+        dq, sound = correct(q[going], going)
+        size = np.abs(dq).max(axis=1)
+        sound = sound & np.isfinite(size)
+        going, dq, size = going[sound], dq[sound], size[sound]
+        q[going] += np.minimum(1.0, longest / np.maximum(size, 1e-300))[:, None] * dq
+        arrived[going] = size < exact
+        going = going[size >= exact]
+    return q, arrived
