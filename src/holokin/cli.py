@@ -273,7 +273,15 @@ def advise(
             if status is not None:
                 status.update(escape(text))
 
-        found, write = advise_command(robot, workspace, tip, base, "position" if position else None, start, out, say)
+        def announce(text: str) -> None:
+            if status is not None:
+                status.stop()
+            show(text)
+            if status is not None:
+                status.start()
+
+        task = "position" if position else None
+        found, write = advise_command(robot, workspace, tip, base, task, start, out, say, announce)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job = write()

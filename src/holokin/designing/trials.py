@@ -60,9 +60,9 @@ def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Cost
 class Trial(Value):
     """A candidate on the leaf through a start, at k poses.
 
-    q: postures (k, n) where its lines end. served: poses (k,) that it reaches within the joint limits. speed: squared
-    joint speed (k,), NaN where it is not served. rcond: of [J; J_g] there (k,); NaN for radial, whose leaves end only
-    where J is singular.
+    q: postures (k, n) where its lines end. reached: poses (k,) that they lead to; served: those within the joint
+    limits. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there (k,); NaN for radial,
+    whose leaves end only where J is singular.
     """
 
     candidate: Candidate
@@ -133,7 +133,7 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
 def _trial(candidate: Candidate, start: Vector, rays: Rays, i: int, speed: Vector, rcond: Vector) -> Trial:
     q, reached = rays.q[i], rays.reached[i]
     served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
-    return Trial(candidate, start, q, reached, served, np.where(served, speed, np.nan), rcond)
+    return Trial(candidate, start, q, reached, served, np.where(reached, speed, np.nan), rcond)
 
 
 def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:

@@ -30,8 +30,7 @@ def print_advice(advice: Advice, console: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    title = f"{advice.task.name}: {advice.workspace}"
-    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
+    table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
@@ -57,8 +56,7 @@ def cells(law: Law) -> list[str]:
 
 def _chosen(advice: Advice) -> str:
     """What was not given, with what it is."""
-    tip = advice.task.tip or advice.task.robot.tips[0].name
-    known = {"tip": f"the tip ({tip})", "task": f"the task ({advice.task.name})"}
+    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.task.name})"}
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 

@@ -6,7 +6,7 @@ from .export import to_mjcf, to_urdf
 from .inertia import mass_matrix_expression, potential_expression
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .second_order import hessian_expression
-from .urdf import from_urdf, urdf_links, urdf_tips
+from .urdf import from_urdf, urdf_links, urdf_root, urdf_tips
 
 __all__ = [
     "FARTHEST",
@@ -27,5 +27,6 @@ __all__ = [
     "to_mjcf",
     "to_urdf",
     "urdf_links",
+    "urdf_root",
     "urdf_tips",
 ]
