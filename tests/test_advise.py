@@ -13,7 +13,7 @@ from conftest import PANDA_START, Command, assert_refused, urdf
 from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.candidates import candidates
-from holokin.designing.rays import along_leaf, along_radial
+from holokin.designing.line_ends import along_leaf, along_radial
 from holokin.designing.served_part import largest_part
 from holokin.designing.starts import postures_at, unwound
 from holokin.designing.tips import chain_of
@@ -139,11 +139,11 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
         box=([0.45, 0.1, 0.4], [0.1, 0.2, 0.1]), rotation=task.robot.pose(PANDA_START)[:3, :3], tilt=0.2
     )
     T, law = space.poses(24), hk.holonomic(task, hk.lock(2))
-    rays = along_leaf(law, PANDA_START[None], T)
+    ends = along_leaf(law, PANDA_START[None], T)
     closely = hk.inverse(law, PANDA_START).batch(T)
-    assert rays.reached[0].sum() >= 22
-    both = rays.reached[0] & closely.reached
-    assert np.abs(rays.q[0][both] - closely.q[both]).max() < 1e-7
+    assert ends.reached[0].sum() >= 22
+    both = ends.reached[0] & closely.reached
+    assert np.abs(ends.q[0][both] - closely.q[both]).max() < 1e-7
     radial = along_radial(task, PANDA_START[None], T[:4])
     exact = hk.inverse(hk.radial(hk.moore_penrose(task), PANDA_START, steps=16), PANDA_START)
     assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
