@@ -123,5 +123,5 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
         better = found < values
         values[better], best[better] = found[better], at[better]
     if r == 1:
-        values = np.minimum(values, motions.best(least, best[0], np.ones_like(Q), STEP / FINER, 2 * STEP)[0])
+        values = np.minimum(values, motions.best(least, best[0], np.ones_like(Q), STEP / FINER, STEP)[0])
     return values[0]

@@ -29,8 +29,8 @@ LARGEST = 0.1
 SMALLER = 3
 """Times that the circle is made smaller, by half each, until the law and the pseudo-inverse follow it to its end."""
 
-DURATION = "about a minute, with several redundant joints two"
-"""What an advice takes on two cores that do nothing else: 40 to 80 s on five arms."""
+DURATION = "up to a minute, with several redundant joints two"
+"""What an advice takes on two cores that do nothing else: 20 to 75 s of processor time on five arms, and compilers."""
 
 SAMPLES, CYCLES = 100, 2
 """Of the circle."""
