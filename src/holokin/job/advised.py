@@ -30,7 +30,7 @@ SMALLER = 3
 """Times that the circle is made smaller, by half each, until the law and the pseudo-inverse follow it to its end."""
 
 DURATION = "up to a minute, with several redundant joints two"
-"""What an advice takes on two cores that do nothing else: 20 to 75 s of processor time on five arms, and compilers."""
+"""What an advice takes on two cores that do nothing else: 17 to 59 s of processor time on five arms, and compilers."""
 
 SAMPLES, CYCLES = 100, 2
 """Of the circle."""
