@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,10 +13,16 @@ import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, urdf
 from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
 from holokin.designing.advice import EASY, EQUAL, ranked
-from holokin.designing.candidates import candidates
-from holokin.designing.rays import along_leaf, along_radial
+from holokin.designing.candidates import Candidate, candidates
+from holokin.designing.coordinates import chart_of, coordinates_of
+from holokin.designing.excess import NEAR, Excess, least_near, rival_of
+from holokin.designing.line_ends import along_leaf, along_radial
+from holokin.designing.objectives import costs_of
+from holokin.designing.reasons import reasons
 from holokin.designing.served_part import largest_part
-from holokin.designing.starts import postures_at
+from holokin.designing.starts import postures_at, unwound
+from holokin.designing.tips import chain_of
+from holokin.designing.trials import Trial
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, UnknownNameError
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
@@ -29,19 +36,10 @@ def arm(limits: dict[int, float] | None = None) -> hk.Robot:
     return hk.from_dh([{"a": 1.0, "lower": -w, "upper": w, "max_velocity": 2.0} for w in wide], name="planar")
 
 
-@pytest.fixture(scope="module")
-def advice() -> Advice:
-    return hk.advise(arm(), PLANE)
-
-
-def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
-    """Referee: `coverage` of the best law at other poses, and the pseudo-inverse on a grid of each self-motion."""
-    best = advice.best
-    assert best.coverage == 1.0
-    assert hk.coverage(best.strategy, best.start, PLANE, samples=200, seed=7).share == 1.0
-    task, poses = advice.task, PLANE.poses(40)
+def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
+    """The least mean squared joint speed, on a grid of each self-motion of the arm, limits aside."""
     least = []
-    for pose in poses:
+    for pose in space.poses(40):
         p = pose[:2, 3]
         turns = np.linspace(-np.pi, np.pi, 721)
         wrist = p - np.stack([np.cos(turns), np.sin(turns)], axis=1)  # where the third joint is
@@ -52,7 +50,20 @@ def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) 
             q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
             J = task.jacobian_batch(np.stack([q1, q2, turns[ok] - q1 - q2], axis=1))[0]
             least.append(np.min(np.sum(np.linalg.pinv(J) ** 2, axis=(1, 2))))
-    found = np.min(np.reshape(least, (-1, 2)), axis=1).mean()
+    return float(np.min(np.reshape(least, (-1, 2)), axis=1).mean())
+
+
+@pytest.fixture(scope="module")
+def advice() -> Advice:
+    return hk.advise(arm(), PLANE)
+
+
+def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
+    """Referee: `coverage` of the best law at other poses, and the pseudo-inverse on a grid of each self-motion."""
+    best = advice.best
+    assert best.coverage == 1.0
+    assert hk.coverage(best.strategy, best.start, PLANE, samples=200, seed=7).share == 1.0
+    found = least_anywhere(advice.task, PLANE)
     assert advice.floor == pytest.approx(found, rel=0.02)
     assert 1.0 <= best.speed < 1.03
     assert all(law.speed > 0.999 for law in advice.laws if law.coverage > 0.5)
@@ -85,7 +96,76 @@ def test_a_narrow_limit_is_avoided_and_named() -> None:
     at = {law.name: law.coverage for law in narrow.laws}
     assert at[narrow.best.name] == at["lock q3"] == 1.0
     assert at["lock q2"] < 0.9
-    assert any("q3" in sentence for sentence in narrow.reasons)
+    assert narrow.best.speed > 1.5
+    why = next(sentence for sentence in narrow.reasons if sentence.startswith("Joint limits keep it from the least"))
+    assert "q3 is beyond its lower limit at 256 of 256 poses" in why
+    assert narrow.floor == pytest.approx(least_anywhere(narrow.task, far), rel=0.02)
+
+
+def test_the_least_nearby_is_that_of_a_piece_of_the_self_motion() -> None:
+    """Referee: the self-motions of a planar arm in closed form, on a grid, up to 1 rad of arc from a posture."""
+    task, turns = hk.position(arm()), np.arange(-3.0, 3.0, 1e-3)
+    T = PLANE.poses(12)
+    Q, least, farther, reached = [], [], [], []
+    for k, pose in enumerate(T):
+        wrist = pose[:2, 3] - np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        far = np.linalg.norm(wrist, axis=1)
+        ok = far < 1.999
+        q2 = np.arccos(far[ok] ** 2 / 2 - 1)
+        q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
+        motion = np.stack([q1, q2, turns[ok] - q1 - q2], axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(motion, axis=0), axis=1))])
+        ends = np.concatenate([[0.0], arc[1:][np.diff(arc) > 0.05], arc[-1:]])  # of pieces with a bent elbow
+        inner = np.abs(arc[:, None] - ends).min(axis=1) > 1.2 * NEAR
+        sound = np.flatnonzero(inner & (np.abs(motion) <= 2.5).all(axis=1))
+        if not len(sound):
+            continue
+        reached.append(k)
+        at = int(sound[len(sound) * (k + 1) // (len(T) + 1)])
+        for most, values in ((NEAR, least), (1.1 * NEAR, farther)):  # it ends in between
+            near = motion[(np.abs(arc - arc[at]) <= most) & (np.abs(motion) <= 2.6).all(axis=1)]
+            values.append(np.min(np.sum(np.linalg.pinv(task.jacobian_batch(near)[0]) ** 2, axis=(1, 2))))
+        Q.append(motion[at])
+    coordinates = coordinates_of(chart_of(task, np.eye(3)), np.array(Q))
+    costs = costs_of(task.robot, hk.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
+    found = least_near(coordinates, costs, np.array(Q), T[reached, :3, 3], T[reached, :3, :3])
+    assert len(found) > 4
+    assert (found <= np.array(least) * 1.003).all() and (found >= np.array(farther) * 0.997).all()
+
+
+def test_a_law_that_is_closer_to_the_least_but_serves_less_is_named_with_its_limits(advice: Advice) -> None:
+    """Made-up figures: it is at the least where it serves, and beyond the upper limit of joint 2 at 4 of 10 poses."""
+    task, count = advice.task, 10
+    laws = [Candidate(name, {"kind": "lock"}, task) for name in ("best", "rival", "worse")]
+    inner, beyond = np.zeros((count, 3)), np.where(np.arange(count)[:, None] < 4, [0, 2.7, 0], [0.0, 0, 0])
+    every, some = np.ones(count, dtype=bool), np.arange(count) >= 4
+    fields = ((inner, every, 2.0), (beyond, some, 1.01), (inner, every, 3.0))
+    trials = [
+        Trial(law, np.zeros(3), q, every, served, np.full(count, speed), np.full(count, 0.3))
+        for law, (q, served, speed) in zip(laws, fields, strict=True)
+    ]
+    rival = rival_of(trials[0], trials[1:], np.ones(count), every)
+    assert rival is not None
+    assert (rival.name, rival.coverage, rival.beyond, rival.ends) == ("rival", 0.6, (("q2", "upper", 4),), 0)
+    said = reasons([replace(advice.best, speed=2.0)], advice.coverage, None, Excess(1.9, True, None, rival))
+    assert "Closer to it comes rival, 1.0% above it where it serves" in said[-2]
+    assert "only 60.0%: q2 is beyond its upper limit at 4 poses" in said[-2]
+    assert rival_of(trials[0], trials[2:], np.ones(count), every) is None
+
+
+def test_no_start_has_a_whole_turn_too_many() -> None:
+    """Joints of two turns and more: postures at one place stay what they are, at most half a turn from mid range."""
+    rows = [{"a": 1.0, "lower": low, "upper": high} for low, high in ((-6.3, 6.3), (-1.0, 12.0), (-2.6, 2.6))]
+    robot = hk.from_dh(rows, name="wound")
+    Q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (200, 3))
+    found = unwound(robot, Q)
+    assert np.abs(np.array([robot.pose(q) for q in Q]) - [robot.pose(q) for q in found]).max() < 1e-12
+    assert (np.abs(found - [0, 5.5, 0]) <= np.pi + 1e-12).all()
+    assert (np.abs(found - Q).max(axis=0) > 6).tolist() == [True, True, False]
+    starts = postures_at(hk.position(robot), robot.pose([0.4, 5.0, 0.5]))
+    assert (np.abs(starts - [0, 5.5, 0]) <= np.pi + 1e-12).all()
+    one_side = hk.from_dh([{"a": 1.0, "lower": -0.5}, {"a": 1.0}])
+    assert np.array_equal(unwound(one_side, np.array([[5.6, 7.0]])), [[5.6, 7.0 - 2 * np.pi]])
 
 
 def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
@@ -116,11 +196,11 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
         box=([0.45, 0.1, 0.4], [0.1, 0.2, 0.1]), rotation=task.robot.pose(PANDA_START)[:3, :3], tilt=0.2
     )
     T, law = space.poses(24), hk.holonomic(task, hk.lock(2))
-    rays = along_leaf(law, PANDA_START[None], T)
+    ends = along_leaf(law, PANDA_START[None], T)
     closely = hk.inverse(law, PANDA_START).batch(T)
-    assert rays.reached[0].sum() >= 22
-    both = rays.reached[0] & closely.reached
-    assert np.abs(rays.q[0][both] - closely.q[both]).max() < 1e-7
+    assert ends.reached[0].sum() >= 22
+    both = ends.reached[0] & closely.reached
+    assert np.abs(ends.q[0][both] - closely.q[both]).max() < 1e-7
     radial = along_radial(task, PANDA_START[None], T[:4])
     exact = hk.inverse(hk.radial(hk.moore_penrose(task), PANDA_START, steps=16), PANDA_START)
     assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
@@ -143,6 +223,18 @@ def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int
     if file != "talos_full_v2.urdf":
         assert found == tip
     assert not any(word in name for name in robot.joint_names for word in ("finger", "thumb", "leg", "head"))
+
+
+def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_not(advice: Advice) -> None:
+    chain = chain_of(urdf("pr2.urdf"))
+    assert (chain.base, chain.tip, chain.chosen) == ("base_footprint", "r_gripper_tool_frame", True)
+    assert chain.others == ("l_gripper_tool_frame",)
+    given = chain_of(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
+    assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
+    first = str(advice).splitlines()[0]
+    assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
+    with pytest.raises(ArgumentError, match="only URDF files"):
+        hk.advise(arm(), PLANE, base="world")
 
 
 def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -> None:
@@ -190,6 +282,7 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     ("words", "said"),
     [
         ("box 1 2", "HALF-HEIGHT"), ("ball 1 2 3", "'ball'"), ("sphere 0 0 0 1 tilt", "1 number after tilt"),
+        ("sphere 0 0 0 1 start", "give a start posture"), ("sphere 0 0 0 1 start 3", "no numbers after start"),
         ("box 0 0 0 1 1 1 box 0 0 0 1 1 1", "say box once"), ("sphere 0 0 0 nan", "'nan'"),
         ("missing.toml", "no such file"),
         ("missing.csv", "no such file"), ("box 0 0 0 0 0 0", "half sides"),
@@ -206,6 +299,8 @@ def test_a_workspace_in_words_is_the_one_in_python() -> None:
     assert np.array_equal(said.poses(8), meant.poses(8))
     turned = parse_workspace("sphere 0.5 0 0.3 0.2 rpy 180 0 90")
     assert turned.center[:3, 0] == pytest.approx([0, 1, 0], abs=1e-12)
+    R = turned.center[:3, :3]
+    assert np.array_equal(parse_workspace("sphere 0.5 0 0.3 0.2 start tilt 5", at_start=R).center[:3, :3], R)
     assert str(parse_workspace("cylinder 0 0 0.5 0.2 0.1")) == str(hk.workspace(cylinder=([0, 0, 0.5], 0.2, 0.1)))
 
 
@@ -214,6 +309,7 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
     outcome = holokin("advise", "planar-3r", "--workspace", "box 1.2 0.4 0.25 0.25", "--out", file)
     assert (outcome.code, outcome.err) == (0, "")
     assert "Take " in outcome.out and "holokin run" in outcome.out
+    assert "up to a minute" in outcome.out.splitlines()[0]
     assert file.with_suffix(".png").stat().st_size > 20_000
     name, job, path = open_job(str(file))
     result = run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
@@ -223,6 +319,7 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
     assert law.metrics["drift_total"] < 1e-9
     assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
+    assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "none" / "x.toml"), "none", "No such file")
     assert_refused(
         holokin("advise", "planar-3r", "--start", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks"
     )

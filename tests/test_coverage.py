@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
+from conftest import PANDA_START
 from holokin.designing import PoseStatus, coverage_slices, posture_reach
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
 from holokin.motion.reach import nearest_postures
@@ -121,6 +123,7 @@ def test_without_a_search_no_pose_is_called_out_of_reach_and_the_share_is_the_sa
     assert quick.share == covered.share
     assert quick.status.max() <= PoseStatus.STOPPED
     assert "any posture" not in quick.sentence
+    assert quick.turn == 0 and not quick.remark  # the task leaves the orientation free
 
 
 def test_a_reach_found_before_gives_the_same_causes(law: HolonomicStrategy, covered: hk.Coverage) -> None:
@@ -217,6 +220,21 @@ def test_a_leaf_of_a_panda_reaches_nearly_all_that_the_arm_does(panda: hk.Robot)
     for q, pose in zip(found.q[found.reached], found.poses[found.reached], strict=True):
         assert np.allclose(panda.pose(q), pose, atol=1e-8)
         panda.check_limits(q)
+
+
+def test_a_middle_orientation_far_from_the_tool_at_the_start_is_told(panda: hk.Robot, monkeypatch) -> None:
+    """A box round the tool at the start, its middle orientation turned by 2.5 rad: the wrist cannot follow."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # for four poses no compiler
+    law, at = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
+    R = at[:3, :3] @ Rotation.from_rotvec([0, 2.5, 0]).as_matrix()
+    turned = hk.workspace(sphere=(at[:3, 3], 0.02), rotation=R)
+    found = hk.coverage(law, PANDA_START, turned, samples=4, explain=False)
+    assert found.turn == pytest.approx(2.5)
+    assert not found.reached.all()
+    assert str(found).endswith(found.remark) and "is 143 degrees from the tool at the start" in found.remark
+    like = hk.workspace(sphere=(at[:3, 3], 0.02), rotation=panda.pose(PANDA_START)[:3, :3])  # as it advises
+    near = hk.coverage(law, PANDA_START, like, samples=4, explain=False)
+    assert near.share == 1 and near.turn == pytest.approx(0, abs=1e-7) and not near.remark
 
 
 def test_an_arm_angle_at_zero_cannot_pass_where_its_upper_arm_is_upright(panda: hk.Robot, monkeypatch) -> None:

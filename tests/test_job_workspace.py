@@ -115,6 +115,18 @@ def test_a_workspace_table_that_is_wrong_is_refused_with_its_key(
     assert_refused(holokin("run", job(tmp_path, workspace=f"[workspace]\n{table}"), "--out", out), *words)
 
 
+def test_an_expected_share_that_no_job_can_show_says_why(tmp_path: Path, holokin: Command, out: Path) -> None:
+    expect = "[expect.lock]\ncoverage = { above = 0.5 }\n"
+    assert_refused(holokin("run", job(tmp_path, workspace="", expect=expect), "--out", out), "add a [workspace] table")
+    expect = "[expect.pseudo]\ncoverage = { above = 0.5 }\ncoverage_rcond = { above = 0.1 }\n"
+    few = PARTS["workspace"].replace("200", "8") + "slices = 0\n"
+    result = run_job(*open_job(str(job(tmp_path, expect=expect, workspace=few))))
+    checks = {check.metric: check for check in result.strategies[0].checks}
+    for key in ("coverage", "coverage_rcond"):
+        assert not checks[key].passed
+        assert checks[key].found.startswith("not known") and "has no leaves" in checks[key].found
+
+
 def test_the_example_shows_what_it_says_also_with_fewer_poses(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "examples" / "panda-workspace.toml").read_text("utf-8")
     assert "samples = 256" in text

@@ -219,7 +219,8 @@ def audit(
     bad input.
     """
     from .auditing import audit_recording
-    from .output.log_report import plot_log_audit, print_log_audit, save_log_audit
+    from .output.log_report import log_figure, print_log_audit, save_log_audit
+    from .output.plots import write_figure
     from .recording import read_recording
     from .robot import load
 
@@ -232,7 +233,7 @@ def audit(
     if json is not None:
         save_log_audit(found, json)
     if plot is not None:
-        plot_log_audit(found, plot)
+        write_figure(lambda: log_figure(found), plot)
     show_rich(lambda console: print_log_audit(found, console))
     raise typer.Exit(found.exit_code)
 
@@ -263,7 +264,8 @@ def advise(
     from rich.markup import escape
 
     from .job.advised import advise_command
-    from .output.advice_report import plot_advice, print_advice
+    from .output.advice_report import advice_figure, print_advice
+    from .output.plots import write_figure
 
     progress = Console(stderr=True)
     with progress.status("...") if progress.is_terminal else nullcontext() as status:
@@ -273,13 +275,21 @@ def advise(
             if status is not None:
                 status.update(escape(text))
 
-        found, write = advise_command(robot, workspace, tip, base, "position" if position else None, start, out, say)
+        def announce(text: str) -> None:
+            if status is not None:
+                status.stop()
+            show(text)
+            if status is not None:
+                status.start()
+
+        task = "position" if position else None
+        found, write = advise_command(robot, workspace, tip, base, task, start, out, say, announce)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job = write()
         picture = job.with_suffix(".png")
         say("drawing")
-        plot_advice(found, picture)
+        write_figure(lambda: advice_figure(found), picture)
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")
 
 

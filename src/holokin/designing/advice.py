@@ -13,6 +13,7 @@ from ..task import Task
 from ..types import Flags, Value, Vector
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
+from .tips import Chain
 
 EQUAL = 0.02
 """Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
@@ -123,11 +124,13 @@ class Part(Value):
 class Advice(Value):
     """Laws that fit a robot, compared on a workspace, the best first.
 
-    proposed: which of tip, task, start and workspace were not given but chosen. floor: the least mean squared joint
+    chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
+    floor: the least mean squared joint
     speed on the self-motions of the best laws, where the best one serves [rad^2/m^2]. coverage: of the best. reasons:
     sentences on the best. part: the largest part of the workspace that a law serves, where none serves the whole.
     """
 
+    chain: Chain
     task: Task
     workspace: Workspace
     proposed: tuple[str, ...]
@@ -149,12 +152,18 @@ class Advice(Value):
         return self.best.start
 
     def __str__(self) -> str:
-        return "\n".join([f"{self.task.name}: {self.workspace}", *self.reasons])
+        return "\n".join([self.subject, *self.reasons])
+
+    @property
+    def subject(self) -> str:
+        """What was asked about: the robot and its tip, the task, the workspace."""
+        return f"{self.chain}. Task: {self.task.name}. Workspace: {self.workspace}."
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
         return {
-            "robot": self.task.robot.name, "task": self.task.name, "workspace": str(self.workspace),
+            "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
+            "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
             "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
             "laws": [
                 {

@@ -13,31 +13,36 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, HolokinError, OutOfReachError
 from ..motion.reach import nearest_postures
-from ..robot import Robot, check_metres, load
+from ..robot import Robot, check_metres
 from ..strategies import moore_penrose, radial
 from ..task import Task, pose, position
 from ..types import Array, ArrayLike, Flags, Matrix, Vector
 from ..workspaces import PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
-from .advice import EQUAL, ROOM, Advice, Law, Part, ranked
+from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
 from .covered import Coverage, Reach
 from .covering import coverage
 from .designed_law import Design, design
+from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
 from .lower_bound import least_costs
 from .objectives import Objective, costs_of
 from .reasons import reasons
 from .served_part import largest_part
 from .starts import comfort, fitting_task, postures_at, regular_starts
-from .tips import choose_tip
+from .tips import chain_of
 from .trials import Poses, Trial, posed, tried
 
 POSES, SCREENED = 256, 4
 """Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
 
-BASES, DEGREE, DESIGNED = 2, 2, 128
-"""Laws that are designed over the best of the others; degree of their polynomials; poses they are made for."""
+DEGREE, DESIGNED = 2, 128
+"""Degree of the polynomials of laws that are designed, and poses that they are made for."""
+
+FASTER = 0.95
+"""Mean squared joint speed, over that of the law designed over the best, of one from another leaf, where both serve,
+from which on a law is designed over that one, too: designs over two laws from one start came out alike to 0.1 %."""
 
 GOALS = {
     "": {"objective": Objective(squared_speed=1.0), "limits": True},
@@ -49,14 +54,11 @@ a compromise between joint speed and distance to limits."""
 PARTS = 3
 """Laws whose part of the workspace is looked for where none serves the whole."""
 
+FAR = 2.0
+"""Margin of a designed law, over that which it was to keep at least, from which on limits have not held it."""
+
 FREE = 1e9
 """Distance from the middle of a joint's range, over half of it, that no joint gets to."""
-
-SUSPECTS = 3
-"""Joints, those that the law leads nearest to their limits, of which is asked what their limits cost."""
-
-NOTHING = 0.002
-"""Excess of the least speed within the joint limits over that without, up to which limits cost nothing."""
 
 SIDES = (0.15, 0.1, 0.07, 0.05)
 """Half sides of a workspace that is proposed, over the length of the arm: the first one nearly all in reach."""
@@ -102,9 +104,10 @@ def advise(
     """
     began = time.perf_counter()
     say("the robot")
-    arm, chosen = _robot(robot, tip, base)
+    chain = chain_of(robot, tip, base)
+    arm = chain.robot
     work = _task(arm, tip if isinstance(robot, Robot) else None, task)
-    words = {"tip": chosen is None, "task": task, "start": start, "workspace": workspace}
+    words = {"tip": not chain.chosen, "task": task, "start": start, "workspace": workspace}
     given = {word: value is not None and value is not False for word, value in words.items()}
     q0 = None if start is None else arm.checked(start, "the start posture")
     if q0 is not None:
@@ -118,8 +121,8 @@ def advise(
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
     return Advice(
-        work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]), found,
-        reasons(laws, found, part, case.limit_cost(laws[0])), part, time.perf_counter() - began,
+        chain, work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]),
+        found, reasons(laws, found, part, case.excess(laws)), part, time.perf_counter() - began,
     )  # fmt: skip
 
 
@@ -138,6 +141,8 @@ class _Case:
         self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
         self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
         self.poses = posed(task, T, self.Q, self.coordinates, self.costs)
+        self.trials: dict[str, Trial] = {}
+        self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
 
     def _starts(self, T: Array) -> Matrix:
@@ -164,6 +169,7 @@ class _Case:
             raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
         trials = ranked(trials)
         trials += self._designed(trials)
+        self.trials = {trial.candidate.name: trial for trial in trials}
         self.floor = self._floor(trials)
         laws = ranked(self._law(trial) for trial in trials)
         while laws[0].name not in self.checked:
@@ -173,31 +179,43 @@ class _Case:
         return tuple(laws)
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
-        """Laws designed over the best of the others."""
-        found: list[Trial] = []
+        """Laws designed over the best of the others, and over the one that is faster from elsewhere."""
         # derivatives of a cost's gradient make designs over stationary laws three times as slow
         plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
-        for trial in [t for t in plain if t.served.any()][: self._few(BASES)]:
-            law = trial.candidate
-            base = None if law.strategy is None else law.strategy.constraint
-            space = self.workspace if trial.served.all() else pose_cloud(self.poses.T[trial.served])
-            for words, goal in GOALS.items():
-                name = f"designed over {law.name}{words}"
-                self.say(name)
-                try:
-                    more = goal | {"base": base, "degree": DEGREE, "samples": DESIGNED}
-                    made = design(self.task, space, trial.start, margin=self._room if goal["limits"] else 0.0, **more)
-                except HolokinError:  # no law where there is none: the others stay
-                    continue
-                designed = Candidate(name, _keys(law, made), self.task, made.strategy)
-                found += tried(designed, made.start[None], self.poses)
-                if found[-1].coverage >= trial.coverage - EQUAL:
-                    break
+        plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
+        if not plain or not plain[0].served.any():
+            return []
+        found = self._designed_over(plain[0])
+        best = ranked(found or plain[:1])[0]
+        gains = {i: _gain(t, best) for i, t in enumerate(plain[1:], 1)}
+        if gains and min(gains.values()) < FASTER:
+            found += self._designed_over(plain[min(gains, key=lambda i: gains[i])])
         return found
 
-    def _few(self, count: int) -> int:
-        """So many, or one with several redundant joints, where designs and bounds take five times as long."""
-        return count if self.task.n - self.task.m == 1 else 1
+    def _designed_over(self, trial: Trial) -> list[Trial]:
+        """Laws designed over one, on its leaf, until one covers as much."""
+        law, found = trial.candidate, []
+        for words, goal in GOALS.items():
+            name = f"designed over {law.name}{words}"
+            self.say(name)
+            try:
+                made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
+            except HolokinError:  # no law where there is none: the others stay
+                continue
+            designed = Candidate(name, _keys(law, made), self.task, made.strategy)
+            self.made[name] = made
+            found += tried(designed, made.start[None], self.poses)
+            if found[-1].coverage >= trial.coverage - EQUAL:
+                break
+        return found
+
+    def _design(self, trial: Trial, **goal: Any) -> Design:
+        """A design over a law, for the poses that it serves; where these are few, for all that any posture reaches."""
+        base = None if trial.candidate.strategy is None else trial.candidate.strategy.constraint
+        within = self.reach.within
+        which = within if trial.coverage < within.mean() - EQUAL else trial.served
+        space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
+        return design(self.task, space, trial.start, base=base, degree=DEGREE, samples=DESIGNED, **goal)
 
     @property
     def _room(self) -> float:
@@ -205,34 +223,35 @@ class _Case:
         return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
 
     def _floor(self, trials: list[Trial]) -> Vector:
-        """The least squared joint speed (k,) on the self-motions that the best laws use."""
-        say_least = np.full(len(self.poses), np.nan)
-        for trial in ranked(trials)[:BASES]:
-            values = self.least(trial.q, trial.served, np.full(self.task.n, FREE))
-            say_least = np.fmin(say_least, values)
-        return say_least
-
-    def least(self, Q: Matrix, which: Flags, allowed: Vector) -> Vector:
-        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others.
-
-        Args:
-            allowed: distance from the middle of its range over half of that, up to which a joint may go (n,).
+        """The least squared joint speed (k,) on the self-motions of the best law, and of the designed ones that are
+        faster; with several redundant joints the search does better from those of two laws.
         """
-        T, found = self.poses.T[which], np.full(len(self.poses), np.nan)
-        p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
-        if which.any():
-            least = least_costs(self.coordinates, self.costs, Q[which], p, R, allowed)
-            found[which] = least.squared_speed
+        best, *others = ranked(trials)
+        found = self.least(best.q, best.reached)
+        faster = [t for t in others if t.candidate.name in self.made and _gain(t, best) < 1]
+        for trial in faster if self.task.n - self.task.m == 1 else others[:1]:
+            found = np.fmin(found, self.least(trial.q, trial.reached))
         return found
+
+    def least(self, Q: Matrix, which: Flags) -> Vector:
+        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others."""
+        found, free = np.full(len(self.poses), np.nan), np.full(self.task.n, FREE)
+        if which.any():
+            p, R = self._targets(which)
+            known = least_costs(self.coordinates, self.costs, Q[which], p, R, free)
+            found[which] = known.squared_speed
+        return found
+
+    def _targets(self, which: Flags) -> tuple[Matrix, Array]:
+        T = self.poses.T[which]
+        return np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
 
     def _law(self, trial: Trial) -> Law:
         c, robot = trial.candidate, self.task.robot
         strategy = c.strategy or radial(moore_penrose(self.task), trial.start)
-        known = trial.served & np.isfinite(self.floor)
-        ratio = float(trial.speed[known].mean() / self.floor[known].mean()) if known.any() else np.nan
         return Law(
             c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.easy, trial.margin,
-            robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio,
+            robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio(trial, self.floor),
         )  # fmt: skip
 
     def _looked_at(self, law: Law) -> Law:
@@ -248,31 +267,36 @@ class _Case:
         """The mean of the floor where a law serves."""
         return float(np.nanmean(self.floor[law.served]))
 
-    def limit_cost(self, law: Law) -> tuple[float, str, float] | None:
-        """(least mean squared speed within the joint limits over the floor, the joint whose limits cost most, the same
-        without its limits), where limits cost anything.
-        """
-        Q, which = self.checked[law.name].q, law.served & np.isfinite(self.floor)
-        if not which.any():
+    def excess(self, laws: tuple[Law, ...]) -> Excess | None:
+        """Why the best law is above the least joint speed; None where it is close to it."""
+        best = self.trials[laws[0].name]
+        which = best.served & np.isfinite(self.floor)
+        if not which.any() or laws[0].speed <= 1 + CLOSE:
             return None
-        floor = float(self.floor[which].mean())
+        near = least_near(self.coordinates, self.costs, best.q[which], *self._targets(which))
+        near = float(np.minimum(near, best.speed[which]).mean() / self.floor[which].mean())
+        others = [trial for name, trial in self.trials.items() if name != laws[0].name]
+        rival = rival_of(best, others, self.floor, self.reach.within)
+        return Excess(near, self.task.n - self.task.m == 1, self._free(laws[0]), rival)
 
-        def least(allowed: Vector) -> float:
-            values = self.least(Q, which, allowed)[which]
-            return float(np.mean(np.maximum(values, self.floor[which]))) / floor
-
-        limited = np.isfinite(self.costs.half)
-        within = np.where(limited, 1.0, FREE)
-        whole = least(within)
-        if not whole > 1 + NOTHING:
+    def _free(self, law: Law) -> Free | None:
+        """The best law designed without the limits; None where it keeps away from them, or none is found."""
+        made = self.made.get(law.name)
+        if made is not None and law.margin > FAR * ROOM:
             return None
-        near = np.argsort(np.quantile(np.abs(Q[which] - self.costs.middle) / self.costs.half, 0.9, axis=0))[::-1]
-        freed = {
-            self.task.robot.joint_names[j]: least(np.where(np.arange(self.task.n) == j, FREE, within))
-            for j in near[: self._few(SUSPECTS)]
-        }
-        joint = min(freed, key=lambda name: freed[name])
-        return whole, joint, freed[joint]
+        self.say(f"{law.name}, joint limits aside")
+        trial = self.trials[law.name]
+        if made is not None:
+            trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
+        elif trial.candidate.kind == "stationary":  # over these a design is slow
+            return None
+        try:
+            made = self._design(trial, limits=False)
+        except HolokinError:
+            return None
+        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.start[None], self.poses)
+        which = free[0].reached & np.isfinite(self.floor)
+        return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
 
     def part(self, laws: tuple[Law, ...]) -> Part | None:
         """The largest part of the workspace that one of the best laws serves."""
@@ -291,16 +315,6 @@ class _Case:
             if found is not None and (best is None or found[0] > best.share):
                 best = Part(law, *found)
         return best
-
-
-def _robot(robot: Robot | str | Path, tip: str | None, base: str | None) -> tuple[Robot, str | None]:
-    """The robot, and its tip where that was chosen here."""
-    if isinstance(robot, Robot):
-        return robot, None
-    if Path(robot).suffix.lower() != ".urdf" or tip is not None:
-        return load(robot, tip=tip, base=base), None
-    chosen = choose_tip(robot, base)
-    return load(robot, tip=chosen, base=base), chosen
 
 
 def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
@@ -367,6 +381,12 @@ def _keys(law: Candidate, made: Design) -> dict[str, Any]:
         "middle": u.middle.tolist(), "scale": u.scale.tolist(),
         "coefficients": made.polynomial.coefficients.tolist(),
     }  # fmt: skip
+
+
+def _gain(trial: Trial, best: Trial) -> float:
+    """The mean squared joint speed of a law over that of the best one, where both serve; infinite where they do not."""
+    both = trial.served & best.served
+    return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
 
 
 def _there(candidate: Candidate) -> Candidate:

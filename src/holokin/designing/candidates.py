@@ -85,7 +85,7 @@ def candidates(task: Task, starts: Matrix) -> list[Candidate]:
     return [c for c in found if _fixes(c, starts, bases)] + [Candidate("radial", {"kind": "radial"}, task)]
 
 
-Law = tuple[str, Mapping[str, Any], Constraint]
+Named = tuple[str, Mapping[str, Any], Constraint]
 
 
 def _candidate(
@@ -104,7 +104,7 @@ def _locks(task: Task, bases: list[Matrix]) -> Iterator[Candidate]:
         yield _candidate(task, f"lock {', '.join(joints)}", {"kind": "lock", "joints": joints}, lock(*joints))
 
 
-def _pairs(task: Task, starts: Matrix, trunk: list[int]) -> Iterator[Law]:
+def _pairs(task: Task, starts: Matrix, trunk: list[int]) -> Iterator[Named]:
     """Differences or sums of two parallel hinges, whichever fixes the self-motion better."""
     names, n = task.robot.joint_names, task.n
     free = [i for i in range(n) if i not in trunk]
@@ -140,7 +140,7 @@ def _parallel(task: Task, among: list[int]) -> Iterator[tuple[int, int]]:
             yield i, j
 
 
-def _arms(task: Task) -> Iterator[Law]:
+def _arms(task: Task) -> Iterator[Named]:
     """The arm angle by both definitions, and the height of the elbow."""
     try:
         elbow = find_arm(task).elbow

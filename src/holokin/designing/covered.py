@@ -17,6 +17,10 @@ from ..files import replacing
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..workspaces import Workspace
 
+FAR_TURN = np.pi / 2
+"""Turn [rad] from the tool at the start to the workspace's middle orientation from which on it is told: so far, wrists
+use up most of their ranges."""
+
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of the pose in a file of coverage."""
 
@@ -64,6 +68,7 @@ class Coverage(Value):
     """What one leaf reaches of some tool poses (k, 4, 4).
 
     start, tool: the posture in which the robot begins (n,), and the tool pose there (4, 4).
+    turn: from the tool there to the middle orientation of the workspace [rad]; 0 where the task leaves it free.
     status: a `PoseStatus` for each (k,).
     q: the leaf's posture (k, n), also where it is beyond a limit; a row of NaN where the leaf has none.
     last: where its way ended (k, n).
@@ -81,6 +86,7 @@ class Coverage(Value):
     upper: Vector
     start: Vector
     tool: Matrix
+    turn: float
     poses: Array
     status: Indices
     q: Matrix
@@ -163,10 +169,20 @@ class Coverage(Value):
             said += f"; {self.joint_names[j]} comes to {self.margin[i]:.2g} {self.joint_units[j]} from its limit"
         return said
 
+    @property
+    def remark(self) -> str:
+        """A sentence on the middle orientation where that may be why poses are not reached; else empty."""
+        if self.turn < FAR_TURN or self.reached.all():
+            return ""
+        return (
+            f"The workspace's middle orientation is {np.degrees(self.turn):.0f} degrees from the tool at the start; "
+            'rotation=robot.pose(q0)[:3, :3], in a job rotation = "start", takes that of the start.'
+        )
+
     def __str__(self) -> str:
         width = len(str(len(self)))
         lines = [f"  {k:{width}d} ({k / len(self):5.1%})  {cause}" for cause, k in self.causes()]
-        return "\n".join([brief(self.sentence, 1600), *lines])
+        return "\n".join([brief(self.sentence, 1600), *lines, *filter(None, [self.remark])])
 
     @typed
     def save(self, path: str | Path) -> None:
@@ -194,5 +210,5 @@ class Coverage(Value):
             "name": self.name, "workspace": str(self.workspace), "poses": len(self), "share": self.share,
             "reachable": self.reachable if self.explained else None,
             "rcond": float(self.rcond[r].min()) if r.any() else None,
-            "causes": dict(self.causes()),
+            "causes": dict(self.causes()), "turn": self.turn, "remark": self.remark,
         }  # fmt: skip

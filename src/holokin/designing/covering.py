@@ -15,7 +15,7 @@ from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Indices, Matrix, Vector
-from ..workspaces import Workspace
+from ..workspaces import PoseRange, Workspace
 from .covered import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024
@@ -69,18 +69,13 @@ def coverage(
     start = robot.checked(q0, "the start posture")
     if limits:
         robot.check_limits(start)
-    ik = inverse(strategy, start)
     count = samples if samples is not None else workspace.size or SAMPLES
     poses = workspace.poses(count, seed)
     check_metres(robot, poses, task.tip)
+    if reach is not None and len(reach.within) != len(poses):
+        raise ShapeError("the reach", (len(poses),), reach.within.shape, "give that of the same poses")
     _check_planar(task, start, poses)
-    q, last, found = np.empty((len(poses), task.n)), np.empty((len(poses), task.n)), np.empty(len(poses), dtype=int)
-    with progress(f"coverage: {strategy.name}", len(poses)) as report:
-        for first in range(0, len(poses), PIECE):
-            some = slice(first, first + PIECE)
-            solutions = ik.batch(poses[some])
-            q[some], last[some], found[some] = solutions.q, solutions.last, solutions.status
-            report(first + len(solutions.status))
+    q, last, found = _gone_to(strategy, start, poses)
     on_leaf = found == InverseStatus.REACHED
     rcond, margins = np.full(len(poses), np.nan), np.full(q.shape, np.nan)
     if on_leaf.any():
@@ -94,19 +89,38 @@ def coverage(
     if explain:
         rest = np.flatnonzero(status != PoseStatus.REACHED)
         if reach is None:
-            near = np.where(np.isfinite(last[rest]), last[rest], start)
-            known = _search(task, poses[rest], near, limits)
-        elif len(reach.within) != len(poses):
-            raise ShapeError("the reach", (len(poses),), reach.within.shape, "give that of the same poses")
+            known = _search(task, poses[rest], np.where(np.isfinite(last[rest]), last[rest], start), limits)
         else:
             known = Reach(reach.anyhow[rest], reach.within[rest])
         status[rest[~(known.within if limits else known.anyhow)]] = PoseStatus.BEYOND_LIMITS
         status[rest[~known.anyhow & ~on_leaf[rest]]] = PoseStatus.OUT_OF_REACH
-    units = tuple("rad" if hinge else "m" for hinge in robot.hinges)
+    tool, units = robot.pose(start, task.tip), tuple("rad" if hinge else "m" for hinge in robot.hinges)
     return Coverage(
-        strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start,
-        robot.pose(start, task.tip), poses, status, q, last, rcond, margins, limits, explain,
+        strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start, tool,
+        _turn(task, tool, workspace), poses, status, q, last, rcond, margins, limits, explain,
     )  # fmt: skip
+
+
+def _gone_to(strategy: HolonomicStrategy, start: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
+    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its ways end (k, n), statuses."""
+    ik, n = inverse(strategy, start), strategy.task.n
+    q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
+    with progress(f"coverage: {strategy.name}", len(poses)) as report:
+        for first in range(0, len(poses), PIECE):
+            some = slice(first, first + PIECE)
+            solutions = ik.batch(poses[some])
+            q[some], last[some], found[some] = solutions.q, solutions.last, solutions.status
+            report(first + len(solutions.status))
+    return q, last, found
+
+
+def _turn(task: Task, tool: Matrix, workspace: Workspace) -> float:
+    """From a tool pose to the middle orientation [rad]; 0 for given poses, and where the task leaves it free."""
+    from scipy.spatial.transform import Rotation
+
+    if not isinstance(workspace, PoseRange) or all(row < 3 for row in task.rows):
+        return 0.0
+    return float(Rotation.from_matrix(workspace.rotation @ tool[:3, :3].T).magnitude())
 
 
 @typed

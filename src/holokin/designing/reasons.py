@@ -8,11 +8,13 @@ import numpy as np
 
 from .advice import CLOSE, EASY, EQUAL, Law, Part
 from .covered import Coverage
+from .excess import NEAR, Beyond, Excess, Free, Rival
+
+MOST = 3
+"""Limits that are named in one sentence."""
 
 
-def reasons(
-    laws: Sequence[Law], found: Coverage, part: Part | None, limits: tuple[float, str, float] | None
-) -> tuple[str, ...]:
+def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Excess | None) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
     best = laws[0]
     said = [f"Take {best.name}: {best.sentence}."]
@@ -20,7 +22,7 @@ def reasons(
         said.append(_next(best, laws[1]))
     if not best.served.all():
         said.append(_not_served(found, part, best))
-    said.append(_speed(best, limits))
+    said += _speed(best, excess)
     return tuple(said)
 
 
@@ -46,15 +48,57 @@ def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
     return f"{said} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
 
 
-def _speed(best: Law, limits: tuple[float, str, float] | None) -> str:
+def _speed(best: Law, excess: Excess | None) -> list[str]:
     """What keeps its joint speed above the least."""
     if not np.isfinite(best.speed):
-        return "Its joint speed was not compared."
-    if best.speed <= 1 + CLOSE:
-        return f"No law on its self-motions can have less than {1 / best.speed:.1%} of its mean squared joint speed."
-    rest = "the rest is what one law for all poses needs, as far as those tried tell"
-    if limits is not None:
-        whole, joint, freed = limits
-        said = f"On these self-motions no law within the joint limits comes closer to the least than {whole - 1:.1%}"
-        return f"{said}; without those of {joint} it would be {freed - 1:.1%}; {rest}."
-    return f"No joint limit costs it speed: the {best.speed - 1:.1%} are {rest.removeprefix('the rest is ')}."
+        return ["Its joint speed was not compared."]
+    if excess is None:
+        return [f"No law on its self-motions can have less than {1 / best.speed:.1%} of its mean squared joint speed."]
+    said = [_limits(best, excess.free)]
+    if excess.free is not None and excess.free.speed <= 1 + CLOSE:
+        return said
+    if excess.near > 1 + CLOSE:
+        said.append(f"The least lies at other postures of the same tool poses: {_near(excess)}.")
+    if excess.rival is not None:
+        said.append(_rival(excess.rival))
+    elif excess.near > 1 + CLOSE:
+        said.append("Of the laws that were tried none comes closer, also of those that serve less.")
+    if best.speed > excess.near + CLOSE:
+        said.append("The rest is what one smooth law for all poses needs, as far as those tried tell.")
+    return said
+
+
+def _near(excess: Excess) -> str:
+    """How close to the least a law near the postures of the best may come."""
+    which = f"this one's postures ({NEAR:g} rad of self-motion)"
+    if excess.traced:
+        return f"no law within the joint limits that stays near {which} comes closer to it than {excess.near - 1:.1%}"
+    return f"a search within the joint limits near {which} came no closer to it than {excess.near - 1:.1%}"
+
+
+def _limits(best: Law, free: Free | None) -> str:
+    """What the joint limits near its postures cost."""
+    if free is None:
+        return "Joint limits near its postures are not the reason: it keeps away from them."
+    above, beyond = f"{free.speed - 1:.1%} above it", _beyond(free.beyond, f" of {free.poses}")
+    if free.speed <= 1 + CLOSE:
+        return f"Joint limits keep it from the least: designed without them it is {above}, but {beyond}."
+    if free.speed < best.speed - CLOSE / 2 and free.beyond:
+        return f"Joint limits have a part in this: designed without them it is {above}, but {beyond}."
+    return f"Joint limits near its postures are not the reason: designed without them it is {above}."
+
+
+def _rival(rival: Rival) -> str:
+    """What keeps a law that is closer to the least from being the best."""
+    why = [_beyond(rival.beyond)] if rival.beyond else []
+    why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
+    return (
+        f"Closer to it comes {rival.name}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
+        f"{rival.coverage:.1%}: {' and '.join(why) or 'it comes too near to limits or singular postures'}."
+    )
+
+
+def _beyond(beyond: Beyond, of: str = "") -> str:
+    """Which limits are exceeded, and at how many poses; the three that are most often."""
+    said = [f"{joint} is beyond its {side} limit at {count}" for joint, side, count in beyond[:MOST]]
+    return f"{', '.join(said)}{of} poses" if said else "within its limits all the same"

@@ -52,7 +52,7 @@ def regular_starts(task: Task) -> Matrix:
     robot = task.robot
     lower, upper = allowed(robot)
     shares = np.random.default_rng(0).uniform((1 - SHARE) / 2, (1 + SHARE) / 2, (POSTURES, robot.n))
-    Q = np.round(lower + shares * (upper - lower), 2)
+    Q = np.round(unwound(robot, lower + shares * (upper - lower)), 2)
     Q = Q[inside(robot, Q)]
     return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
 
@@ -62,7 +62,7 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     are none. The most comfortable is the first.
 
     Searched for from random postures, so that they are of all branches and all over the self-motions, and moved from
-    there by self-motion towards the middle of the joints' ranges.
+    there by self-motion towards the middle of the joints' ranges. No hinge has a whole turn too many.
     """
     p, R = pose[:3, 3], pose[:3, :3]
     lower, upper = allowed(task.robot)
@@ -70,7 +70,7 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
         return np.zeros((0, task.n))
     found = nearest_postures(task, np.tile(p, (SEEDS, 1)), np.tile(R, (SEEDS, 1, 1)), near, limits=True)
-    Q = _centred(task, found.q[found.reached], p, R)
+    Q = unwound(task.robot, _centred(task, found.q[found.reached], p, R))
     Q = Q[inside(task.robot, Q)]
     values = np.array([comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
@@ -113,6 +113,24 @@ def allowed(robot: Robot) -> tuple[Vector, Vector]:
     lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-FREE, robot.upper - 2 * FREE))
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(FREE, robot.lower + 2 * FREE))
     return lower, upper
+
+
+def unwound(robot: Robot, Q: Matrix) -> Matrix:
+    """The same postures (k, n) with every hinge turned back by whole turns, as near to the middle of its range as that
+    brings it; left as it is where the limits do not allow this.
+    """
+    lower, upper = allowed(robot)
+    turns = np.where(_returns(robot), np.round((Q - (lower + upper) / 2) / (2 * np.pi)), 0.0)
+    found = Q - 2 * np.pi * turns
+    return np.where((robot.lower <= found) & (found <= robot.upper), found, Q)
+
+
+def _returns(robot: Robot) -> Flags:
+    """Which coordinates (n,) bring the robot back to where it was by a whole turn: angles without a broken gear."""
+    whole = robot.hinges.copy()
+    for joint in robot.joints:
+        whole[joint.coordinate] &= float(joint.multiplier).is_integer()
+    return whole
 
 
 def inside(robot: Robot, Q: Matrix) -> Flags:

@@ -1,13 +1,15 @@
-"""The link of a URDF that is its tool: the palm at the end of its longest arm."""
+"""The chain of a robot that is asked about: of a URDF that to the palm at the end of its longest arm."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..arguments import typed
-from ..errors import RobotFileError
-from ..robot import urdf_links
+from ..errors import ArgumentError, RobotFileError
+from ..robot import Robot, load, urdf_links, urdf_root
+from ..types import Value
 
 WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
 """Parts of names that links for tools have, the plainest first."""
@@ -18,32 +20,83 @@ ARM = 4
 JAW = ("finger", "jaw", "gripper", "thumb")
 """Parts of names that joints of grippers have: such a joint at the end of a chain does not move the tool."""
 
-Chains = Mapping[str, tuple[str, ...]]
+
+@dataclass(frozen=True, eq=False)
+class Chain(Value):
+    """A robot, and of a URDF the link that stands still, its tool, and the links that might have been the tool instead.
+
+    chosen: whether the tool was not given but chosen here.
+    """
+
+    robot: Robot
+    base: str | None
+    tip: str
+    others: tuple[str, ...]
+    chosen: bool
+
+    def __str__(self) -> str:
+        n, names = self.robot.n, self.robot.joint_names
+        said = f"{self.robot.name}: {n} joint{'s' * (n > 1)}, {names[0]} to {names[-1]}"
+        said += f", from {self.base} to the tip {self.tip}" if self.base else f", tip {self.tip}"
+        return said + (f" (other tips: {', '.join(self.others)})" if self.others else "")
 
 
 @typed
-def choose_tip(path: str | Path, base: str | None = None) -> str:
-    """The link that is the tool of a URDF that nobody has seen before.
+def chain_of(robot: Robot | str | Path, tip: str | None = None, base: str | None = None) -> Chain:
+    """A robot, a name of the catalogue or a file as a chain; the tip of a URDF is `choose_tip`'s where none is given.
 
-    Fingers do not count: the chain ends where the tree branches into them, that is behind at least 4 joints, and into
-    chains no longer than the one before; or before a last joint named like a gripper's. Of the chains that are left
-    it is the longest, the first one in the file; of the links that move with its end it is the one whose name says
-    so ("tcp", "tool", ...), the last one of several.
+    Raises:
+        As `choose_tip` and `load`. ArgumentError: a base for a robot that is loaded already.
+    """
+    if isinstance(robot, Robot):
+        if base is not None:
+            raise ArgumentError("the base", base, "only URDF files take one: give the file, or load the robot with it")
+        return Chain(robot, None, tip or robot.tips[0].name, (), False)
+    if Path(robot).suffix.lower() != ".urdf":
+        found = load(robot, tip=tip, base=base)
+        return Chain(found, None, found.tips[0].name, (), False)
+    tips = arm_tips(robot, base)
+    chosen = tip if tip is not None else tips[0]
+    found = load(robot, tip=chosen, base=base)
+    return Chain(found, base or urdf_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
+
+
+def choose_tip(path: str | Path, base: str | None = None) -> str:
+    """The link that is the tool of a URDF that nobody has seen before: the first one of `arm_tips`.
+
+    Raises:
+        RobotFileError: no link moves. As `urdf_links`.
+    """
+    return arm_tips(path, base)[0]
+
+
+@typed
+def arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
+    """The links of a URDF that may be tools, one for each arm, that of the longest arm first.
+
+    Fingers do not count: a chain ends where the tree branches into them, that is behind at least 4 joints, and into
+    chains no longer than the one before; or before a last joint named like a gripper's. Of chains as long as each
+    other the first one in the file comes first; of the links that move with its end that one is the tool whose name
+    says so ("tcp", "tool", ...), the last one of several.
 
     Raises:
         RobotFileError: no link moves. As `urdf_links`.
     """
     chains = urdf_links(path, base)
-    ends = [_palm(chain, chains) for chain in chains.values()]
-    most = max(map(len, ends), default=0)
+    ends = {link: _palm(chain, chains) for link, chain in chains.items()}
+    most = max(map(len, ends.values()), default=0)
     if most == 0:
         raise RobotFileError(path, "has no joint that moves", "give a URDF of an arm")
-    end = next(chain for chain in ends if len(chain) == most)
-    links = [link for link, chain in chains.items() if chain == end]
-    return min(reversed(links), key=_rank)
+    inner = {chain[:k] for chain in ends.values() for k in range(len(chain))}
+    arms = [end for end in dict.fromkeys(ends.values()) if end not in inner and len(end) >= min(ARM, most)]
+    found: list[str] = []
+    for end in sorted(arms, key=len, reverse=True):
+        links = [link for link, chain in chains.items() if chain == end]
+        found.append(min(reversed(links), key=_rank))
+    return tuple(found)
 
 
-def _palm(chain: tuple[str, ...], chains: Chains) -> tuple[str, ...]:
+def _palm(chain: tuple[str, ...], chains: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
     """A chain of joints without those of fingers."""
     while len(chain) > ARM and any(word in chain[-1].lower() for word in JAW):
         chain = chain[:-1]

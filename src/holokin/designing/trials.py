@@ -13,9 +13,9 @@ from ..types import Array, Flags, Indices, Matrix, Value, Vector
 from .advice import REGULAR, ROOM
 from .candidates import Candidate
 from .coordinates import Coordinates
+from .line_ends import LineEnds, along_leaf, along_radial
 from .lower_bound import least_slopes
 from .objectives import Costs
-from .rays import Rays, along_leaf, along_radial
 from .starts import inside
 
 DIFFERENCE = 1e-4
@@ -60,9 +60,9 @@ def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Cost
 class Trial(Value):
     """A candidate on the leaf through a start, at k poses.
 
-    q: postures (k, n) where its lines end. served: poses (k,) that it reaches within the joint limits. speed: squared
-    joint speed (k,), NaN where it is not served. rcond: of [J; J_g] there (k,); NaN for radial, whose leaves end only
-    where J is singular.
+    q: postures (k, n) where its lines end. reached: poses (k,) that they lead to; served: those within the joint
+    limits. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there (k,); NaN for radial,
+    whose leaves end only where J is singular.
     """
 
     candidate: Candidate
@@ -121,28 +121,28 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
     if not len(starts):
         return []
     if candidate.strategy is None:
-        rays = along_radial(task, starts, poses.T)
-        speed, rcond = _radial_speeds(task, starts, poses), np.full(rays.share.shape, np.nan)
+        ends = along_radial(task, starts, poses.T)
+        speed, rcond = _radial_speeds(task, starts, poses), np.full(ends.share.shape, np.nan)
     else:
-        rays = along_leaf(candidate.strategy, starts, poses.T)
-        G, rcond, _ = candidate.strategy.gain.batch(rays.q.reshape(-1, task.n))
-        speed, rcond = poses.squared_speed(G.reshape(*rays.q.shape, task.m)), rcond.reshape(rays.share.shape)
-    return [_trial(candidate, q0, rays, i, speed[i], rcond[i]) for i, q0 in enumerate(starts)]
+        ends = along_leaf(candidate.strategy, starts, poses.T)
+        G, rcond, _ = candidate.strategy.gain.batch(ends.q.reshape(-1, task.n))
+        speed, rcond = poses.squared_speed(G.reshape(*ends.q.shape, task.m)), rcond.reshape(ends.share.shape)
+    return [_trial(candidate, q0, ends, i, speed[i], rcond[i]) for i, q0 in enumerate(starts)]
 
 
-def _trial(candidate: Candidate, start: Vector, rays: Rays, i: int, speed: Vector, rcond: Vector) -> Trial:
-    q, reached = rays.q[i], rays.reached[i]
+def _trial(candidate: Candidate, start: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector) -> Trial:
+    q, reached = ends.q[i], ends.reached[i]
     served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
-    return Trial(candidate, start, q, reached, served, np.where(served, speed, np.nan), rcond)
+    return Trial(candidate, start, q, reached, served, np.where(reached, speed, np.nan), rcond)
 
 
 def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:
     """Those starts, moved by self-motion to the leaf of a level, that get there within the joint limits."""
     moved = []
     for q in starts:
-        rays = along_leaf(strategy, q[None], task.robot.pose(q, task.tip)[None], np.full(task.n - task.m, level))
-        if rays.reached[0, 0] and inside(task.robot, rays.q[0])[0]:
-            moved.append(rays.q[0, 0])
+        ends = along_leaf(strategy, q[None], task.robot.pose(q, task.tip)[None], np.full(task.n - task.m, level))
+        if ends.reached[0, 0] and inside(task.robot, ends.q[0])[0]:
+            moved.append(ends.q[0, 0])
     return np.array(moved).reshape(-1, task.n)
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..designing import Advice, advise, choose_tip
+from ..designing import Advice, advise
+from ..designing.tips import chain_of
 from ..errors import ArgumentError, HolokinError
-from ..robot import load
 from ..task import Task
 from ..workspaces import PoseRange, Workspace
 from .runner import run_job
@@ -29,28 +29,30 @@ LARGEST = 0.1
 SMALLER = 3
 """Times that the circle is made smaller, by half each, until the law and the pseudo-inverse follow it to its end."""
 
+DURATION = "up to a minute, with several redundant joints two"
+"""What an advice takes on two cores that do nothing else: 17 to 59 s of processor time on five arms, and compilers."""
+
 SAMPLES, CYCLES = 100, 2
 """Of the circle."""
 
 
 def write_advice(
-    path: FilePath, advice: Advice, robot: str, *, tip: str | None = None, base: str | None = None,
-    poses: str | None = None,
+    path: FilePath, advice: Advice, robot: str, *, base: str | None = None, poses: str | None = None
 ) -> None:  # fmt: skip
     """Write a job of the best law of an advice, beside the pseudo-inverse, to a new file.
 
     Both are followed round a circle in the workspace before it is written; what must stay true of the law is expected.
 
     Args:
-        robot: a name of the catalogue, or a file. tip, base: as of `load`. poses: the CSV file of the workspace, if it
-            is of given poses.
+        robot: a name of the catalogue, or a file. base: as of `load`. poses: the CSV file of the workspace, if it is
+            of given poses.
 
     Raises:
         JobError: the file exists, or is no .toml. ArgumentError: no circle was found. WriteError.
     """
     check_new(path)
     for radius in _radii(advice.workspace):
-        text = _text(path, advice, robot, tip, base, poses, radius)
+        text = _text(path, advice, robot, base, poses, radius)
         if _runs(text, path):
             write_new(path, text)
             return
@@ -59,25 +61,30 @@ def write_advice(
 
 def advise_command(
     robot: str, workspace: str | None, tip: str | None, base: str | None, task: str | None, start: str | None,
-    out: FilePath | None, say: Callable[[str], None],
+    out: FilePath | None, say: Callable[[str], None], announce: Callable[[str], None],
 ) -> tuple[Advice, Callable[[], FilePath]]:  # fmt: skip
     """What `holokin advise` does: (advice, what writes its job and returns the file).
 
+    Args:
+        say: hears what is going on. announce: hears, before the work begins, what is looked at and how long that takes.
+
     Raises:
-        JobError: the file exists; said before anything is looked at. As `advise`, `load` and `parse_workspace`.
+        JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`,
+        `load` and `parse_workspace`.
     """
-    if FilePath(robot).suffix.lower() == ".urdf" and tip is None:
-        tip = choose_tip(robot, base)
-    arm = load(robot, tip=tip, base=base)
     path = out or FilePath(f"advice-{FilePath(robot).stem}.toml")
     check_new(path)
-    space = None if workspace is None else parse_workspace(workspace, planar=arm.planar)
+    chain = chain_of(robot, tip, base)
+    q0 = None if start is None else chain.robot.checked(_posture(start), "the start posture")
     poses = workspace if workspace is not None and workspace.lower().endswith(".csv") else None
-    q0 = None if start is None else _posture(start)
-    found = advise(arm, space, task=task, start=q0, say=say)  # type: ignore[arg-type]
+    at_start = None if q0 is None else chain.robot.pose(q0)[:3, :3]
+    planar = chain.robot.planar
+    space = None if workspace is None else parse_workspace(workspace, planar=planar, at_start=at_start)
+    announce(f"{chain}. This takes {DURATION}.")
+    found = advise(robot, space, tip=tip, base=base, task=task, start=q0, say=say)  # type: ignore[arg-type]
 
     def write() -> FilePath:
-        write_advice(path, found, robot, tip=tip, base=base, poses=poses)
+        write_advice(path, found, robot, base=base, poses=poses)
         return path
 
     return found, write
@@ -91,13 +98,13 @@ def _posture(text: str) -> list[float]:
         raise ArgumentError("the start posture", text, "give numbers with blanks between them, in rad and m") from None
 
 
-def _text(
-    path: FilePath, advice: Advice, robot: str, tip: str | None, base: str | None, poses: str | None, radius: float
-) -> str:
+def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: str | None, radius: float) -> str:
     law, task = advice.best, advice.task
     inward = -radius if task.robot.pose(law.start, task.tip)[0, 3] > 0 else radius
     name = robot if not FilePath(robot).suffix else robot_name(robot, path)
-    chosen = {"name": name} | ({"tip": tip} if tip else {}) | ({"base": base} if base else {})
+    chosen = (
+        {"name": name} | ({"tip": advice.chain.tip} if advice.chain.base else {}) | ({"base": base} if base else {})
+    )
     parts = [
         f"title = {toml(f'{task.robot.name}: {law.name}'[:LONGEST_TITLE])}\nabout = {toml(' '.join(advice.reasons))}",
         table("robot", chosen),

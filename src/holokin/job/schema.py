@@ -260,6 +260,10 @@ class Job(Table):
             if name not in self.strategies:
                 known = closest(name, list(self.strategies))
                 raise ValueError(f"expect.{brief(name, 100)}: is for no strategy of this job; {known}")
+            asked = [key for key in ("coverage", "coverage_rcond") if getattr(self.expect[name], key) is not None]
+            if asked and self.workspace is None:
+                cure = "the job has no workspace: add a [workspace] table, or leave it out"
+                raise ValueError(f"expect.{brief(name, 100)}.{asked[0]}: {cure}")
         for name, table in self.strategies.items():
             if isinstance(table, Fitted):
                 others = [other for other, its in self.strategies.items() if not isinstance(its, Fitted)]

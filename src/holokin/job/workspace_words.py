@@ -10,29 +10,31 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..recording import read_workspace
 from ..symbolic.geometry import rotation_from_rpy
+from ..types import Matrix
 from ..workspaces import Workspace, workspace
 from .covering import build_workspace
 from .read import read_workspace_table
 
 EXAMPLE = (
     'write "box X Y Z HX HY HZ", "cylinder X Y Z RADIUS HALF-HEIGHT" or "sphere X Y Z RADIUS" in metres, and behind '
-    'it, as needed, "tilt DEG", "spin DEG", "rpy DEG DEG DEG"; or give a .toml file with a [workspace] table, or a '
-    ".csv file of poses"
+    'it, as needed, "tilt DEG", "spin DEG", and for the middle orientation "rpy DEG DEG DEG" or "start", that of the '
+    "start posture; or give a .toml file with a [workspace] table, or a .csv file of poses"
 )
 """What may be typed."""
 
 SIZES = {"box": (6, 4), "cylinder": (5,), "sphere": (4, 3)}
 """Numbers after the name of a solid; fewer in a plane."""
 
-TURNS = {"tilt": 1, "spin": 1, "rpy": 3}
-"""Numbers after a word about the tool's orientation [degrees]."""
+TURNS = {"tilt": 1, "spin": 1, "rpy": 3, "start": 0}
+"""Numbers after a word about the tool's orientation [degrees]; "start" is that of the tool at the start."""
 
 
-def parse_workspace(text: str, *, planar: bool = False) -> Workspace:
+def parse_workspace(text: str, *, planar: bool = False, at_start: Matrix | None = None) -> Workspace:
     """The workspace of a text: "box 0.5 0 0.3 0.25 0.4 0.3 tilt 40 spin 90", or of a file with [workspace] or of poses.
 
     Args:
         planar: the tool of the robot stays in a plane: the middle orientation is that of the base, else tool down.
+        at_start: rotation (3, 3) of the tool at the start posture, if that is known.
 
     Raises:
         ArgumentError: words that say no workspace. JobError, RecordingError: of a file.
@@ -41,14 +43,18 @@ def parse_workspace(text: str, *, planar: bool = False) -> Workspace:
     if file.suffix.lower() == ".csv":
         return read_workspace(file)
     if file.suffix.lower() == ".toml":
-        return build_workspace(read_workspace_table(file), None, file)
+        return build_workspace(read_workspace_table(file), at_start, file)
     found = _phrases(text)
     solids = [name for name in found if name in SIZES]
     if len(solids) != 1 or len(found[solids[0]]) not in SIZES[solids[0]]:
         raise ArgumentError("the workspace", text, EXAMPLE)
     name, angles = solids[0], np.deg2rad(found.get("tilt", [0.0]) + found.get("spin", [0.0]))
     rotation = np.eye(3) if planar else None
-    if "rpy" in found:
+    if "start" in found:
+        if at_start is None or "rpy" in found:
+            raise ArgumentError("the workspace", text, 'for the orientation "start" give a start posture, and no rpy')
+        rotation = at_start
+    elif "rpy" in found:
         rotation = rotation_from_rpy(np.deg2rad(found["rpy"]).tolist())
     try:
         sizes: Any = {name: _sizes(name, found[name])}
@@ -76,7 +82,7 @@ def _phrases(text: str) -> dict[str, list[float]]:
         last.append(number)
     for word, count in TURNS.items():
         if word in found and len(found[word]) != count:
-            cure = f"give {count} number{'s' * (count > 1)} after {word}, in degrees"
+            cure = f"give {count or 'no'} number{'s' * (count != 1)} after {word}" + ", in degrees" * (count > 0)
             raise ArgumentError("the workspace", text, cure)
     return found
 

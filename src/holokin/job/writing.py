@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import JobError
-from ..files import replacing
+from ..files import aside, replacing, writing
 
 
 def toml(value: Any) -> str:
@@ -49,11 +49,15 @@ def robot_name(robot: str, path: FilePath) -> str:
 
 
 def check_new(path: FilePath) -> None:
-    """Raises: JobError unless a job file can be written there: it ends in .toml and does not exist."""
+    """Raises: JobError unless a job file may be written there: it ends in .toml and does not exist. WriteError: its
+    folder does not exist, or nothing can be written in it.
+    """
     if path.suffix.lower() != ".toml":
         raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
     if os.path.lexists(path):
         raise JobError(path, "file", "exists already", "choose another name, or delete it first")
+    with writing(path), aside(path.parent):  # a hidden folder there for a moment is the surest test
+        pass
 
 
 def write_new(path: FilePath, text: str) -> None:

@@ -38,7 +38,7 @@ FIXED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class ToolSphere:
     """Tool poses that differ by a shift: a point fixed to the tool runs over the sphere about the shoulder (3,).
 
     That point is where the wrist is at the start, in the `direction` (3,), at the distance `radius` [m].
@@ -62,7 +62,7 @@ class Sphere:
         return found
 
 
-def sphere_of(task: Task, q0: Vector, arm: Arm) -> Sphere:
+def sphere_of(task: Task, q0: Vector, arm: Arm) -> ToolSphere:
     """The sphere of tool poses about the shoulder, through that of q0.
 
     Raises:
@@ -79,7 +79,7 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> Sphere:
     radius = float(np.linalg.norm(W - S))
     if not radius > ON_LINE:
         raise ArgumentError("the distance from shoulder to wrist", radius, "choose another start posture")
-    return Sphere(S, (W - S) / radius, radius, pose, bool(np.ptp(held, axis=0).max() <= FIXED))
+    return ToolSphere(S, (W - S) / radius, radius, pose, bool(np.ptp(held, axis=0).max() <= FIXED))
 
 
 class ElbowField(TangentField):
@@ -88,7 +88,7 @@ class ElbowField(TangentField):
     The state is (q, u), the posture (n,) and where it is. It is carried by a strategy, dq = G dx, and corrected.
     """
 
-    def __init__(self, strategy: Strategy, q0: Vector, sphere: Sphere, arm: Arm) -> None:
+    def __init__(self, strategy: Strategy, q0: Vector, sphere: ToolSphere, arm: Arm) -> None:
         self.task, self.sphere = strategy.task, sphere
         self.start = q0, sphere.direction
         self._rate, self._places, self._rotation = strategy.rate, arm.places(strategy.task), sphere.pose[:3, :3]
@@ -147,7 +147,7 @@ class ElbowField(TangentField):
 class LeafField(ElbowField):
     """The elbow's direction as the leaf of a strategy makes it."""
 
-    def __init__(self, strategy: HolonomicStrategy, q0: Vector, sphere: Sphere, arm: Arm) -> None:
+    def __init__(self, strategy: HolonomicStrategy, q0: Vector, sphere: ToolSphere, arm: Arm) -> None:
         super().__init__(strategy, q0, sphere, arm)
         self._newton, self._leaf = leaf_step(strategy), leaf_value(strategy, q0)
         self._side = self._newton(q0, sphere.pose[:3, 3], self._rotation, self._leaf)[3]
@@ -162,7 +162,7 @@ class LeafField(ElbowField):
 class FreeField(ElbowField):
     """The elbow's direction with the least joint motion: a law along a way, not one over the sphere."""
 
-    def __init__(self, task: Task, q0: Vector, sphere: Sphere, arm: Arm) -> None:
+    def __init__(self, task: Task, q0: Vector, sphere: ToolSphere, arm: Arm) -> None:
         super().__init__(moore_penrose(task), q0, sphere, arm)
 
     def correction(self, q: Vector, u: Vector) -> Vector | None:

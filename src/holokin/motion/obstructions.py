@@ -16,7 +16,7 @@ from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..types import ArrayLike, Matrix, Value, Vector, positive, whole
-from .elbow_field import ElbowField, FreeField, LeafField, Sphere, sphere_of
+from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
 from .following import follow
 from .sphere_index import TURN, Pole, poles, spread, turn
@@ -157,7 +157,7 @@ def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -
     return Obstruction(total, witnesses, found.directions, found.reached, found.largest, found.least, said, details)
 
 
-def _witness(sphere: Sphere, pole: Pole, accuracy: float) -> Witness:
+def _witness(sphere: ToolSphere, pole: Pole, accuracy: float) -> Witness:
     u = np.array(pole.direction)
     return Witness(u, sphere.pose_at(u), pole.index, pole.radius, pole.radius > HOLE * accuracy)
 
@@ -181,7 +181,7 @@ def _told(witness: Witness) -> str:
     return f"{witness.index:+d} {where} ({x:g}, {y:g}, {z:g})"
 
 
-def _directions(sphere: Sphere) -> str:
+def _directions(sphere: ToolSphere) -> str:
     return f"directions from the shoulder to the wrist, {sphere.radius:.3g} m long, the tool turned as at the start"
 
 

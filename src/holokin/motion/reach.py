@@ -43,7 +43,7 @@ FAR = TOLERANCES.tracking
 
 
 @dataclass(frozen=True, eq=False)
-class Nearest(Value):
+class NearestPostures(Value):
     """For each of k targets the posture found nearest to it, and the error that is left [m or rad].
 
     ended (k,): True where the search had got to its end there, so that more looks would find no more.
@@ -83,7 +83,7 @@ def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector,
     return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
 
 
-def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> Nearest:
+def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> NearestPostures:
     """Postures that bring the tool to targets (k, 3), (k, 3, 3), or as near as was found.
 
     Least squares, within the joint limits or without, from a posture `near` each target (k, n), and from RESTARTS
@@ -113,10 +113,10 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
         q[to], missing[to], ended[to] = found.q[of], found.missing[of], found.ended[of]
         alike = (each <= ALIKE * missing[left, None]).sum(axis=1)
         sure[left] = ended[left] & (alike >= ROUND / 2)
-    return Nearest(q, missing, ended)
+    return NearestPostures(q, missing, ended)
 
 
-def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vector, upper: Vector) -> Nearest:
+def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vector, upper: Vector) -> NearestPostures:
     """Damped least squares, many at once; a joint at its limit stays there while the error pushes it out.
 
     [GVL13, section 6.1]
@@ -159,4 +159,4 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)
     with np.errstate(invalid="ignore"):
         missing = np.where(np.isfinite(error).all(axis=1), np.abs(error).max(axis=1), np.inf)
-    return Nearest(q, missing, ended)
+    return NearestPostures(q, missing, ended)

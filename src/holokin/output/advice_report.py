@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path as FilePath
 from textwrap import fill
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from ..designing import Advice, Law
 from ..errors import brief
 from .coverage_plots import CAUSES, coverage_cloud
-from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, write_figure
+from .plots import GREY, INK, PALETTE, frame_robot, robot_stick
 from .table import Column
 from .words import on_figure
 
@@ -30,8 +29,7 @@ def print_advice(advice: Advice, console: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    title = f"{advice.task.name}: {advice.workspace}"
-    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
+    table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
@@ -57,36 +55,32 @@ def cells(law: Law) -> list[str]:
 
 def _chosen(advice: Advice) -> str:
     """What was not given, with what it is."""
-    tip = advice.task.tip or advice.task.robot.tips[0].name
-    known = {"tip": f"the tip ({tip})", "task": f"the task ({advice.task.name})"}
+    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.task.name})"}
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
-
-
-def plot_advice(advice: Advice, file: FilePath) -> None:
-    """Write `advice_figure` as an image of the file's type, PNG where its name has no ending.
-
-    Raises:
-        ArgumentError: there is no such type. WriteError: the system refuses the file.
-    """
-    write_figure(lambda: advice_figure(advice), file)
 
 
 def advice_figure(advice: Advice) -> Any:
     """The laws as bars of coverage and of joint speed, and the robot with what the best of them reaches."""
     from matplotlib.figure import Figure
 
-    laws = advice.laws[:MOST_LAWS]
+    laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
     figure = Figure(figsize=(12.6, 5.4))
-    coverage_bars(figure.add_axes((0.185, 0.11, 0.17, 0.72)), laws)
-    speed_bars(figure.add_axes((0.375, 0.11, 0.17, 0.72)), laws)
+    bars = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
+    speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
+    shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
+    bars.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
     flat = advice.task.robot.planar
-    place = (0.63, 0.11, 0.33, 0.72) if flat else (0.575, 0.05, 0.4, 0.8)
+    place = (0.63, 0.11, 0.33, 0.72) if flat else (0.575, 0.13, 0.4, 0.7)
     reached_scene(figure.add_axes(place, projection=None if flat else "3d"), advice)
     _legend(figure, advice)
     head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
     figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
     figure.text(0.015, 0.905, on_figure(str(advice.workspace), 150), fontsize=9, color="#4b5563")
     return figure
+
+
+CUT = (64.0, 67.0)
+"""Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
 
 
 def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
@@ -96,13 +90,16 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
     axes.set_yticks(rows, [fill(on_figure(law.name, 80), 32) for law in laws], fontsize=8)
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
+    axes.tick_params(axis="x", labelsize=8)
     axes.set_xlabel("workspace reached [%]", fontsize=9)
     axes.grid(axis="y", visible=False)
     return axes
 
 
 def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
-    """The mean squared joint speed of each law above the least on the self-motions; longer ones are cut."""
+    """The mean squared joint speed of each law above the least on the self-motions; longer ones are cut, and two
+    strokes through them show it.
+    """
     rows, excess = np.arange(len(laws)), np.array([100 * (law.speed - 1) for law in laws])
     shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
     axes.barh(rows, shown, color=_colors(laws), height=0.66)
@@ -112,9 +109,14 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
         at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
         side, color = ("right", "white") if inside else ("left", INK)
         axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
+        if np.isfinite(value) and value > 100 * (most - 1):
+            for x in CUT:
+                place = np.array([x - 1.5, x + 1.5]) * (most - 1)
+                axes.plot(place, [row + 0.4, row - 0.4], color="white", linewidth=2)
     axes.set_yticks(rows, [])
     axes.invert_yaxis()
     axes.set_xlim(0, 100 * (most - 1))
+    axes.tick_params(axis="x", labelsize=8)
     axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
     axes.grid(axis="y", visible=False)
     return axes
@@ -130,7 +132,7 @@ def reached_scene(axes: Any, advice: Advice) -> Any:
     coverage_cloud(axes, found)
     robot_stick(axes, robot, advice.start, INK, width=2.2)
     clouds = [found.poses[:, :3, 3], *robot.skeleton(advice.start)]
-    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.25)
+    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.15)
 
 
 def _legend(figure: Any, advice: Advice) -> None:

@@ -18,12 +18,12 @@ CAUSES = {
     PoseStatus.KINEMATIC: ("#7d3c98", "leaf ends: arm singular"),
     PoseStatus.REPRESENTATION: ("#5b4636", "leaf ends: representation"),
     PoseStatus.STOPPED: ("#1c1c1c", "no way on the leaf shown"),
-    PoseStatus.BEYOND_LIMITS: ("#aab2bd", "no posture within limits"),
-    PoseStatus.OUT_OF_REACH: ("#dde1e7", "out of reach"),
+    PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
+    PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }
 """Colour and short name of each cause: what the law loses in strong colours, what no law reaches in greys."""
 
-SHADES = ("#dff0ea", "#7cc4ad", "#1f7a6b", "#0b3d3a")
+SHADES = ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a")
 """Reached poses from rcond 0, light, to the greatest of the picture, dark."""
 
 _AXES = "xyz"

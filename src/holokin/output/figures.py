@@ -62,11 +62,10 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     for strategy in result.drawn:
         if strategy.coverage is not None:
             with rc_context(style()):
-                caption = f"{strategy.coverage.sentence}. {MAPS if strategy.slices else ''}"
-                yield (
-                    f"coverage-{result.stems[strategy.name]}", caption.strip(),
-                    coverage_figure(strategy.coverage, strategy.slices),
-                )  # fmt: skip
+                found = strategy.coverage
+                said = [f"{found.sentence}.", found.remark, MAPS if strategy.slices else ""]
+                caption = " ".join(filter(None, said))
+                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
 
 
 def ways_figure(strategy: StrategyResult) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from ..auditing import LogAudit, Repeatability
 from ..files import replacing
 from .figures import margins
-from .plots import INK, PALETTE, frame_robot, robot_stick, thin, tool_path, write_figure
+from .plots import INK, PALETTE, frame_robot, robot_stick, thin, tool_path
 from .words import on_figure
 
 MOST_JOINTS = 4
@@ -37,15 +37,6 @@ def save_log_audit(audit: LogAudit, file: FilePath) -> None:
     """Write `LogAudit.summary` as JSON. Raises: WriteError."""
     with replacing(file) as part:
         part.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8")
-
-
-def plot_log_audit(audit: LogAudit, file: FilePath) -> None:
-    """Write `log_figure` as an image of the file's type, PNG where its name has no ending.
-
-    Raises:
-        ArgumentError: there is no such type. WriteError: the system refuses the file.
-    """
-    write_figure(lambda: log_figure(audit), file)
 
 
 def log_figure(audit: LogAudit) -> Any:

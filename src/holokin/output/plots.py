@@ -174,12 +174,12 @@ def frame_robot(
     axes.set_zlim(middle[2] - size[2] / 2, middle[2] + size[2] / 2)
     axes.set_box_aspect(size / size.max(), zoom=zoom * size.max() / float(np.linalg.norm(size)))
     axes.view_init(elev=ELEVATION, azim=azimuth)
-    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
+    for axis, name, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", size, strict=True):
         axis.pane.set_facecolor("#fafafa")
-        axis.set_major_locator(_few())
+        axis.set_major_locator(_few(side / size.max()))
         axis.set_tick_params(labelsize=7, pad=-2)
         axis.set_label_text(f"{name} [m]", fontsize=8)
-        axis.labelpad = -6
+        axis.labelpad = -2 if name == "z" else -6  # the ticks of z are beside it, with all their digits
     return axes
 
 
@@ -216,10 +216,11 @@ def _planar(points: Matrix) -> Matrix:
     return points[:, :2].T
 
 
-def _few() -> Any:
+def _few(share: float) -> Any:
+    """Few ticks; on an axis that is but a share of the longest one, fewer, so that its name finds room."""
     from matplotlib.ticker import MaxNLocator
 
-    return MaxNLocator(4)
+    return MaxNLocator(max(2, round(4 * share)))
 
 
 def _gap(gap: float, unit: str) -> str:

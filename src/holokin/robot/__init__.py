@@ -7,7 +7,7 @@ from .inertia import mass_matrix_expression, potential_expression
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .second_order import hessian_expression
 from .units import check_metres, doubtful_unit, start_posture
-from .urdf import from_urdf, urdf_links, urdf_tips
+from .urdf import from_urdf, urdf_links, urdf_root, urdf_tips
 
 __all__ = [
     "FARTHEST",
@@ -31,5 +31,6 @@ __all__ = [
     "to_mjcf",
     "to_urdf",
     "urdf_links",
+    "urdf_root",
     "urdf_tips",
 ]

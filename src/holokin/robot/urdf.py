@@ -80,6 +80,13 @@ def urdf_links(path: str | Path, base: str | None = None) -> dict[str, tuple[str
     return _chains(path, _read(path), base)
 
 
+@typed
+def urdf_root(path: str | Path) -> str:
+    """The link that the tree of a URDF hangs on. Raises: RobotFileError: there are several, or none."""
+    model = _read(path)
+    return _root(path, [link.name for link in model.links], {joint.child: joint for joint in model.joints})
+
+
 def _chains(path: str | Path, model: Any, base: str | None) -> dict[str, tuple[str, ...]]:
     parent_joint = {joint.child: joint for joint in model.joints}
     links = [link.name for link in model.links]

@@ -40,12 +40,12 @@ STEPS = 32
 FAST = 25.0
 """Joint rate over a whole line [rad or m] from which a radial strategy's line counts as singular: four full turns."""
 
-Carry = Callable[[Matrix, Array], "Rays"]
-"""(starts (s, n), poses (k, 4, 4)) -> the rays from each start to each pose."""
+Carry = Callable[[Matrix, Array], "LineEnds"]
+"""(starts (s, n), poses (k, 4, 4)) -> the ends of the lines from each start to each pose."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rays(Value):
+class LineEnds(Value):
     """Postures (s, k, n) at the ends of lines from s starts to k poses; where a line ends early, its last posture."""
 
     q: Array
@@ -57,7 +57,7 @@ class Rays(Value):
         return self.share >= 1.0
 
 
-def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None) -> Rays:
+def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None) -> LineEnds:
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,)."""
     correct, lines = leaf_step(strategy), _Lines(strategy.task, starts, poses)
     count = len(lines.q)
@@ -80,7 +80,7 @@ def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels
         q[moved], share[moved] = at[good], goal[good]
         width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
         live = live[(share[live] < 1.0) & (width[live] > SHORTEST)]
-    return lines.rays(q, share)
+    return lines.ends(q, share)
 
 
 def _newton(correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
@@ -99,7 +99,7 @@ def _newton(correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, si
     return at, good & (last <= EXACT)
 
 
-def along_radial(task: Task, starts: Matrix, poses: Array) -> Rays:
+def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
     lines = _Lines(task, starts, poses)
     q, count = lines.q.copy(), len(lines.q)
@@ -127,7 +127,7 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> Rays:
     for _ in range(2):  # what the steps' errors have left
         q[live] += least_rate(task, q[live], task.error(q[live], p[live], R[live]))
     exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
-    return lines.rays(q, np.where(exact, share, np.minimum(share, 1 - h)))
+    return lines.ends(q, np.where(exact, share, np.minimum(share, 1 - h)))
 
 
 def least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
@@ -159,6 +159,6 @@ class _Lines:
         """Positions and rotations of some lines at their shares."""
         return self.way.at(share, which)
 
-    def rays(self, q: Matrix, share: Vector) -> Rays:
+    def ends(self, q: Matrix, share: Vector) -> LineEnds:
         """The ends of the lines, start by start."""
-        return Rays(q.reshape(*self.shape, -1), share.reshape(self.shape))
+        return LineEnds(q.reshape(*self.shape, -1), share.reshape(self.shape))
