@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..strategies.self_motions import SelfMotions
 from ..types import Array, Flags, Matrix, Value, Vector
 from .advice import CLOSE, EASY, EQUAL
 from .coordinates import Coordinates
 from .lower_bound import least_slopes
 from .objectives import Costs
-from .self_motions import SelfMotions
+from .pose_postures import best_of, line_through
 from .trials import Trial
 
 NEAR = 1.0
@@ -110,18 +111,24 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
     task, rng = coordinates.chart, np.random.default_rng(0)
     r = task.n - task.m
 
-    def least(at: Matrix) -> Matrix:
+    def over(at: Matrix) -> Vector:
+        return (np.abs(at - costs.middle) - costs.half).max(axis=1)
+
+    def least(at: Matrix) -> Vector:
         G = least_slopes(task.jacobian_batch(at)[0], coordinates.P, costs.joints)
         found = np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2))
-        over = (np.abs(at - costs.middle) > costs.half).any(axis=1)
-        return np.where(over | ~np.isfinite(found), np.inf, found)[None]
+        return np.where((over(at) > 0) | ~np.isfinite(found), np.inf, found)
 
-    motions, best, values = SelfMotions(task, p, R), Q[None].copy(), least(Q)
-    for k in range(1 if r == 1 else LINES * r):
-        step = STEP if k < LINES else STEP / FINER
-        found, at = motions.best(least, best[0], rng.normal(size=Q.shape), step, NEAR * step / STEP)
+    motions, every, best, values = SelfMotions(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
+
+    def look(step: float, count: int) -> None:
+        line = line_through(motions, best, rng.normal(size=Q.shape), every, step, count)
+        at, found, _ = best_of(line, least, over)
         better = found < values
         values[better], best[better] = found[better], at[better]
+
+    for k in range(1 if r == 1 else LINES * r):
+        look(STEP if k < LINES else STEP / FINER, round(NEAR / STEP))
     if r == 1:
-        values = np.minimum(values, motions.best(least, best[0], np.ones_like(Q), STEP / FINER, STEP)[0])
-    return values[0]
+        look(STEP / FINER, FINER)
+    return values

@@ -129,7 +129,9 @@ def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
     for count, parts in LOOKS:
         chosen, step = _lowest(value, excess, pose, count), step / parts
         q, pose = q[chosen], pose[chosen]
-        q, value, excess = _best_of(_line(postures.motions, q, rng.normal(size=q.shape), pose, step, parts), cost, over)
+        q, value, excess = best_of(
+            line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, parts), cost, over
+        )
         np.minimum.at(best, pose, value)
     return best
 
@@ -137,19 +139,19 @@ def _on_curves(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
 def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
     """The least cost (S,) that lines in random directions of the self-motions come down to, from the best postures."""
     pose, rng, best = postures.pose, np.random.default_rng(0), np.full(len(postures.p), np.inf)
-    q, value, excess = _best_of(postures.q[None], cost, over)
+    q, value, excess = best_of(postures.q[None], cost, over)
     every = LINES * (postures.task.n - postures.task.m)
     for third, count in enumerate(PLACES):
         chosen, step = _lowest(value, excess, pose, count), STEP / SHORTER**third
         q, pose = q[chosen], pose[chosen]
         for _ in range(every // len(PLACES)):
-            line = _line(postures.motions, q, rng.normal(size=q.shape), pose, step, STEPS)
-            q, value, excess = _best_of(line, cost, over)
+            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, STEPS)
+            q, value, excess = best_of(line, cost, over)
     np.minimum.at(best, pose, value)
     return best
 
 
-def _line(motions: SelfMotions, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
+def line_through(motions: SelfMotions, q: Matrix, v: Matrix, pose: Indices, step: float, count: int) -> Array:
     """Postures (2 count + 1, k, n) on self-motions through some (k, n): these, and so many steps both ways."""
     found = [q]
     for sign in (1.0, -1.0):
@@ -160,7 +162,7 @@ def _line(motions: SelfMotions, q: Matrix, v: Matrix, pose: Indices, step: float
     return np.array(found)
 
 
-def _best_of(line: Array, cost: Cost, over: Cost) -> tuple[Matrix, Vector, Vector]:
+def best_of(line: Array, cost: Cost, over: Cost) -> tuple[Matrix, Vector, Vector]:
     """(the best (k, n) of postures (j, k, n), its cost (k,) and excess (k,)); of those that cost inf the nearest."""
     flat = line.reshape(-1, line.shape[2])
     value, excess = cost(flat).reshape(line.shape[:2]), over(flat).reshape(line.shape[:2])
