@@ -82,7 +82,7 @@ class Law(Value):
     that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
     postures. margin: the least distance to a limit over the joint's
     range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
-    mean squared joint speed [rad^2/m^2]; speed: that over the least on the self-motions there.
+    mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found there.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Law(Value):
             said += f", {self.joint} comes to {self.margin:.1%} of its range from its limit"
         if np.isfinite(self.rcond):
             said += f", rcond is {self.rcond:.2g} at least"
-        return f"{said}, and its mean squared joint speed is {self.speed - 1:.1%} above the least on these self-motions"
+        return f"{said}, and its mean squared joint speed is {self.speed - 1:.1%} above the least found there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class Advice(Value):
 
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
     floor: the least mean squared joint
-    speed on the self-motions of the best laws, where the best one serves [rad^2/m^2]. coverage: of the best. reasons:
+    speed of the postures found at the poses, where the best one serves [rad^2/m^2]. coverage: of the best. reasons:
     sentences on the best. part: the largest part of the workspace that a law serves, where none serves the whole.
     """
 

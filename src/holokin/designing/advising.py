@@ -223,23 +223,13 @@ class _Case:
         return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
 
     def _floor(self, trials: list[Trial]) -> Vector:
-        """The least squared joint speed (k,) on the self-motions of the best law, and of the designed ones that are
-        faster; with several redundant joints the search does better from those of two laws.
-        """
-        best, *others = ranked(trials)
-        found = self.least(best.q, best.reached)
-        faster = [t for t in others if t.candidate.name in self.made and _gain(t, best) < 1]
-        for trial in faster if self.task.n - self.task.m == 1 else others[:1]:
-            found = np.fmin(found, self.least(trial.q, trial.reached))
-        return found
-
-    def least(self, Q: Matrix, which: Flags) -> Vector:
-        """The least squared joint speed (k,) at some poses, from postures there (k, n); NaN at the others."""
-        found, free = np.full(len(self.poses), np.nan), np.full(self.task.n, FREE)
-        if which.any():
-            p, R = self._targets(which)
-            known = least_costs(self.coordinates, self.costs, Q[which], p, R, free)
-            found[which] = known.squared_speed
+        """The least squared joint speed (k,) of the postures found at the poses that the best law reaches, else NaN."""
+        best, found = ranked(trials)[0], np.full(len(self.poses), np.nan)
+        if best.reached.any():
+            p, R = self._targets(best.reached)
+            free = np.full(self.task.n, FREE)
+            known = least_costs(self.coordinates, self.costs, best.q[best.reached], p, R, free)
+            found[best.reached] = known.squared_speed
         return found
 
     def _targets(self, which: Flags) -> tuple[Matrix, Array]:

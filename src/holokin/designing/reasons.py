@@ -53,7 +53,9 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
-        return [f"No law on its self-motions can have less than {1 / best.speed:.1%} of its mean squared joint speed."]
+        return [
+            f"No law with the postures found there can have less than {1 / best.speed:.1%} of its mean squared joint speed."
+        ]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said

@@ -97,7 +97,7 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
 
 
 def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
-    """The mean squared joint speed of each law above the least on the self-motions; longer ones are cut, and two
+    """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
     strokes through them show it.
     """
     rows, excess = np.arange(len(laws)), np.array([100 * (law.speed - 1) for law in laws])
