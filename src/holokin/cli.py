@@ -187,10 +187,10 @@ def robots(
     urdf: Annotated[Path | None, typer.Argument(help="A URDF: list its tips and the joints that lead there.")] = None,
 ) -> None:
     """List the robots of the catalogue, or the chains of a URDF."""
-    from .robot import catalogue, load, urdf_tips
+    from .robot import catalogue, load, model_tips
 
     if urdf is not None:
-        for tip, joints in urdf_tips(urdf).items():
+        for tip, joints in model_tips(urdf).items():
             show(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
         return
     for name, source in catalogue().items():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..arguments import typed
 from ..errors import RobotFileError
-from ..robot import urdf_links
+from ..robot import model_links
 
 WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
 """Parts of names that links for tools have, the plainest first."""
@@ -31,9 +31,9 @@ def choose_tip(path: str | Path, base: str | None = None) -> str:
     so ("tcp", "tool", ...), the last one of several.
 
     Raises:
-        RobotFileError: no link moves. As `urdf_links`.
+        RobotFileError: no link moves. As `model_links`.
     """
-    chains = urdf_links(path, base)
+    chains = model_links(path, base)
     ends = [_palm(chain, chains) for chain in chains.values()]
     most = max(map(len, ends), default=0)
     if most == 0:

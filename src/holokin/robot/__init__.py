@@ -1,31 +1,47 @@
-"""Robot descriptions: DH tables, URDF files, the catalogue."""
+"""Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
-from .catalog import catalogue, load
+from .catalog import beside, catalogue, load
+from .compose import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
 from .inertia import mass_matrix_expression, potential_expression
+from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
+from .pinocchio_model import from_pinocchio
+from .reading import MODELS, model_links, model_tips
 from .second_order import hessian_expression
-from .urdf import from_urdf, urdf_links, urdf_tips
+from .toolbox import from_roboticstoolbox
+from .urdf import from_urdf, from_yourdfpy
 
 __all__ = [
     "FARTHEST",
+    "MODELS",
     "Body",
     "Coordinate",
     "DHRow",
     "Joint",
     "Kinematics",
+    "Part",
     "Robot",
     "Tip",
+    "beside",
     "catalogue",
+    "compose",
     "from_dh",
+    "from_mjcf",
+    "from_pinocchio",
+    "from_roboticstoolbox",
     "from_urdf",
+    "from_yourdfpy",
     "hessian_expression",
     "load",
     "mass_matrix_expression",
+    "model_links",
+    "model_tips",
+    "ordered",
     "potential_expression",
     "to_mjcf",
     "to_urdf",
-    "urdf_links",
-    "urdf_tips",
+    "with_base_pose",
+    "with_tool",
 ]

@@ -1,0 +1,50 @@
+"""Files of models, told apart by their endings and by what is in them: URDF, xacro, MJCF."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..arguments import typed
+from ..errors import ArgumentError
+from .mjcf import mjcf_tree
+from .tree import Tree, links_of, tips_of
+from .urdf import urdf_text_tree, urdf_tree
+from .urdf_xml import read_model
+from .xacro import xacro_tree
+
+MODELS = (".urdf", ".xacro", ".xml", ".mjcf")
+"""Endings of files that hold a tree of links and joints, of which `tip`, `base` and `locked` choose a chain."""
+
+Arguments = Mapping[str, str | float | bool]
+"""Names and values of a xacro file's arguments."""
+
+
+def read_tree(path: str | Path, args: Arguments | None = None) -> Tree:
+    """The tree of a file. Raises: RobotFileError, MissingExtraError; ArgumentError: args for what is no xacro file."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".xacro":
+        return xacro_tree(path, args)
+    if args:
+        raise ArgumentError(f"args of {str(path)!r}", dict(args), "only xacro files take them")
+    if suffix in (".xml", ".mjcf"):
+        text = read_model(path)
+        return urdf_text_tree(text, path) if re.search(rb"<robot[\s>]", text) else mjcf_tree(path)
+    return urdf_tree(path)
+
+
+@typed
+def model_tips(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Every link (of MJCF: body or site) at which the tree of a file ends -> the moving joints from the base to it.
+
+    Mimic joints are included. Raises: RobotFileError, MissingExtraError, UnknownNameError.
+    """
+    return tips_of(read_tree(path), base)
+
+
+@typed
+def model_links(path: str | Path, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Every link that hangs on the base -> the moving joints from the base to it, as of `model_tips`."""
+    return links_of(read_tree(path), base)
