@@ -13,7 +13,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, HolokinError, OutOfReachError
 from ..motion.reach import nearest_postures
-from ..robot import Robot, load
+from ..robot import Robot, is_model, load
 from ..strategies import moore_penrose, radial
 from ..task import Task, pose, position
 from ..types import Array, ArrayLike, Flags, Matrix, Vector
@@ -296,7 +296,7 @@ def _robot(robot: Robot | str | Path, tip: str | None, base: str | None) -> tupl
     """The robot, and its tip where that was chosen here."""
     if isinstance(robot, Robot):
         return robot, None
-    if Path(robot).suffix.lower() != ".urdf" or tip is not None:
+    if not is_model(robot) or tip is not None:
         return load(robot, tip=tip, base=base), None
     chosen = choose_tip(robot, base)
     return load(robot, tip=chosen, base=base), chosen

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..designing import Advice, advise, choose_tip
 from ..errors import ArgumentError, HolokinError
-from ..robot import load
+from ..robot import is_model, load
 from ..task import Task
 from ..workspaces import PoseRange, Workspace
 from .runner import run_job
@@ -66,7 +66,7 @@ def advise_command(
     Raises:
         JobError: the file exists; said before anything is looked at. As `advise`, `load` and `parse_workspace`.
     """
-    if FilePath(robot).suffix.lower() == ".urdf" and tip is None:
+    if is_model(robot) and tip is None:
         tip = choose_tip(robot, base)
     arm = load(robot, tip=tip, base=base)
     path = out or FilePath(f"advice-{FilePath(robot).stem}.toml")

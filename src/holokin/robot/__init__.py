@@ -1,21 +1,22 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
 from .catalog import beside, catalogue, load
-from .compose import Part, compose, ordered, with_base_pose, with_tool
+from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
+from .extent import reach
 from .inertia import mass_matrix_expression, potential_expression
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
-from .reading import MODELS, model_links, model_tips
+from .reading import is_model, model_links, model_tips
+from .robot_table import assembled
 from .second_order import hessian_expression
 from .toolbox import from_roboticstoolbox
 from .urdf import from_urdf, from_yourdfpy
 
 __all__ = [
     "FARTHEST",
-    "MODELS",
     "Body",
     "Coordinate",
     "DHRow",
@@ -24,6 +25,7 @@ __all__ = [
     "Part",
     "Robot",
     "Tip",
+    "assembled",
     "beside",
     "catalogue",
     "compose",
@@ -34,12 +36,14 @@ __all__ = [
     "from_urdf",
     "from_yourdfpy",
     "hessian_expression",
+    "is_model",
     "load",
     "mass_matrix_expression",
     "model_links",
     "model_tips",
     "ordered",
     "potential_expression",
+    "reach",
     "to_mjcf",
     "to_urdf",
     "with_base_pose",

@@ -11,10 +11,9 @@ from typing import Any
 from ..arguments import typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
-from .descriptions import PREFIX, description_tree
 from .files import Refuse, read_toml
 from .model import Robot
-from .reading import MODELS, Arguments, read_tree
+from .reading import MODELS, Arguments, is_model, read_tree
 from .robot_table import CHAIN, robot_of_table
 
 _DEEPEST = 8
@@ -59,11 +58,8 @@ def load(
 def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     path = Path(name)
     suffix = path.suffix.lower()
-    if str(name).startswith(PREFIX):
-        tree = description_tree(str(name), chain.get("args"))
-        return robot_of(tree, chain.get("tip"), chain.get("base"), chain.get("locked"))
-    if suffix in MODELS:
-        return robot_of(read_tree(path, chain.get("args")), chain.get("tip"), chain.get("base"), chain.get("locked"))
+    if is_model(name):
+        return robot_of(read_tree(name, chain.get("args")), chain.get("tip"), chain.get("base"), chain.get("locked"))
     for key in CHAIN:
         if chain.get(key):
             raise ArgumentError(f"{key} of {str(name)!r}", chain[key], f"only models ({', '.join(MODELS)}) take it")
@@ -86,8 +82,7 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
 def beside(name: str, folder: Path) -> str | Path:
     """The name of a robot as a file in a folder says it: a path counts from there."""
     path = Path(name)
-    is_file = path.suffix and not name.startswith(PREFIX)
-    return folder / path if is_file and not path.is_absolute() else name
+    return folder / path if path.suffix and not path.is_absolute() else name
 
 
 def _refusal(path: Any) -> Refuse:

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import importlib
 from importlib.util import find_spec
+from pathlib import Path
 from pkgutil import iter_modules
 
 from ..errors import MissingExtraError, RobotFileError, UnknownNameError, brief
-from .reading import Arguments, read_tree
-from .tree import Tree
 
 PREFIX = "robot_descriptions:"
 """What such names begin with, as in "robot_descriptions:panda_description"."""
 
 
-def description_tree(name: str, args: Arguments | None = None) -> Tree:
-    """The tree of a robot by its name there, after `PREFIX`; "_description" may be left out.
+def description_file(name: str) -> Path:
+    """The file (URDF, MJCF or xacro) of a robot by its name there, after `PREFIX`; "_description" may be left out.
 
     Raises:
         MissingExtraError: the package is not installed. UnknownNameError: it has no such robot.
-        RobotFileError: its files cannot be fetched, or are not read.
+        RobotFileError: its files cannot be fetched.
     """
     if find_spec("robot_descriptions") is None:
         raise MissingExtraError("robot_descriptions", "descriptions")
@@ -32,11 +31,10 @@ def description_tree(name: str, args: Arguments | None = None) -> Tree:
     try:
         module = importlib.import_module(f"robot_descriptions.{found}")
     except Exception as problem:
-        said = brief(str(problem).strip().splitlines()[-1] if str(problem).strip() else type(problem).__name__, 200)
+        said = str(problem).strip() or type(problem).__name__
         cure = "check the network: robot_descriptions clones the files of a robot when it is asked for the first time"
-        raise RobotFileError(name, f"its files could not be fetched ({said})", cure) from problem
+        raise RobotFileError(name, f"its files could not be fetched ({brief(said, 200)})", cure) from problem
     for kind in ("URDF_PATH", "MJCF_PATH", "XACRO_PATH"):
-        path = getattr(module, kind, None)
-        if path is not None:
-            return read_tree(path, args)
+        if hasattr(module, kind):
+            return Path(getattr(module, kind))
     raise RobotFileError(name, "has no URDF, xacro or MJCF file", "choose another description")

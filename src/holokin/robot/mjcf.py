@@ -141,6 +141,7 @@ class _Reader:
         self.branches: list[Branch] = []
 
     def tree(self) -> Tree:
+        """All bodies, joints and sites as a tree of links. Raises: RobotFileError."""
         m = self.model
         follows, fixed, bent = self._couplings()
         for body, name in enumerate(self.bodies):

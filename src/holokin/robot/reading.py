@@ -1,4 +1,4 @@
-"""Files of models, told apart by their endings and by what is in them: URDF, xacro, MJCF."""
+"""Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; robot_descriptions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..arguments import typed
 from ..errors import ArgumentError
+from .descriptions import PREFIX, description_file
 from .mjcf import mjcf_tree
 from .tree import Tree, links_of, tips_of
 from .urdf import urdf_text_tree, urdf_tree
@@ -15,15 +16,20 @@ from .urdf_xml import read_model
 from .xacro import xacro_tree
 
 MODELS = (".urdf", ".xacro", ".xml", ".mjcf")
-"""Endings of files that hold a tree of links and joints, of which `tip`, `base` and `locked` choose a chain."""
+"""Endings of files that hold a tree of links and joints."""
 
 Arguments = Mapping[str, str | float | bool]
 """Names and values of a xacro file's arguments."""
 
 
-def read_tree(path: str | Path, args: Arguments | None = None) -> Tree:
-    """The tree of a file. Raises: RobotFileError, MissingExtraError; ArgumentError: args for what is no xacro file."""
-    path = Path(path)
+def is_model(name: str | Path) -> bool:
+    """Whether a robot's name is that of a tree of links and joints, of which `tip`, `base` and `locked` choose."""
+    return str(name).startswith(PREFIX) or Path(name).suffix.lower() in MODELS
+
+
+def read_tree(name: str | Path, args: Arguments | None = None) -> Tree:
+    """The tree of a model. Raises: RobotFileError, MissingExtraError; ArgumentError: args for what is no xacro file."""
+    path = description_file(str(name)) if str(name).startswith(PREFIX) else Path(name)
     suffix = path.suffix.lower()
     if suffix == ".xacro":
         return xacro_tree(path, args)

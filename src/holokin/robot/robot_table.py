@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError, RobotFileError, shown
 from ..types import Vector
 from .chains import robot_of
-from .compose import Part, compose, pose_matrix, with_base_pose, with_tool
+from .composing import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
 from .dh import from_dh
 from .model import Robot
 from .tree import MOVING, Branch, Tree, checked
@@ -56,6 +56,22 @@ def robot_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
         raise RobotFileError(path, str(problem), "correct the file") from problem
 
 
+def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
+    """The robot that the keys of [robot] describe: one by name or parts, with tool, base_pose and order.
+
+    Raises: RobotFileError, and what `load`, `compose`, `ordered` raise.
+    """
+    if "parts" in table:
+        parts = [part_of_table(path, part, load) for part in table["parts"]]
+        robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
+        robot = with_tool(robot, *frame_of(path, "tool", table["tool"])) if "tool" in table else robot
+    else:
+        robot = part_of_table(path, {key: table[key] for key in ("name", *CHAIN, "tool") if key in table}, load).robot
+    if "base_pose" in table:
+        robot = with_base_pose(robot, *frame_of(path, "base_pose", table["base_pose"]))
+    return ordered(robot, table["order"]) if "order" in table else robot
+
+
 def part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
     """A part: what to load, its tool, and where it is mounted. Raises: RobotFileError, and what `load` raises."""
     _known(path, "parts", table, _PART)
@@ -81,12 +97,11 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
 
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
-    frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
     if "parts" in table:
-        parts = [part_of_table(path, part, load) for part in table["parts"]]
-        robot = replace(compose(*parts, name=name, order=table.get("order")), source=source)
-        robot = with_tool(robot, *frames["tool"]) if "tool" in frames else robot
-        return with_base_pose(robot, *frames["base"]) if "base" in frames else robot
+        given = {"name": name} | {key: table[key] for key in ("parts", "tool", "order") if key in table}
+        given |= {"base_pose": table["base"]} if "base" in table else {}
+        return replace(assembled(path, given, load), source=source)
+    frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
     convention, tip = str(table.get("convention", "standard")), str(table.get("tip", "tool"))
     matrices = {key: pose_matrix(*value) for key, value in frames.items()}
     rows: list[Any] = []
