@@ -51,6 +51,11 @@ def _tree(model: Any) -> Tree:
     of_joint = {frame.parentJoint: name for frame, name in zip(model.frames, names, strict=True) if _is_joint(frame)}
     of_joint[0] = names[0]
     joints = []
+    for number in range(1, model.njoints):
+        if number not in of_joint:  # added without a frame of its own
+            parent, name = of_joint[model.parents[number]], model.names[number]
+            joints.append(_moving(model, number, parent, name, model.jointPlacements[number].homogeneous))
+            of_joint[number], links[name] = name, None
     for frame, name in list(zip(model.frames, names, strict=True))[1:]:
         before = model.frames[frame.parentFrame]
         carrier = model.parents[frame.parentJoint] if _is_joint(frame) else frame.parentJoint
@@ -62,14 +67,6 @@ def _tree(model: Any) -> Tree:
             joints.append(_moving(model, frame.parentJoint, parent, name, origin))
         else:
             joints.append(Branch(f"to {name}", "fixed", parent, name, origin))
-    for number in range(1, model.njoints):
-        if number not in of_joint:  # added without a frame of its own
-            parent = of_joint[model.parents[number]]
-            of_joint[number] = model.names[number]
-            joints.append(
-                _moving(model, number, parent, model.names[number], model.jointPlacements[number].homogeneous)
-            )
-            links[model.names[number]] = None
     for joint, name in of_joint.items():
         inertia = model.inertias[joint]
         if inertia.mass:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import chdir
 from pathlib import Path
 
 from ..errors import MissingExtraError, RobotFileError, brief
@@ -26,9 +27,10 @@ def xacro_tree(path: str | Path, args: Mapping[str, str | float | bool] | None =
         from xacrodoc import XacroDoc
     except ImportError:
         raise MissingExtraError("xacrodoc", "xacro") from None
+    given = {name: _word(value) for name, value in (args or {}).items()}
     try:
-        document = XacroDoc.from_file(str(path), subargs={name: _word(value) for name, value in (args or {}).items()})
-        text = document.to_urdf_string(pretty=False)
+        with chdir(Path(path).parent):  # from where xacro looks for files that are named without a package
+            text = XacroDoc.from_file(Path(path).name, subargs=given).dom.toxml()  # with mesh names as they are
     except Exception as problem:
         said = brief(str(problem).strip() or type(problem).__name__)
         cure = "correct the file, or give what it lacks with args={name: value}"
