@@ -35,7 +35,7 @@ from .strategies import ConstraintTable, Fitted, StrategyTable
 
 def build_robot(job: Job, file: FilePath) -> Robot:
     """The robot of a job; a path counts from the job file's folder."""
-    with naming(file, "robot") if job.robot.parts is not None else nullcontext():
+    with naming(file, "robot") if job.robot.parts is not None or job.robot.order is not None else nullcontext():
         robot = robot_of_job(job.robot, file)
     if robot.n > MOST_JOINTS:
         cure = f"laws of at most {MOST_JOINTS} joints are judged: choose tip and base nearer together, or lock some"

@@ -30,7 +30,7 @@ def xacro_tree(path: str | Path, args: Mapping[str, str | float | bool] | None =
     given = {name: _word(value) for name, value in (args or {}).items()}
     try:
         with chdir(Path(path).parent):  # from where xacro looks for files that are named without a package
-            text = XacroDoc.from_file(Path(path).name, subargs=given).dom.toxml()  # with mesh names as they are
+            text = XacroDoc.from_file(Path(path).name, subargs=given, resolve_packages=False).dom.toxml()
     except Exception as problem:
         said = brief(str(problem).strip() or type(problem).__name__)
         cure = "correct the file, or give what it lacks with args={name: value}"
