@@ -127,8 +127,12 @@ def test_missing_meshes_do_no_harm_to_the_kinematics() -> None:
     assert robot.pose([0.3, 0.0])[:3, 3] == pytest.approx([2 * np.cos(0.3), 2 * np.sin(0.3), 0])
     with pytest.raises(MassError, match="no masses"):  # they would come from the meshes
         hk.robot.mass_matrix_expression(robot, hk.symbolic.symbol("q", 2))
-    given = '<inertial pos="0.5 0 0" mass="3" diaginertia="1 2 3"/>'
-    assert [body.mass for body in hk.from_mjcf(MESHED.format(inertial=given)).bodies] == [3.0, 3.0]
+    given = MESHED.format(inertial='<inertial pos="0.5 0 0" mass="3" diaginertia="1 2 3"/>')
+    assert [body.mass for body in hk.from_mjcf(given).bodies] == [3.0, 3.0]
+    stand = given.replace('<body name="a">', '<body name="stand"><geom type="mesh" mesh="m"/></body><body name="a">')
+    assert [body.mass for body in hk.from_mjcf(stand, tip="s").bodies] == [3.0, 3.0]  # what stands still may lack one
+    camera = given.replace('<body name="b"', '<body name="camera"><geom type="mesh" mesh="m"/></body><body name="b"')
+    assert hk.from_mjcf(camera, tip="s").bodies == ()  # what is carried may not
 
 
 FOUR_BAR = """

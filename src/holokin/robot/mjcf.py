@@ -106,7 +106,11 @@ def _parsed(parse: Any, source: str) -> Any:
 
 
 def _without_shapes(spec: Any) -> bool:
-    """Take out of a spec whatever could need a file, or needs what does. True if masses are known all the same."""
+    """Take out of a spec whatever could need a file, or needs what does. True if masses are known all the same.
+
+    They are when every body that moves and has a shape has its mass in numbers.
+    """
+    weighed = all(body.explicitinertial or not list(body.geoms) for body in _moving(spec.worldbody))
     for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes", "geoms", "meshes", "hfields"):
         for element in list(getattr(spec, kind)):
             spec.delete(element)
@@ -116,13 +120,20 @@ def _without_shapes(spec: Any) -> bool:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
     spec.compiler.inertiafromgeom = 0
-    weighed = True
     for body in spec.bodies[1:]:
-        if not body.explicitinertial:
-            weighed = weighed and not body.joints
+        if not body.explicitinertial and list(body.joints):
             body.mass, body.inertia = _UNKNOWN[0], [_UNKNOWN[1]] * 3
             body.ipos, body.explicitinertial = [0, 0, 0], True
     return weighed
+
+
+def _moving(body: Any, carried: bool = False) -> Iterator[Any]:
+    """The bodies below one that have a joint, or are carried by one that has."""
+    for child in body.bodies:
+        moves = carried or bool(list(child.joints))
+        if moves:
+            yield child
+        yield from _moving(child, moves)
 
 
 def model_tree(model: Any, source: str, name: str) -> Tree:
