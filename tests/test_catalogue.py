@@ -39,7 +39,7 @@ def test_the_xarm7_is_the_urdf_of_example_robot_data() -> None:
     ours, theirs = hk.load("xarm7"), hk.from_urdf(urdf("xarm7.urdf"))
     assert ours.joint_names == theirs.joint_names
     for q in np.random.default_rng(0).uniform(-2, 2, (10, 7)):
-        assert np.abs(ours.pose(q) - theirs.pose(q)).max() < 1e-5  # the URDF's right angles are 1.5708
+        assert np.abs(ours.pose(q) - theirs.pose(q)).max() < 2e-5  # the URDF's right angles are 1.5708
     assert ours.lower == pytest.approx(theirs.lower, abs=1e-3)  # the URDF has them in rad, to five digits
     assert ours.upper == pytest.approx(theirs.upper, abs=1e-3)
     assert ours.max_velocity == pytest.approx(theirs.max_velocity, abs=2e-3)

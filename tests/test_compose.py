@@ -90,6 +90,20 @@ def test_masses_go_with_the_part_that_has_them() -> None:
     assert M[0, 0] == pytest.approx(moving)
 
 
+def test_the_inertia_of_a_base_turns_with_its_mounting(tmp_path: Path) -> None:
+    inertia = '<mass value="5"/><origin xyz="0.1 0 0"/><inertia ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"/>'
+    (tmp_path / "a.urdf").write_text(
+        f'<robot name="a"><link name="foot"><inertial>{inertia}</inertial></link><link name="hand"/>'
+        '<joint name="j" type="continuous"><parent link="foot"/><child link="hand"/></joint></robot>'
+    )
+    arm = hk.load(tmp_path / "a.urdf")
+    q = hk.symbolic.symbol("q", 4)
+    for rpy, about_z in (([0, 0, 0], 3 + 5 * 0.01), ([np.pi / 2, 0, 0], 2 + 5 * 0.01), ([0, np.pi / 2, 0], 1.0)):
+        whole = hk.compose(hk.load("planar-base"), hk.Part(arm, rpy=rpy))
+        M = hk.symbolic.Function("M", {"q": q}, {"M": hk.robot.mass_matrix_expression(whole, q)})(np.zeros(4))
+        assert M[2, 2] == pytest.approx(about_z)
+
+
 def test_names_that_clash_are_named_and_a_prefix_parts_them() -> None:
     arm = hk.load("ur5e")
     with pytest.raises(ArgumentError, match=r"name of two joints is 'shoulder_pan_joint'; give a part a prefix"):
