@@ -33,9 +33,8 @@ class FrameTable(Table):
 
 
 class ModelTable(Table):
-    """What a robot and a part of one have in common: what is loaded, which chain of it, and its tool."""
+    """What a robot and a part of one have in common: which chain is taken of a model, and its tool."""
 
-    name: str | None = None
     tip: str | None = None
     base: str | None = None
     locked: dict[str, Number] = Field(default={})
@@ -54,6 +53,7 @@ class PartTable(ModelTable, FrameTable):
 class RobotTable(ModelTable):
     """[robot]: a catalogue name, or a path (a model or .toml) relative to the job file; or parts, one on the other."""
 
+    name: str | None = None
     base_pose: FrameTable | None = None
     parts: Annotated[list[PartTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
     order: Names | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..arguments import typed
+from ..arguments import check, typed
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.geometry import rotation_from_rpy
 from ..types import ArrayLike, Matrix, Value, Vector, finite
@@ -34,6 +34,8 @@ class Part(Value):
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Robot):
             raise ArgumentError("the robot of a part", self.robot, "give a Robot, as hk.load makes it")
+        check("on of a part", str | None, self.on)
+        check("prefix of a part", str, self.prefix)
         object.__setattr__(self, "xyz", finite("xyz of a part", self.xyz, (3,)))
         object.__setattr__(self, "rpy", finite("rpy of a part", self.rpy, (3,)))
         super().__post_init__()
