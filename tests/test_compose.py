@@ -209,6 +209,8 @@ def test_a_composition_that_makes_no_sense_is_refused_by_key(
         ("[[parts]]\nname = 'rail'\n[[joints]]\na = 1\n", "has 'joints' beside 'parts'"),
         ("[[parts]]\nname = 'cell.toml'\n", "parts within parts"),
         ("parts = []\n", "parts of a robot"),
+        ("[[parts]]\nname = 'a.urdf'\ntip = 3\n", "tip is 3; give text"),
+        ("order = 3\n[[parts]]\nname = 'rail'\n", "order is 3"),
         ("convention = 'urdf'\n[[joints]]\na = 1\n", "unknown key 'a'"),
         ("convention = 'urdf'\n[[joints]]\naxis = [0, 0, 0]\n", "has axis"),
         ("convention = 'urdf'\n[[joints]]\nkind = 'ball'\n", "'ball'"),

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..arguments import typed
+from ..arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
 from .files import Refuse, read_toml
@@ -18,6 +18,12 @@ from .robot_table import CHAIN, robot_of_table
 
 _DEEPEST = 8
 """Files within files of robots put together; more are a file that holds itself."""
+
+_KINDS = {
+    "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
+    "args": Arguments | None,
+}  # fmt: skip
+"""What the keys of `CHAIN` may be."""
 
 
 def catalogue() -> dict[str, str]:
@@ -56,6 +62,8 @@ def load(
 
 
 def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
+    for key, kind in _KINDS.items():  # those of a part come from a file
+        check(key, kind, chain.get(key))
     path = Path(name)
     suffix = path.suffix.lower()
     if is_model(name):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def _of_table(robot: Any) -> list[Branch]:
     """A DH robot: its elementary transforms, base and tool included, one after the other."""
     names = [f"q{i + 1}" for i in range(robot.n)]
     joints, parent, origin = [], "world", np.eye(4)
-    for step in _steps(robot.ets()):
+    for step in robot.ets():
         if step.isjoint:
             joints.append(_moving(step, names[step.jindex], parent, f"link {step.jindex + 1}", origin))
             parent, origin = f"link {step.jindex + 1}", np.eye(4)
@@ -64,7 +64,7 @@ def _of_links(robot: Any) -> list[Branch]:
     for link in robot.links:
         parent = "world" if link.parent is None else link.parent.name
         origin = np.eye(4) if link.parent is not None else _constant(robot.base.A)
-        for step in _steps(link.ets):
+        for step in link.ets:
             if not step.isjoint:
                 origin = origin @ _constant(step.A())
         joint = Branch(f"to {link.name}", "fixed", parent, link.name, origin)
@@ -75,10 +75,6 @@ def _of_links(robot: Any) -> list[Branch]:
         ends = [joint.child for joint in joints if joint.child not in inner]
         joints += [Branch(f"tool of {end}", "fixed", end, f"tool of {end}", tool) for end in ends]
     return joints
-
-
-def _steps(ets: Any) -> Iterable[Any]:
-    return list(ets)
 
 
 def _constant(A: Any) -> Matrix:
