@@ -85,9 +85,10 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
         ({"robot": '[robot]\nname = "pandaa"\n'}, ("'pandaa'", "did you mean 'panda'", "`holokin robots`")),
         ({"robot": '[robot]\nname = "gone.urdf"\n'}, ("gone.urdf", "no such file")),
         ({"robot": '[robot]\nname = "gone.toml"\n'}, ("gone.toml", "no such file")),
-        ({"robot": '[robot]\nname = "arm.xml"\n'}, ("arm.xml", ".urdf or a .toml")),
+        ({"robot": '[robot]\nname = "arm.xml"\n'}, ("arm.xml", "no such file")),
+        ({"robot": '[robot]\nname = "arm.stl"\n'}, ("arm.stl", ".xacro", "or a .toml table")),
         ({"robot": "[robot]\nname = 3\n"}, ("job.toml", "[robot.name] is 3")),
-        ({"robot": '[robot]\nname = "ppr"\ntip = "hand"\n'}, ("hand", "only URDF files")),
+        ({"robot": '[robot]\nname = "ppr"\ntip = "hand"\n'}, ("hand", "only models (.urdf")),
         (
             {"strategies": '[strategies.held]\nkind = "lock"\njoints = ["q4"]\n'},
             ("unknown joint 'q4'", "known: q1, q2, q3"),

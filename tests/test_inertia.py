@@ -31,7 +31,7 @@ def reduced(path, robot: hk.Robot) -> pin.Model:
 @pytest.mark.parametrize(("name", "tip"), ARMS)
 def test_the_mass_matrix_and_the_potential_are_pinocchios(name: str, tip: str | None) -> None:
     path = urdf(name)
-    chains = hk.robot.urdf_tips(path)
+    chains = hk.robot.model_tips(path)
     tip = tip or max(chains, key=lambda link: len(chains[link]))
     robot = hk.from_urdf(path, tip=tip)
     model = reduced(path, robot)

@@ -53,7 +53,7 @@ class Comparison:
 def moving_chains(path: Path) -> dict[str, tuple[str, ...]] | str:
     """Tips with a moving joint of a file, or why there is nothing to compare."""
     try:
-        tips = hk.robot.urdf_tips(path)
+        tips = hk.robot.model_tips(path)
     except RobotFileError as problem:
         return str(problem)
     moving = {tip: joints for tip, joints in tips.items() if joints}
@@ -157,7 +157,7 @@ def test_mimic_joints_agree_with_pinocchios_own(name: str) -> None:
     model = pin.buildModelFromUrdf(str(path), mimic=True)
     data, rng = model.createData(), np.random.default_rng(4)
     mimicked = [n for n, (master, _, _) in masters_of(path).items() if master != n]
-    tips = [tip for tip, joints in hk.robot.urdf_tips(path).items() if set(joints) & set(mimicked)]
+    tips = [tip for tip, joints in hk.robot.model_tips(path).items() if set(joints) & set(mimicked)]
     assert tips
     for tip in tips:
         robot = hk.from_urdf(path, tip=tip)

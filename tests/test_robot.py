@@ -84,13 +84,15 @@ def test_every_robot_of_the_catalogue_has_a_source_limits_and_a_skeleton(name: s
     robot = hk.load(name)
     assert len(robot.source) > 20
     assert (robot.lower < robot.upper).all()
-    for figure in (robot.lower, robot.upper, robot.max_velocity):
-        assert np.isfinite(figure).all()
-    q = (robot.lower + robot.upper) / 2
-    (line,) = robot.skeleton(q)
-    assert line.shape == (robot.n + 2, 3)
-    assert line[-1] == pytest.approx(robot.pose(q)[:3, 3])
-    assert robot.planar is (name in ("ppr", "planar-3r"))
+    assert np.isfinite(robot.max_velocity).all()
+    endless = {c.name for c in robot.coordinates if not np.isfinite([c.lower, c.upper]).all()}
+    assert endless == {"gen3": {"joint_1", "joint_3", "joint_5", "joint_7"}}.get(name, endless & {"base_turn"})
+    q = np.where(np.isfinite(robot.lower), (np.maximum(robot.lower, -9) + np.minimum(robot.upper, 9)) / 2, 0.3)
+    lines = robot.skeleton(q)
+    assert sum(len(line) - 2 for line in lines) == robot.n
+    for line, tip in zip(lines, robot.tips, strict=True):
+        assert line[-1] == pytest.approx(robot.pose(q, tip.name)[:3, 3])
+    assert robot.planar is (name in ("ppr", "planar-3r", "planar-base", "rail"))
 
 
 def test_the_catalogue_panda_is_the_urdfs() -> None:

@@ -123,7 +123,7 @@ def test_a_joint_without_limit_or_axis_is_unlimited_and_about_x(tmp_path: Path) 
 def test_a_branching_tree_without_tip_is_refused_with_its_tips() -> None:
     with pytest.raises(RobotFileError, match="branches into 3 tips") as caught:
         hk.from_urdf(urdf("panda.urdf"))
-    tips = hk.robot.urdf_tips(urdf("panda.urdf"))
+    tips = hk.robot.model_tips(urdf("panda.urdf"))
     assert set(tips) == {"panda_leftfinger", "panda_rightfinger", "panda_hand_tcp"}
     assert all(tip in str(caught.value) for tip in (*tips, "tip=", "panda.urdf"))
 
@@ -180,7 +180,10 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, joints: str, links:
         (b"<html></html>", "root is <html>"),
         (b"<robot></robot>", "lacks its 'name'"),
         (b"<robot name='r'><link/></robot>", "lacks its 'name'"),
-        (b"<robot name='r'><xacro:include filename='x'/></robot>", "xacro files must be expanded first"),
+        (
+            b"<robot name='r'><xacro:include filename='x'/></robot>",
+            "a xacro file is expanded when its name ends in .xacro",
+        ),
     ],
 )
 def test_what_is_not_a_urdf_is_named(
@@ -188,7 +191,7 @@ def test_what_is_not_a_urdf_is_named(
 ) -> None:
     file = tmp_path / "wrong.urdf"
     file.write_bytes(content)
-    for read in (hk.from_urdf, hk.load, hk.robot.urdf_tips):
+    for read in (hk.from_urdf, hk.load, hk.robot.model_tips):
         with pytest.raises(RobotFileError, match=said) as caught:
             read(file)
         assert str(caught.value).startswith(f"{file}: ")
@@ -228,4 +231,4 @@ def test_unknown_links_and_joints_are_named_with_what_there_is() -> None:
     with pytest.raises(UnknownNameError):
         hk.from_urdf(path, tip="panda_link7").pose(np.zeros(7), "elsewhere")
     with pytest.raises(UnknownNameError, match="unknown link"):
-        hk.robot.urdf_tips(path, base="x")
+        hk.robot.model_tips(path, base="x")

@@ -87,7 +87,16 @@ def calls() -> dict[str, Call]:
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
-        "urdf_tips": (hk.robot.urdf_tips, ("no.urdf",), {}),
+        "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
+        "from_mjcf": (hk.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
+        **{name: (getattr(hk, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
+            for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
+        "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
+        "Part": (lambda *a, **n: hk.compose(hk.Part(*a, **n)), (robot,), {
+            "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
+        "with_tool": (hk.with_tool, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None, "name": "t"}),
+        "with_base_pose": (hk.with_base_pose, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
+        "reach": (hk.robot.reach, (robot,), {"tip": None}),
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
         "DHRow": (lambda **named: hk.from_dh([hk.robot.DHRow(**named)]), (), row),

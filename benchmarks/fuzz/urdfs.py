@@ -100,7 +100,7 @@ def attempt(seed: int, folder: Path) -> None:
         data = _wrapped(chance)
     file = folder / f"{chance.choice(('arm', 'arm', 'x' * 245, '[b]', 'é'))}.urdf"
     file.write_bytes(data)
-    tips = hk.robot.urdf_tips(file)
+    tips = hk.robot.model_tips(file)
     held = {chance.choice(("j1", "j2", "j6")): chance.choice((0.0, 0.5, 9.0, 1e300))}
     locked = held if chance.random() < 0.3 else None
     base = chance.choice(("b", "f", "e")) if chance.random() < 0.3 else None

@@ -30,7 +30,21 @@ from .motion import (
 )
 from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording, read_workspace
-from .robot import Robot, catalogue, from_dh, from_urdf, load
+from .robot import (
+    Part,
+    Robot,
+    catalogue,
+    compose,
+    from_dh,
+    from_mjcf,
+    from_pinocchio,
+    from_roboticstoolbox,
+    from_urdf,
+    from_yourdfpy,
+    load,
+    with_base_pose,
+    with_tool,
+)
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .task import Task, pose, position
 from .trajectory import Status, Trajectory
@@ -46,6 +60,7 @@ __all__ = [
     "HolokinError",
     "NearestLaw",
     "Objective",
+    "Part",
     "Path",
     "Robot",
     "Status",
@@ -65,6 +80,7 @@ __all__ = [
     "auditing",
     "catalogue",
     "circle",
+    "compose",
     "constraints",
     "controller",
     "coupled",
@@ -78,7 +94,11 @@ __all__ = [
     "export_c",
     "follow",
     "from_dh",
+    "from_mjcf",
+    "from_pinocchio",
+    "from_roboticstoolbox",
     "from_urdf",
+    "from_yourdfpy",
     "holonomic",
     "inverse",
     "involutivity",
@@ -107,5 +127,7 @@ __all__ = [
     "stationary",
     "strategies",
     "weighted",
+    "with_base_pose",
+    "with_tool",
     "workspace",
 ]

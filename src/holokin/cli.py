@@ -164,9 +164,10 @@ def new(
         str | None, typer.Option("--from", help="The packaged job to copy; by default panda-circle.")
     ] = None,
     robot: Annotated[
-        str | None, typer.Option(help="Write a job for this robot instead: a catalogue name, .urdf or .toml file.")
+        str | None,
+        typer.Option(help="Write a job for this robot instead: a catalogue name, .urdf, .xacro, .xml or .toml."),
     ] = None,
-    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a URDF that is the tool.")] = None,
+    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
 ) -> None:
     """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
     from .job import new_job, new_job_for
@@ -184,23 +185,30 @@ def new(
 
 @app.command()
 def robots(
-    urdf: Annotated[Path | None, typer.Argument(help="A URDF: list its tips and the joints that lead there.")] = None,
+    model: Annotated[
+        str | None,
+        typer.Argument(help="A URDF, xacro or MJCF file: list its tips and the joints that lead there."),
+    ] = None,
 ) -> None:
-    """List the robots of the catalogue, or the chains of a URDF."""
-    from .robot import catalogue, load, urdf_tips
+    """List the robots of the catalogue with joints and reach, or the chains of a model.
 
-    if urdf is not None:
-        for tip, joints in urdf_tips(urdf).items():
+    The reach is the largest distance of the (first) tip from the base's origin within the joint limits, as computed.
+    """
+    from .robot import catalogue, load, model_tips, reach
+
+    if model is not None:
+        for tip, joints in model_tips(model).items():
             show(f"{tip}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
         return
     for name, source in catalogue().items():
-        show(f"{name:12} {load(name).n} joints   {source}")
+        robot = load(name)
+        show(f"{name:12} {robot.n:2} joints   reach {reach(robot):6.3f} m   {source}")
 
 
 @app.command()
 def audit(
     log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
-    robot: Annotated[str, typer.Option(help="Catalogue name, .urdf or .toml file.")],
+    robot: Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
     tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
@@ -222,10 +230,9 @@ def audit(
     from .output.log_report import log_figure, print_log_audit, save_log_audit
     from .output.plots import write_figure
     from .recording import read_recording
-    from .robot import load
+    from .robot import is_model, load
 
-    is_urdf = Path(robot).suffix.lower() == ".urdf"
-    arm = load(robot, tip=tip if is_urdf else None)
+    arm = load(robot, tip=tip if is_model(robot) else None)
     found = audit_recording(
         read_recording(log, arm, degrees=degrees, topic=topic), arm, tip=tip,
         orientation=False if position else None, tolerance=tolerance,
@@ -240,7 +247,7 @@ def audit(
 
 @app.command()
 def advise(
-    robot: Annotated[str, typer.Argument(help="Catalogue name, .urdf or .toml file.")],
+    robot: Annotated[str, typer.Argument(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
     workspace: Annotated[
         str | None,
         typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file; see docs/advise.md.'),

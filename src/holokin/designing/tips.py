@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..arguments import typed
 from ..errors import ArgumentError, RobotFileError
-from ..robot import Robot, load, urdf_links, urdf_root
+from ..robot import Robot, is_model, load, model_links, model_root
 from ..types import Value
 
 WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
@@ -43,36 +43,36 @@ class Chain(Value):
 
 @typed
 def chain_of(robot: Robot | str | Path, tip: str | None = None, base: str | None = None) -> Chain:
-    """A robot, a name of the catalogue or a file as a chain; the tip of a URDF is `choose_tip`'s where none is given.
+    """A robot, a name of the catalogue or a file as a chain; the tip of a model is `choose_tip`'s where none is given.
 
     Raises:
         As `choose_tip` and `load`. ArgumentError: a base for a robot that is loaded already.
     """
     if isinstance(robot, Robot):
         if base is not None:
-            raise ArgumentError("the base", base, "only URDF files take one: give the file, or load the robot with it")
+            raise ArgumentError("the base", base, "only files of models take one: give the file, or load it so")
         return Chain(robot, None, tip or robot.tips[0].name, (), False)
-    if Path(robot).suffix.lower() != ".urdf":
+    if not is_model(robot):
         found = load(robot, tip=tip, base=base)
         return Chain(found, None, found.tips[0].name, (), False)
     tips = arm_tips(robot, base)
     chosen = tip if tip is not None else tips[0]
     found = load(robot, tip=chosen, base=base)
-    return Chain(found, base or urdf_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
+    return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
 
 
 def choose_tip(path: str | Path, base: str | None = None) -> str:
-    """The link that is the tool of a URDF that nobody has seen before: the first one of `arm_tips`.
+    """The link that is the tool of a model that nobody has seen before: the first one of `arm_tips`.
 
     Raises:
-        RobotFileError: no link moves. As `urdf_links`.
+        RobotFileError: no link moves. As `model_links`.
     """
     return arm_tips(path, base)[0]
 
 
 @typed
 def arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
-    """The links of a URDF that may be tools, one for each arm, that of the longest arm first.
+    """The links of a model that may be tools, one for each arm, that of the longest arm first.
 
     Fingers do not count: a chain ends where the tree branches into them, that is behind at least 4 joints, and into
     chains no longer than the one before; or before a last joint named like a gripper's. Of chains as long as each
@@ -80,13 +80,13 @@ def arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
     says so ("tcp", "tool", ...), the last one of several.
 
     Raises:
-        RobotFileError: no link moves. As `urdf_links`.
+        RobotFileError: no link moves. As `model_links`.
     """
-    chains = urdf_links(path, base)
+    chains = model_links(path, base)
     ends = {link: _palm(chain, chains) for link, chain in chains.items()}
     most = max(map(len, ends.values()), default=0)
     if most == 0:
-        raise RobotFileError(path, "has no joint that moves", "give a URDF of an arm")
+        raise RobotFileError(path, "has no joint that moves", "give a model of an arm")
     inner = {chain[:k] for chain in ends.values() for k in range(len(chain))}
     arms = [end for end in dict.fromkeys(ends.values()) if end not in inner and len(end) >= min(ARM, most)]
     found: list[str] = []

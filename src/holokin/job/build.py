@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path as FilePath
 from typing import cast
 
@@ -22,23 +22,21 @@ from ..errors import (
 )
 from ..motion import move_to_leaf
 from ..path import Path, arc, as_point, polyline
-from ..robot import Robot, load
+from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task, pose, position
 from ..tolerances import TOLERANCES
 from ..types import Vector
 from .read import dotted
+from .robot_tables import robot_of_job
 from .schema import Job
 from .strategies import ConstraintTable, Fitted, StrategyTable
 
 
 def build_robot(job: Job, file: FilePath) -> Robot:
     """The robot of a job; a path counts from the job file's folder."""
-    table = job.robot
-    name = FilePath(table.name)
-    if name.suffix and not name.is_absolute():
-        name = file.parent / name
-    robot = load(name, tip=table.tip, base=table.base, locked=table.locked or None)
+    with naming(file, "robot") if job.robot.parts is not None or job.robot.order is not None else nullcontext():
+        robot = robot_of_job(job.robot, file)
     if robot.n > MOST_JOINTS:
         cure = f"laws of at most {MOST_JOINTS} joints are judged: choose tip and base nearer together, or lock some"
         raise JobError(file, "robot", f"moves {robot.n} joints", cure)

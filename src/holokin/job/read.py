@@ -12,12 +12,12 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
+from .robot_tables import FrameTable, PartTable, RobotTable
 from .schema import (
     Bound,
     ExpectTable,
     Job,
     PathTable,
-    RobotTable,
     StartTable,
     TaskTable,
     VerdictTable,
@@ -166,6 +166,9 @@ def _known_keys(key: Key, kind: str) -> list[str]:
         return list(Job.model_fields)
     if top == "strategies":
         return list((KINDS[kind] if kind else StrategyTable).model_fields)
+    if top == "robot" and len(rest) > 1:
+        last = next(part for part in reversed(rest[:-1]) if not part.isdigit())
+        return list((PartTable if last == "parts" else FrameTable).model_fields)
     return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
 
 

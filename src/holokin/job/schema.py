@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
+from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
 
@@ -56,15 +57,6 @@ _SHAPES = {
 """The kinds of path that use a key; the other keys serve all."""
 
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
-
-
-class RobotTable(Table):
-    """[robot]: a catalogue name, or a path (.urdf, .toml) relative to the job file."""
-
-    name: str
-    tip: str | None = None
-    base: str | None = None
-    locked: dict[str, Number] = Field(default={})
 
 
 class TaskTable(Table):

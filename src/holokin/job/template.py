@@ -10,7 +10,7 @@ import numpy as np
 
 from ..designing import fitting_task, locked_joints, regular_starts
 from ..errors import ArgumentError, HolokinError, UnknownNameError
-from ..robot import catalogue, load
+from ..robot import load
 from ..task import Task
 from .runner import packaged_jobs, run_job
 from .schema import Job
@@ -90,7 +90,7 @@ def new_job_for(path: FilePath, robot: str, tip: str | None = None) -> None:
     Every strategy is followed round the circle before the file is written. Nothing is expected in it.
 
     Args:
-        robot: a name of the catalogue, or a .urdf or .toml file. tip: as of `load`.
+        robot: a name of the catalogue, a model or a .toml file. tip: as of `load`.
 
     Raises:
         JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
@@ -100,7 +100,7 @@ def new_job_for(path: FilePath, robot: str, tip: str | None = None) -> None:
     arm = load(robot, tip=tip)
     task = fitting_task(arm)
     words, kind = _kind(task)
-    name = robot if robot in catalogue() else robot_name(robot, path)
+    name = robot_name(robot, path) if FilePath(robot).suffix else robot
     scale = arm.n**-0.5 * sum(np.linalg.norm(joint.placement[:3, 3]) for joint in arm.joints) + 0.05
     for start in regular_starts(task)[:_TRIED]:
         for share in (0.1, 0.03, 0.01):

@@ -8,20 +8,22 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..arguments import typed
-from ..errors import ArgumentError, HolokinError, RobotFileError, UnknownNameError, shown
-from ..symbolic.geometry import rotation_from_rpy
-from ..types import Matrix
-from .dh import from_dh
+from ..arguments import check, typed
+from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from .chains import robot_of
 from .files import Refuse, read_toml
 from .model import Robot
-from .urdf import from_urdf
+from .reading import MODELS, Arguments, is_model, read_tree
+from .robot_table import CHAIN, robot_of_table
 
-_TOP = ("name", "source", "convention", "base", "tool", "tip", "joints")
-_ROW = ("joint", "kind", "a", "d", "alpha_deg", "theta_deg", "lower", "upper", "max_velocity", "degrees")
-_FRAME = ("xyz", "rpy_deg")
+_DEEPEST = 8
+"""Files within files of robots put together; more are a file that holds itself."""
+
+_KINDS = {
+    "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
+    "args": Arguments | None,
+}  # fmt: skip
+"""What the keys of `CHAIN` may be."""
 
 
 def catalogue() -> dict[str, str]:
@@ -40,110 +42,56 @@ def load(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    args: Arguments | None = None,
 ) -> Robot:
-    """A robot by catalogue name, or by path: `.urdf`, or `.toml` (DH table).
+    """A robot by catalogue name, by path, or by a name of the package robot_descriptions.
 
-    `tip`, `base` and `locked` choose the chain of a URDF, see `from_urdf`.
+    Args:
+        name: a name of the `catalogue`; a file that ends in `.urdf`, `.xacro`, `.xml` (MJCF or URDF) or `.toml` (DH
+            table, joints as in a URDF, or parts put together); or "robot_descriptions:panda_description".
+        tip, base, locked: the chain of a model, see `from_urdf`; robots of the catalogue and `.toml` files are chains
+            already.
+        args: names and values of a xacro file's arguments.
 
     Raises:
-        UnknownNameError: no such robot. RobotFileError: the file is missing or malformed.
-        ArgumentError: tip, base or locked for a robot that is not a URDF.
+        UnknownNameError: no such robot. RobotFileError: the file is missing or malformed, or cannot be fetched.
+        ArgumentError: tip, base, locked or args for a robot that does not take them.
+        MissingExtraError: the extra that reads the file (mujoco, xacro, descriptions) is not installed.
     """
+    return _loaded(name, {"tip": tip, "base": base, "locked": locked, "args": args}, 0)
+
+
+def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
+    for key, kind in _KINDS.items():  # those of a part come from a file
+        check(key, kind, chain.get(key))
     path = Path(name)
     suffix = path.suffix.lower()
-    if suffix == ".urdf":
-        return from_urdf(path, tip, base, locked)
-    if tip is not None or base is not None or locked:
-        raise ArgumentError(f"tip, base or locked of {str(name)!r}", tip or base or locked, "only URDF files take them")
-    if suffix == ".toml":
-        return _from_table(path, read_toml(path, _refusal(path)))
-    if suffix:
-        raise RobotFileError(path, f"files of type {suffix!r} are not supported", "give a .urdf or a .toml DH table")
-    if str(name) not in catalogue():
+    if is_model(name):
+        return robot_of(read_tree(name, chain.get("args")), chain.get("tip"), chain.get("base"), chain.get("locked"))
+    for key in CHAIN:
+        if chain.get(key):
+            raise ArgumentError(f"{key} of {str(name)!r}", chain[key], f"only models ({', '.join(MODELS)}) take it")
+    if suffix and suffix != ".toml":
+        cure = f"give a model ({', '.join(MODELS)}) or a .toml table of a robot"
+        raise RobotFileError(path, f"files of type {suffix!r} are not supported", cure)
+    if not suffix and str(name) not in catalogue():
         raise UnknownNameError("robot", str(name), catalogue())
-    entry = files("holokin.robot").joinpath("data", f"{name}.toml")
-    return _from_table(entry, tomllib.loads(entry.read_text("utf-8")))
+    if depth > _DEEPEST:
+        raise RobotFileError(path, f"holds parts within parts, {_DEEPEST} deep", "take out the part that is itself")
+    entry: Any = path if suffix else files("holokin.robot").joinpath("data", f"{name}.toml")
+    table = read_toml(path, _refusal(path)) if suffix else tomllib.loads(entry.read_text("utf-8"))
+
+    def part(given: Mapping[str, Any]) -> Robot:
+        return _loaded(beside(given["name"], path.parent), given, depth + 1)
+
+    return robot_of_table(entry, table, part)
+
+
+def beside(name: str, folder: Path) -> str | Path:
+    """The name of a robot as a file in a folder says it: a path counts from there."""
+    path = Path(name)
+    return folder / path if path.suffix and not path.is_absolute() else name
 
 
 def _refusal(path: Any) -> Refuse:
     return lambda key, fact, cure: RobotFileError(path, f"[{key}] {fact}" if key else fact, cure)
-
-
-def _from_table(path: Any, table: Mapping[str, Any]) -> Robot:
-    _known(path, "top level", table, _TOP)
-    for key, kind in (("joints", list), ("source", str)):
-        if not isinstance(table.get(key), kind):
-            raise RobotFileError(path, f"lacks {key!r}", "see the packaged robots for the form")
-    for key in ("name", "convention", "tip"):
-        if not isinstance(table.get(key, ""), str):
-            raise RobotFileError(path, f"{key} is {shown(table[key], 100)}", "give a text in quotes")
-    rows = []
-    for row in table["joints"]:
-        _known(path, "joints", row, _ROW)
-        try:
-            rows.append(_dh_row(row))
-        except (TypeError, ValueError) as problem:
-            raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
-    name = str(table.get("name", Path(str(path)).stem))
-    try:
-        frames = {key: _frame(path, key, table[key]) for key in ("base", "tool") if key in table}
-        convention = str(table.get("convention", "standard"))
-        return from_dh(rows, convention, name=name, tip=str(table.get("tip", "tool")), source=table["source"], **frames)
-    except RobotFileError:
-        raise
-    except HolokinError as problem:
-        raise RobotFileError(path, str(problem), "correct the file") from problem
-
-
-def _dh_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Angles of a revolute joint's limits and speed are in degrees when `degrees = true`."""
-    kind = row.get("kind", "revolute")
-    for key in ("joint", "kind"):
-        if not isinstance(row.get(key, ""), str):
-            raise TypeError(f"{key} is {shown(row[key], 100)}, no text in quotes")
-    if not isinstance(row.get("degrees", False), bool):
-        raise TypeError("degrees must be true or false")
-    scale = np.pi / 180 if row.get("degrees", False) and kind == "revolute" else 1.0
-    out: dict[str, Any] = {
-        "joint": row.get("joint", ""),
-        "kind": kind,
-        "a": _plain(row, "a"),
-        "d": _plain(row, "d"),
-        "alpha": np.deg2rad(_plain(row, "alpha_deg")),
-        "theta": np.deg2rad(_plain(row, "theta_deg")),
-    }
-    for key in ("lower", "upper", "max_velocity"):
-        if key in row:
-            out[key] = _plain(row, key) * scale
-    return out
-
-
-def _plain(row: Mapping[str, Any], key: str) -> float:
-    value = row.get(key, 0.0)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{key} is {shown(value, 100)}, no number")
-    return float(value)
-
-
-def _frame(path: Any, key: str, table: Mapping[str, Any]) -> Matrix:
-    _known(path, key, table, _FRAME)
-    T, rows = np.eye(4), []
-    for part in _FRAME:
-        value = table.get(part, [0.0, 0.0, 0.0])
-        plain = isinstance(value, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
-        if not plain or len(value) != 3 or not np.isfinite(value).all():
-            raise RobotFileError(path, f"{key}.{part} is {shown(value, 100)}", "give three numbers, [x, y, z]")
-        rows.append([float(v) for v in value])
-    T[:3, 3] = rows[0]
-    T[:3, :3] = rotation_from_rpy(np.deg2rad(rows[1]).tolist())
-    return T
-
-
-def _known(path: Any, where: str, table: Mapping[str, Any], known: Sequence[str]) -> None:
-    if not isinstance(table, Mapping):
-        raise RobotFileError(
-            path, f"{where}: {shown(table, 100)} is not a table", "see the packaged robots for the form"
-        )
-    for key in table:
-        if key not in known:
-            raise RobotFileError(path, f"{where}: unknown key {shown(key, 100)}", f"known: {', '.join(known)}")

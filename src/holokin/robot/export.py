@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import ArgumentError
 from ..types import Matrix
 from .model import Joint, Robot
+from .tree import motion
 
 LINK_MASS, LINK_INERTIA = 1.0, 0.01
 """Of every link [kg, kg m^2]: placeholders, since some readers refuse links without; never used for dynamics."""
@@ -91,14 +92,7 @@ def _coordinate(robot: Robot, joint: Joint):
 
 def _rest(joint: Joint) -> Matrix:
     """The placement with the joint's offset in it."""
-    from scipy.spatial.transform import Rotation
-
-    T = np.eye(4)
-    if joint.kind == "prismatic":
-        T[:3, 3] = joint.axis * joint.offset
-    else:
-        T[:3, :3] = Rotation.from_rotvec(joint.axis * joint.offset).as_matrix()
-    return joint.placement @ T
+    return joint.placement @ motion(joint.kind, joint.axis, joint.offset)
 
 
 def _numbers(values: object) -> str:

@@ -19,18 +19,22 @@ _KEPT = {
 """The elements of a URDF that kinematics and masses need."""
 
 
-def essentials(path: str | Path) -> bytes:
-    """The XML of a URDF's links, masses and joints alone, in UTF-8; everything else is skipped, however deep or long.
-
-    So the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is no XML to the end it
-    would read what it can, which may be half an arm. Raises: RobotFileError.
-    """
+def read_model(path: str | Path) -> bytes:
+    """The bytes of a URDF, a xacro or an MJCF file. Raises: RobotFileError."""
 
     def refuse(_key: str, fact: str, cure: str) -> RobotFileError:
         missing = fact == "there is no such file"
         return RobotFileError(path, fact, "check the path; `holokin robots` lists the catalogue" if missing else cure)
 
-    data = read_whole(Path(path), LONGEST_URDF, refuse)
+    return read_whole(Path(path), LONGEST_URDF, refuse)
+
+
+def essentials(data: bytes, path: str | Path) -> bytes:
+    """The XML of a URDF's links, masses and joints alone, in UTF-8; everything else is skipped, however deep or long.
+
+    So the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is no XML to the end it
+    would read what it can, which may be half an arm. Raises: RobotFileError.
+    """
     root: ElementTree.Element | None = None
     tags: list[str] = []
     kept: list[ElementTree.Element] = []

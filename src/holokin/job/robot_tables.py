@@ -1,0 +1,77 @@
+"""[robot] of a job file: a robot by name, its tool and mounting, or parts put together; and the robot of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from ..robot import Robot, assembled, beside, load
+from .table import Length, Number, Table
+
+MOST_PARTS = 32
+"""Robots of which one is put together."""
+
+Three = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Names = Annotated[list[str], Field(max_length=1000)]
+
+
+class FrameTable(Table):
+    """A frame: xyz in m; rpy in rad, or rpy_deg. R = Rz(yaw) Ry(pitch) Rx(roll)."""
+
+    xyz: Three = Field(default=[0.0, 0.0, 0.0])
+    rpy: Three | None = None
+    rpy_deg: Three | None = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> FrameTable:
+        if self.rpy is not None and self.rpy_deg is not None:
+            raise ValueError("rpy and rpy_deg both say how it is turned; leave out one")
+        return self
+
+
+class ModelTable(Table):
+    """What a robot and a part of one have in common: which chain is taken of a model, and its tool."""
+
+    tip: str | None = None
+    base: str | None = None
+    locked: dict[str, Number] = Field(default={})
+    args: dict[str, str | Number | bool] = Field(default={})
+    tool: FrameTable | None = None
+
+
+class PartTable(ModelTable, FrameTable):
+    """[[robot.parts]]: a robot, mounted at xyz, rpy on a tip of a part before it, or on the "base"."""
+
+    name: str
+    on: str | None = None
+    prefix: str = ""
+
+
+class RobotTable(ModelTable):
+    """[robot]: a catalogue name, or a path (a model or .toml) relative to the job file; or parts, one on the other."""
+
+    name: str | None = None
+    base_pose: FrameTable | None = None
+    parts: Annotated[list[PartTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
+    order: Names | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> RobotTable:
+        if self.name is None and self.parts is None:
+            raise ValueError("it names no robot; give name, or parts")
+        chosen = sorted(self.model_fields_set & {"tip", "base", "locked", "args"})
+        if self.parts is not None and chosen:
+            raise ValueError(f"{chosen[0]} stands beside parts; give it to one of them")
+        return self
+
+
+def robot_of_job(table: RobotTable, file: Path) -> Robot:
+    """The robot of a job; a path counts from the job file's folder. Raises: as `load` and `compose`."""
+
+    def loaded(given: Mapping[str, Any]) -> Robot:
+        return load(beside(given["name"], file.parent), **{key: v for key, v in given.items() if key != "name"})
+
+    return assembled(file, table.model_dump(exclude_none=True, exclude_defaults=True), loaded)

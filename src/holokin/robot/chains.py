@@ -1,0 +1,202 @@
+"""The robot of the chains of a tree, from a base to one tip or several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from ..tolerances import TOLERANCES
+from ..types import Matrix, Vector
+from .model import Body, Coordinate, Joint, Robot, Tip
+from .reroot import rerooted
+from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
+
+
+def robot_of(
+    tree: Tree, tip: str | Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None
+) -> Robot:
+    """The robot of the chains from a base to its tips, as `from_urdf` says.
+
+    Raises:
+        RobotFileError, UnknownNameError, ArgumentError.
+    """
+    above = above_of(tree)
+    root = root_of(tree, above) if base is None else base
+    held = dict(locked or {})
+    by_name = {joint.name: joint for joint in tree.joints}
+    for kind, wanted, known in ((tree.word, [root], tree.links), ("joint", held, by_name)):
+        for word in wanted:
+            if word not in known:
+                raise UnknownNameError(f"{kind} of {tree.source}", word, tuple(known))
+    for joint, value in held.items():
+        _check_locked(tree, by_name[joint], value)
+    tips = _wanted_tips(tree, tip, above, root)
+    if any(chain_of(link, root, above) is None for link in tips):
+        tree = rerooted(tree, root)
+    return _Builder(tree, root, held).build(tips)
+
+
+class _Builder:
+    """Walks the chains and collects joints and coordinates, each once."""
+
+    def __init__(self, tree: Tree, root: str, held: dict[str, float]):
+        self.tree, self.root, self.held = tree, root, held
+        self.by_name = {joint.name: joint for joint in tree.joints}
+        self.above = above_of(tree)
+        self.joints: list[Joint] = []
+        self.index: dict[str, int] = {}
+        self.coordinates: dict[str, Coordinate] = {}
+
+    def build(self, tips: Sequence[str]) -> Robot:
+        """The robot of the chains from the root to each tip, with the masses of everything that they carry."""
+        ends = []
+        for tip in tips:
+            chain = chain_of(tip, self.root, self.above)
+            if chain is None:
+                fact = f"{self.tree.word} {tip!r} does not hang together with base {self.root!r}"
+                raise self.tree.problem(fact, "choose another base")
+            try:
+                ends.append(self._add(tip, chain))
+            except ArgumentError as problem:  # of a joint's limits
+                raise self.tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
+        bodies = tuple(self._bodies())
+        tree = self.tree
+        return Robot(tree.name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), tree.source, bodies)
+
+    def _add(self, tip: str, chain: Sequence[Branch]) -> Tip:
+        parent, placement = -1, np.eye(4)
+        for joint in chain:
+            placement = placement @ joint.origin
+            if joint.kind == "fixed":
+                continue
+            if joint.kind not in MOVING:
+                cure = "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported"
+                raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
+            axis = _axis(self.tree, joint)
+            self._check_loops(joint)
+            master, multiplier, offset = self._master(joint)
+            if master.name in self.held:
+                placement = placement @ motion(joint.kind, axis, multiplier * self.held[master.name] + offset)
+                continue
+            if joint.name not in self.index:
+                self.coordinates.setdefault(master.name, master.coordinate)
+                self._move(joint, parent, placement, axis, (master.name, multiplier, offset))
+            parent, placement = self.index[joint.name], np.eye(4)
+        return Tip(tip, parent, placement)
+
+    def _move(self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float]) -> None:
+        master, multiplier, offset = law
+        number = list(self.coordinates).index(master)
+        self.index[joint.name] = len(self.joints)
+        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset))
+
+    def _bodies(self) -> list[Body]:
+        """Masses below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+        bodies: list[Body] = []
+        waiting = [(self.root, -1, np.eye(4))]
+        below: dict[str, list[Branch]] = {}
+        for joint in self.by_name.values():
+            below.setdefault(joint.parent, []).append(joint)
+        while waiting:
+            name, index, placement = waiting.pop()
+            weight = self.tree.links[name]
+            if weight is not None and weight.mass:
+                R = placement[:3, :3]
+                with np.errstate(all="ignore"):  # senseless masses are told by what needs them
+                    center, inertia = R @ weight.center + placement[:3, 3], R @ weight.inertia @ R.T
+                bodies.append(Body(index, weight.mass, center, inertia))
+            for joint in below.get(name, []):
+                waiting.append((joint.child, *self._carried(joint, index, placement)))
+        return bodies
+
+    def _carried(self, joint: Branch, parent: int, placement: Matrix) -> tuple[int, Matrix]:
+        """(index of the joint that moves a joint's child link, placement there)."""
+        if joint.name in self.index:
+            return self.index[joint.name], np.eye(4)
+        placement = placement @ joint.origin
+        if joint.kind not in MOVING:
+            return parent, placement
+        try:
+            axis = _axis(self.tree, joint)
+            master, multiplier, offset = self._master(joint)
+        except RobotFileError:
+            return parent, placement  # beside the chains, so it must not hinder them
+        if master.name in self.coordinates and master.name not in self.held:
+            self._move(joint, parent, placement, axis, (master.name, multiplier, offset))
+            return self.index[joint.name], np.eye(4)
+        value = self.held.get(master.name, master.zero)
+        return parent, placement @ motion(joint.kind, axis, multiplier * value + offset)
+
+    def _master(self, joint: Branch) -> tuple[Branch, float, float]:
+        """The joint that a chain of mimics follows, and motion = multiplier * (its coordinate) + offset."""
+        multiplier, offset, seen = 1.0, 0.0, {joint.name}
+        while joint.follows is not None and joint.name not in self.held:
+            law = joint.follows
+            offset += multiplier * law.offset
+            multiplier *= law.multiplier
+            master = self.by_name.get(law.master)
+            flaw = ""
+            if master is None:
+                flaw = "which the file does not have"
+            elif master.name in seen:
+                flaw = "which leads back to it"
+            elif master.kind not in MOVING:
+                flaw = f"which is of type {master.kind!r}"
+            elif not np.isfinite([multiplier, offset]).all():
+                flaw = f"with multiplier {law.multiplier} and offset {law.offset}"
+            if flaw or master is None:
+                fact = f"joint {joint.name!r} mimics {law.master!r}, {flaw}"
+                cure = f"correct its <mimic>, or hold it still: locked={{{joint.name!r}: value}}"
+                raise self.tree.problem(fact, cure)
+            joint = master
+            seen.add(joint.name)
+        return joint, multiplier, offset - multiplier * joint.zero
+
+    def _check_loops(self, joint: Branch) -> None:
+        """Raises: RobotFileError for a joint whose value others determine round a closed loop."""
+        for loop in self.tree.loops:
+            if joint.name in loop.joints and joint.name not in self.held:
+                fact = f"joint {joint.name!r} is part of a closed loop of joints ({loop.closed_by})"
+                cure = "choose base= and tip= so that the chain leaves the loop out, or lock its joints at their values"
+                raise self.tree.problem(fact, cure)
+
+
+def _wanted_tips(tree: Tree, tip: str | Sequence[str] | None, above: Mapping[str, Branch], root: str) -> list[str]:
+    if tip is None:
+        below = [leaf for leaf in leaves_of(tree) if chain_of(leaf, root, above)]
+        if not below:
+            others = ", ".join(leaf for leaf in leaves_of(tree) if leaf != root)
+            raise tree.problem(f"ends at base {root!r}", f"give tip=, the {tree.word} to reach from there: {others}")
+        if len(below) != 1:
+            fact = f"branches into {len(below)} tips"
+            raise tree.problem(fact, f"give tip=, one or more of {', '.join(below)}")
+        return below
+    wanted = [tip] if isinstance(tip, str) else list(tip)
+    for link in wanted:
+        if link not in tree.links:
+            raise UnknownNameError(f"{tree.word} of {tree.source}", link, tuple(tree.links))
+    return wanted
+
+
+def _check_locked(tree: Tree, joint: Branch, value: object) -> None:
+    what = f"locked joint {joint.name!r} of {tree.source}"
+    if joint.kind not in MOVING:
+        raise ArgumentError(f"the type of {what}", joint.kind, "it needs no lock; name joints that move")
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        raise ArgumentError(what, value, "give a finite value in m or rad")
+    try:
+        limits = joint.coordinate
+    except ArgumentError as problem:
+        raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
+    if not limits.lower - TOLERANCES.limit <= value <= limits.upper + TOLERANCES.limit:
+        raise ArgumentError(what, value, f"give a value within its limits [{limits.lower:.6g}, {limits.upper:.6g}]")
+
+
+def _axis(tree: Tree, joint: Branch) -> Vector:
+    """Unit axis (3,) of a joint."""
+    length = np.linalg.norm(joint.axis)
+    if joint.axis.shape != (3,) or not np.isfinite(length) or length == 0.0:
+        raise tree.problem(f"joint {joint.name!r} has axis {joint.axis}", "give it a direction, three numbers")
+    return joint.axis / length

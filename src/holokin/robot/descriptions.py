@@ -1,0 +1,40 @@
+"""Robots by the names of the package robot_descriptions, which fetches their files from the network."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import iter_modules
+
+from ..errors import MissingExtraError, RobotFileError, UnknownNameError, brief
+
+PREFIX = "robot_descriptions:"
+"""What such names begin with, as in "robot_descriptions:panda_description"."""
+
+
+def description_file(name: str) -> Path:
+    """The file (URDF, MJCF or xacro) of a robot by its name there, after `PREFIX`; "_description" may be left out.
+
+    Raises:
+        MissingExtraError: the package is not installed. UnknownNameError: it has no such robot.
+        RobotFileError: its files cannot be fetched.
+    """
+    if find_spec("robot_descriptions") is None:
+        raise MissingExtraError("robot_descriptions", "descriptions")
+    package = importlib.import_module("robot_descriptions")
+    word = name.removeprefix(PREFIX)
+    known = sorted(m.name for m in iter_modules(package.__path__) if m.name.endswith("_description"))
+    found = next((full for full in (word, f"{word}_description") if full in known), None)
+    if found is None:
+        raise UnknownNameError("robot of robot_descriptions", word, known)
+    try:
+        module = importlib.import_module(f"robot_descriptions.{found}")
+    except Exception as problem:
+        said = str(problem).strip() or type(problem).__name__
+        cure = "check the network: robot_descriptions clones the files of a robot when it is asked for the first time"
+        raise RobotFileError(name, f"its files could not be fetched ({brief(said, 200)})", cure) from problem
+    for kind in ("URDF_PATH", "MJCF_PATH", "XACRO_PATH"):
+        if hasattr(module, kind):
+            return Path(getattr(module, kind))
+    raise RobotFileError(name, "has no URDF, xacro or MJCF file", "choose another description")

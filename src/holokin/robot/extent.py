@@ -1,0 +1,79 @@
+"""How far a robot's tool gets from its base, without CasADi: a list of robots is printed at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import UnknownNameError
+from ..types import Array, Matrix, Vector
+from .model import Robot, Tip
+
+_SAMPLES = 2048
+"""Postures of which the farthest are improved: for the robots of the catalogue 16 times as many change no digit."""
+
+_STARTS = 8
+"""Postures that are improved."""
+
+
+@typed
+def reach(robot: Robot, tip: str | None = None) -> float:
+    """The largest distance [m] of a tip from the origin of the base frame, max |p(q)| within the joint limits.
+
+    It is the farthest of random postures, the best of which are improved by a truncated Newton method. Infinite for a
+    slider without limits; a hinge without limits turns once round.
+
+    Raises:
+        UnknownNameError: no such tip.
+    """
+    from scipy.optimize import minimize
+
+    known = {t.name: t for t in robot.tips}
+    if tip is not None and tip not in known:
+        raise UnknownNameError("tip", tip, tuple(known))
+    end = robot.tips[0] if tip is None else known[tip]
+    bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    if not (bounded | robot.hinges).all():
+        return float("inf")
+    lower, upper = np.where(bounded, robot.lower, -np.pi), np.where(bounded, robot.upper, np.pi)
+    Q = np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, robot.n))
+    far = np.linalg.norm(_points(robot, Q, end)[0], axis=1)
+
+    def cost(q: Vector) -> tuple[float, Vector]:
+        p, J = _points(robot, q[None], end)
+        return -float(p[0] @ p[0]) / 2, -J[0].T @ p[0]
+
+    bounds = list(zip(lower, upper, strict=True))
+    starts = Q[np.argsort(-far)[:_STARTS]]
+    return float(np.sqrt(-2 * min(minimize(cost, q, jac=True, method="TNC", bounds=bounds).fun for q in starts)))
+
+
+def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
+    """Points p (k, 3) of a tip at postures (k, n), and dp/dq (k, 3, n)."""
+    frames: list[tuple[Matrix, Array]] = []
+    axes: list[Matrix] = []
+
+    def after(index: int, T: Matrix) -> tuple[Matrix, Array]:
+        p, R = frames[index] if index >= 0 else (np.zeros((len(Q), 3)), np.broadcast_to(np.eye(3), (len(Q), 3, 3)))
+        return p + R @ T[:3, 3], R @ T[:3, :3]
+
+    for joint in robot.joints:
+        p, R = after(joint.parent, joint.placement)
+        value = joint.multiplier * Q[:, joint.coordinate] + joint.offset
+        axes.append(R @ joint.axis)
+        if joint.kind == "prismatic":
+            p = p + axes[-1] * value[:, None]
+        else:
+            x, y, z = joint.axis
+            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            s, c = np.sin(value)[:, None, None], np.cos(value)[:, None, None]
+            R = R @ (np.eye(3) + s * K + (1 - c) * (K @ K))
+        frames.append((p, R))
+    point = after(end.joint, end.placement)[0]
+    J, index = np.zeros((len(Q), 3, robot.n)), end.joint
+    while index >= 0:
+        joint, axis = robot.joints[index], axes[index]
+        step = axis if joint.kind == "prismatic" else np.cross(axis, point - frames[index][0])
+        J[:, :, joint.coordinate] += joint.multiplier * step
+        index = joint.parent
+    return point, J

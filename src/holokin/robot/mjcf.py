@@ -1,0 +1,283 @@
+"""Robots from MJCF, MuJoCo's format: files, texts, and models that are there already. Extra `mujoco`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, MissingExtraError, RobotFileError
+from ..types import Matrix, Vector
+from .chains import robot_of
+from .model import Robot
+from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
+from .urdf_xml import read_model
+
+_UNKNOWN = (1.0, 0.01)
+"""Mass [kg] and inertia [kg m^2] that MuJoCo gets for a body that has none without its meshes; thrown away again."""
+
+_LONGEST_NAME = 100
+"""Characters of a text that is shown as the source of a robot."""
+
+
+@typed
+def from_mjcf(
+    model: Any,
+    tip: str | Sequence[str] | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+) -> Robot:
+    """A robot from MJCF: the chain, or chains, from `base` to `tip`, read by MuJoCo.
+
+    Joints are hinges and slides, with their `ref`; a joint equality whose polynomial is linear makes one joint follow
+    another. MuJoCo has no speed limits, so the robot has none. Missing meshes do no harm: then masses are those that
+    the file gives in numbers, and none if a body has no such numbers.
+
+    Args:
+        model: a file, a text that begins with "<", or a `mujoco.MjModel`.
+        tip: site or body that carries the tool, or several; a site that has the name of a body is "name (site)".
+            Without it the tree must end in one of them only.
+        base: body that stays put and whose frame is used; by default the world.
+        locked: joint name -> value [m or rad] of joints to hold still.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
+        RobotFileError: a missing or malformed file; on the chain a free or ball joint, a joint of a closed loop
+        (connect, weld, tendon), or one that follows another by a polynomial that is not linear.
+        UnknownNameError: a body, site or joint that there is not. ArgumentError.
+    """
+    mujoco = _mujoco()
+    if isinstance(model, mujoco.MjModel):
+        name = _text(model.names, 0) or "model"
+        return robot_of(model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
+    if not isinstance(model, str | Path):
+        raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
+    tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
+    return robot_of(tree, tip, base, locked)
+
+
+def mjcf_tree(path: str | Path) -> Tree:
+    """The tree of an MJCF file. Raises: MissingExtraError, RobotFileError."""
+    read_model(path)  # says what is wrong with the file itself
+    return _compiled_tree(lambda: _mujoco().MjSpec.from_file(str(path)), str(path), Path(path).stem)
+
+
+def mjcf_text_tree(text: str, source: str = "") -> Tree:
+    """The same of a text. Raises: MissingExtraError, RobotFileError."""
+    head = source or f"MJCF text {' '.join(text[:_LONGEST_NAME].split())!r}"
+    return _compiled_tree(lambda: _mujoco().MjSpec.from_string(text), head, "model")
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError("mujoco", "mujoco") from None
+    return mujoco
+
+
+def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
+    """The tree of what `parse` gives, with its meshes, or where MuJoCo cannot have these, without."""
+    spec = _parsed(parse, source)
+    weighed = True
+    try:
+        model = spec.compile()
+    except ValueError:
+        spec = _parsed(parse, source)
+        try:
+            weighed = _without_shapes(spec)
+            model = spec.compile()
+        except ValueError as problem:
+            raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
+    tree = model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
+    return tree if weighed else replace(tree, links=dict.fromkeys(tree.links))
+
+
+def _parsed(parse: Any, source: str) -> Any:
+    try:
+        return parse()
+    except ValueError as problem:
+        raise RobotFileError(source, f"is no MJCF that MuJoCo reads ({problem})", "correct it there") from None
+
+
+def _without_shapes(spec: Any) -> bool:
+    """Take out of a spec whatever could need a file, or needs what does. True if masses are known all the same.
+
+    They are when every body that moves and has a shape has its mass in numbers.
+    """
+    weighed = all(body.explicitinertial or not list(body.geoms) for body in _moving(spec.worldbody))
+    for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes", "geoms", "meshes", "hfields"):
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    for element in [*spec.sites, *spec.tendons]:
+        element.material = ""
+    for kind in ("materials", "textures"):
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    spec.compiler.inertiafromgeom = 0
+    for body in spec.bodies[1:]:
+        if not body.explicitinertial and list(body.joints):
+            body.mass, body.inertia = _UNKNOWN[0], [_UNKNOWN[1]] * 3
+            body.ipos, body.explicitinertial = [0, 0, 0], True
+    return weighed
+
+
+def _moving(body: Any, carried: bool = False) -> Iterator[Any]:
+    """The bodies below one that have a joint, or are carried by one that has."""
+    for child in body.bodies:
+        moves = carried or bool(list(child.joints))
+        if moves:
+            yield child
+        yield from _moving(child, moves)
+
+
+def model_tree(model: Any, source: str, name: str) -> Tree:
+    """The tree of an MjModel: bodies are links, sites hang on them, each joint moves a frame of its body."""
+    return _Reader(model, source, name).tree()
+
+
+class _Reader:
+    """Walks the bodies of an MjModel."""
+
+    def __init__(self, model: Any, source: str, name: str):
+        self.model, self.source, self.name, self.enums = model, source, name, _mujoco()
+        self.bodies = self._names("body", model.nbody)
+        self.joints = self._names("jnt", model.njnt)
+        self.links: dict[str, Mass | None] = {}
+        self.branches: list[Branch] = []
+
+    def tree(self) -> Tree:
+        """All bodies, joints and sites as a tree of links. Raises: RobotFileError."""
+        m = self.model
+        follows, fixed, bent = self._couplings()
+        for body, name in enumerate(self.bodies):
+            self.links[name] = _mass(m, body)
+        for body, name in enumerate(self.bodies):
+            if body:
+                self._body(body, name, follows, fixed, bent)
+        sites = self._names("site", m.nsite)
+        for site, name in enumerate(sites):
+            label = f"{name} (site)" if name in self.links else name
+            self.links[label] = None
+            parent, origin = self.bodies[m.site_bodyid[site]], _pose(m.site_pos[site], m.site_quat[site])
+            self.branches.append(Branch(f"to {label}", "fixed", parent, label, origin))
+        loops = tuple(Loop(text, joints) for text, joints in self._loops() if joints)
+        return checked(Tree(self.source, self.name, self.links, tuple(self.branches), loops, "body or site"))
+
+    def _body(self, body: int, name: str, follows: Mapping, fixed: Mapping, bent: Mapping) -> None:
+        """T_parent_child = T(pos, quat), then for each joint T(anchor) M(q - ref) T(-anchor), as MuJoCo does."""
+        m = self.model
+        parent, origin = self.bodies[m.body_parentid[body]], _pose(m.body_pos[body], m.body_quat[body])
+        first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+        for k in range(first, first + count):
+            label = self.joints[k]
+            child = f"{name} moved by {label}"
+            anchor, back = np.eye(4), np.eye(4)
+            kind = self.enums.mjtJoint(m.jnt_type[k]).name.removeprefix("mjJNT_").lower()
+            if kind == "hinge":
+                anchor[:3, 3], back[:3, 3] = m.jnt_pos[k], -m.jnt_pos[k]
+            kind = {"hinge": "revolute", "slide": "prismatic"}.get(kind, kind)
+            lower, upper = map(float, m.jnt_range[k]) if m.jnt_limited[k] else (-np.inf, np.inf)
+            kind += bent.get(k, "")
+            branch = Branch(
+                label, kind, parent, child, origin @ anchor, m.jnt_axis[k], lower, upper,
+                zero=float(m.qpos0[m.jnt_qposadr[k]]), follows=follows.get(k),
+            )  # fmt: skip
+            if k in fixed and kind in MOVING:
+                held = branch.origin @ motion(kind, branch.axis, fixed[k])
+                branch = replace(branch, kind="fixed", origin=held)
+            self.branches.append(branch)
+            self.links[child] = None
+            parent, origin = child, back
+        self.branches.append(Branch(f"to {name}", "fixed", parent, name, origin))
+
+    def _couplings(self) -> tuple[dict[int, Follow], dict[int, float], dict[int, str]]:
+        """Joints that follow others, that are held by a constant, and that follow by what is not linear."""
+        m, follows, fixed, bent = self.model, {}, {}, {}
+        for e in self._equalities("JOINT"):
+            joint, master, law = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e][:5]
+            if np.any(law[2:]) and master >= 0:
+                bent[joint] = (
+                    f" that follows {self.joints[master]!r} by a polynomial of degree {np.max(np.nonzero(law))}"
+                )
+            elif master < 0:
+                fixed[joint] = float(law[0])
+            else:
+                follows[joint] = Follow(self.joints[master], float(law[1]), float(law[0]))
+        return follows, fixed, bent
+
+    def _loops(self) -> Iterator[tuple[str, frozenset[str]]]:
+        """What closes a loop, and the joints round it. What is tied to a mocap body is dragged, not part of a loop."""
+        m = self.model
+        for word in ("CONNECT", "WELD"):
+            for e in self._equalities(word):
+                ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
+                if m.eq_objtype[e] == self.enums.mjtObj.mjOBJ_SITE:
+                    ends = [int(m.site_bodyid[end]) for end in ends]
+                if all(m.body_mocapid[end] < 0 for end in ends):
+                    text = f"{word.lower()} of {self.bodies[ends[0]]!r} and {self.bodies[ends[1]]!r}"
+                    yield text, self._between(*ends)
+        for e in self._equalities("TENDON"):
+            tendon = int(m.eq_obj1id[e])
+            first, count = int(m.tendon_adr[tendon]), int(m.tendon_num[tendon])
+            of_joints, of_sites = self.enums.mjtWrap.mjWRAP_JOINT, self.enums.mjtWrap.mjWRAP_SITE
+            wraps = [(m.wrap_type[k], int(m.wrap_objid[k])) for k in range(first, first + count)]
+            names = {self.joints[thing] for kind, thing in wraps if kind == of_joints}
+            sites = [int(m.site_bodyid[thing]) for kind, thing in wraps if kind == of_sites]
+            for one, next_one in pairwise(sites):
+                names |= self._between(one, next_one)
+            yield f"equality of tendon {self._names('tendon', m.ntendon)[tendon]!r}", frozenset(names)
+
+    def _equalities(self, word: str) -> list[int]:
+        """Indices of the active equalities of a kind."""
+        m, kind = self.model, getattr(self.enums.mjtEq, f"mjEQ_{word}")
+        return [e for e in range(m.neq) if m.eq_type[e] == kind and m.eq_active0[e]]
+
+    def _between(self, one: int, other: int) -> frozenset[str]:
+        """The joints on the way from one body to another, through the tree."""
+        ways = [self._up(one), self._up(other)]
+        return frozenset(ways[0] ^ ways[1])
+
+    def _up(self, body: int) -> set[str]:
+        m, found = self.model, set()
+        while body:
+            first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+            found |= set(self.joints[first : first + count]) if count else set()
+            body = int(m.body_parentid[body])
+        return found
+
+    def _names(self, kind: str, count: int) -> list[str]:
+        """The names of all bodies, joints, ... ; one without a name is called by its number."""
+        word = {"jnt": "joint"}.get(kind, kind)
+        addresses = getattr(self.model, f"name_{kind}adr")
+        return [_text(self.model.names, int(addresses[i])) or f"{word} {i}" for i in range(count)]
+
+
+def _text(names: bytes, start: int) -> str:
+    return names[start : names.index(b"\0", start)].decode("utf-8", "replace")
+
+
+def _pose(position: Vector, quaternion: Vector) -> Matrix:
+    """(w, x, y, z) and a position as a pose (4, 4)."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    T = np.eye(4)
+    T[:3, 3] = position
+    T[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return T
+
+
+def _mass(model: Any, body: int) -> Mass | None:
+    if not body or not model.body_mass[body] > 0:
+        return None
+    T = _pose(model.body_ipos[body], model.body_iquat[body])
+    R = T[:3, :3]
+    return Mass(float(model.body_mass[body]), T[:3, 3], R @ np.diag(model.body_inertia[body]) @ R.T)

@@ -1,0 +1,176 @@
+"""From the TOML table of a robot to the robot: a DH table, joints as in a URDF, or parts put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, HolokinError, RobotFileError, shown
+from ..types import Vector
+from .chains import robot_of
+from .composing import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
+from .dh import from_dh
+from .model import Robot
+from .tree import MOVING, Branch, Tree, checked
+
+Loader = Callable[[Mapping[str, Any]], Robot]
+"""From the keys of a part, "name" and those of `load`, to its robot."""
+
+URDF = "urdf"
+"""The convention of joints that are given by xyz, rpy and axis."""
+
+CHAIN = ("tip", "base", "locked", "args")
+"""Keys of a part that choose from a file, as in `load`."""
+
+_FRAME = ("xyz", "rpy", "rpy_deg")
+_TOP = ("name", "source", "convention", "base", "tool", "tip", "joints", "parts", "order")
+_LIMITS = ("lower", "upper", "max_velocity", "degrees")
+_DH_ROW = ("joint", "kind", "a", "d", "alpha_deg", "theta_deg", *_LIMITS)
+_URDF_ROW = ("joint", "kind", *_FRAME, "axis", *_LIMITS)
+_PART = ("name", *CHAIN, "tool", "on", *_FRAME, "prefix")
+_FORM = "see the packaged robots for the form"
+
+
+def robot_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
+    """The robot of a file's table. Raises: RobotFileError."""
+    _known(path, "top level", table, _TOP)
+    body = "parts" if "parts" in table else "joints"
+    for key, kind in ((body, list), ("source", str)):
+        if not isinstance(table.get(key), kind):
+            raise RobotFileError(path, f"lacks {key!r}", _FORM)
+    for key in ("name", "convention", "tip"):
+        _text(path, key, table)
+    if "parts" in table:
+        for key in ("joints", "convention", "tip"):
+            if key in table:
+                raise RobotFileError(path, f"has {key!r} beside 'parts'", "leave one of them out")
+    try:
+        return _robot(path, table, load)
+    except RobotFileError:
+        raise
+    except HolokinError as problem:
+        raise RobotFileError(path, str(problem), "correct the file") from problem
+
+
+def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
+    """The robot that the keys of [robot] describe: one by name or parts, with tool, base_pose and order.
+
+    Raises: RobotFileError, and what `load`, `compose`, `ordered` raise.
+    """
+    if "parts" in table:
+        parts = [part_of_table(path, part, load) for part in table["parts"]]
+        robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
+        robot = with_tool(robot, *frame_of(path, "tool", table["tool"])) if "tool" in table else robot
+    else:
+        robot = part_of_table(path, {key: table[key] for key in ("name", *CHAIN, "tool") if key in table}, load).robot
+    if "base_pose" in table:
+        robot = with_base_pose(robot, *frame_of(path, "base_pose", table["base_pose"]))
+    return ordered(robot, table["order"]) if "order" in table else robot
+
+
+def part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
+    """A part: what to load, its tool, and where it is mounted. Raises: RobotFileError, and what `load` raises."""
+    _known(path, "parts", table, _PART)
+    for key in ("name", "on", "prefix"):
+        _text(path, f"parts.{key}", {f"parts.{key}": table[key]} if key in table else {})
+    if "name" not in table:
+        raise RobotFileError(path, "a part lacks 'name'", "name a robot of the catalogue, or a file")
+    robot = load({key: table[key] for key in ("name", *CHAIN) if key in table})
+    if "tool" in table:
+        robot = with_tool(robot, *frame_of(path, "tool", table["tool"]))
+    mount = {key: table[key] for key in _FRAME if key in table}
+    return Part(robot, table.get("on"), *frame_of(path, "parts", mount), table.get("prefix", ""))
+
+
+def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vector]:
+    """(xyz [m], rpy [rad]) of a frame, written as xyz and rpy, or rpy_deg. Raises: RobotFileError."""
+    _known(path, key, table, _FRAME)
+    if "rpy" in table and "rpy_deg" in table:
+        raise RobotFileError(path, f"{key} has rpy and rpy_deg", "give one of them")
+    found = {part: _three(path, f"{key}.{part}", table.get(part, [0.0, 0.0, 0.0])) for part in _FRAME}
+    return found["xyz"], found["rpy"] + np.deg2rad(found["rpy_deg"])
+
+
+def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
+    name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
+    if "parts" in table:
+        given = {"name": name} | {key: table[key] for key in ("parts", "tool", "order") if key in table}
+        given |= {"base_pose": table["base"]} if "base" in table else {}
+        return replace(assembled(path, given, load), source=source)
+    frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
+    convention, tip = str(table.get("convention", "standard")), str(table.get("tip", "tool"))
+    matrices = {key: pose_matrix(*value) for key, value in frames.items()}
+    rows: list[Any] = []
+    for row in table["joints"]:
+        _known(path, "joints", row, _URDF_ROW if convention == URDF else _DH_ROW)
+        try:
+            rows.append(_branch(path, row, len(rows)) if convention == URDF else _dh_row(row))
+        except (TypeError, ValueError) as problem:
+            raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
+    if convention != URDF:
+        return from_dh(rows, convention, name=name, tip=tip, source=source, **matrices)
+    ends = Branch("to the first joint", "fixed", "base", "0", matrices.get("base", np.eye(4)))
+    tool = Branch("to the tip", "fixed", str(len(rows)), tip, matrices.get("tool", np.eye(4)))
+    links = dict.fromkeys(["base", *map(str, range(len(rows) + 1)), tip])
+    return replace(robot_of(checked(Tree(str(path), name, links, (ends, *rows, tool))), tip, None, None), source=source)
+
+
+def _branch(path: Any, row: Mapping[str, Any], index: int) -> Branch:
+    """A joint as in a URDF: T(xyz, rpy), then the motion about or along an axis, by default z."""
+    name, kind, limits = _common(row)
+    if kind not in MOVING:
+        raise ArgumentError(f"the kind of joint {name or index + 1!r}", kind, "use 'revolute' or 'prismatic'")
+    origin = pose_matrix(*frame_of(path, "joints", {key: row[key] for key in _FRAME if key in row}))
+    axis = _three(path, "joints.axis", row.get("axis", [0.0, 0.0, 1.0]))
+    return Branch(name or f"q{index + 1}", kind, str(index), str(index + 1), origin, axis, follows=None, **limits)
+
+
+def _dh_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    name, kind, limits = _common(row)
+    lengths = {key: _plain(row, key) for key in ("a", "d")}
+    angles = {key: np.deg2rad(_plain(row, f"{key}_deg")) for key in ("alpha", "theta")}
+    return {"joint": name, "kind": kind, **lengths, **angles, **limits}
+
+
+def _common(row: Mapping[str, Any]) -> tuple[str, str, dict[str, float]]:
+    """Name, kind and limits. Those of a revolute joint are in degrees when `degrees = true`."""
+    kind = row.get("kind", "revolute")
+    for key in ("joint", "kind"):
+        if not isinstance(row.get(key, ""), str):
+            raise TypeError(f"{key} is {shown(row[key], 100)}, no text in quotes")
+    if not isinstance(row.get("degrees", False), bool):
+        raise TypeError("degrees must be true or false")
+    scale = np.pi / 180 if row.get("degrees", False) and kind == "revolute" else 1.0
+    limits = {key: _plain(row, key) * scale for key in ("lower", "upper", "max_velocity") if key in row}
+    return row.get("joint", ""), kind, limits
+
+
+def _plain(row: Mapping[str, Any], key: str) -> float:
+    value = row.get(key, 0.0)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{key} is {shown(value, 100)}, no number")
+    return float(value)
+
+
+def _three(path: Any, key: str, value: Any) -> Vector:
+    plain = isinstance(value, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
+    if not plain or len(value) != 3 or not np.isfinite(value).all():
+        raise RobotFileError(path, f"{key} is {shown(value, 100)}", "give three numbers, [x, y, z]")
+    return np.array(value, dtype=float)
+
+
+def _text(path: Any, key: str, table: Mapping[str, Any]) -> None:
+    if not isinstance(table.get(key, ""), str):
+        raise RobotFileError(path, f"{key} is {shown(table[key], 100)}", "give a text in quotes")
+
+
+def _known(path: Any, where: str, table: Mapping[str, Any], known: Sequence[str]) -> None:
+    if not isinstance(table, Mapping):
+        raise RobotFileError(path, f"{where}: {shown(table, 100)} is not a table", _FORM)
+    for key in table:
+        if key not in known:
+            raise RobotFileError(path, f"{where}: unknown key {shown(key, 100)}", f"known: {', '.join(known)}")

@@ -1,0 +1,167 @@
+"""A tree of links and joints, into which every reader of models turns what it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import RobotFileError, UnknownNameError
+from ..types import Matrix, Value, Vector
+from .model import Coordinate
+
+MOVING = ("revolute", "prismatic")
+"""The kinds of joints that move here; "fixed" ones do not, and all others are refused where a chain needs them."""
+
+
+@dataclass(frozen=True)
+class Follow:
+    """How a joint follows another one: motion = multiplier * (motion of the master) + offset."""
+
+    master: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Branch(Value):
+    """A joint of a tree: T(parent link) origin, then a motion q - zero about or along its axis (3,), then the child.
+
+    What a file says stands here unchecked: a chain that runs through the joint checks it.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Matrix = field(default_factory=lambda: np.eye(4))
+    axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
+    zero: float = 0.0
+    follows: Follow | None = None
+
+    @property
+    def coordinate(self) -> Coordinate:
+        """Its name, kind and limits. Raises: ArgumentError when the limits make no sense."""
+        return Coordinate(self.name, self.kind, self.lower, self.upper, self.max_velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class Mass(Value):
+    """What a link weighs: mass [kg], center (3,) [m] and inertia (3, 3) about it [kg m^2], in the link's frame."""
+
+    mass: float
+    center: Vector
+    inertia: Matrix
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Joints that close a loop, and what closes it. Their values depend on each other, which a tree cannot say."""
+
+    closed_by: str
+    joints: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Links (each with what it weighs, or None) and joints. Errors name `source`, and call a link by `word`."""
+
+    source: str
+    name: str
+    links: Mapping[str, Mass | None]
+    joints: tuple[Branch, ...]
+    loops: tuple[Loop, ...] = ()
+    word: str = "link"
+
+    def problem(self, fact: str, cure: str) -> RobotFileError:
+        """The error of what was read."""
+        return RobotFileError(self.source, fact, cure)
+
+
+def checked(tree: Tree) -> Tree:
+    """The tree, if its links and joints form one. Raises: RobotFileError."""
+    names: set[str] = set()
+    children: set[str] = set()
+    for joint in tree.joints:
+        cure = "correct the file: links and joints must form a tree"
+        if joint.name in names:
+            raise tree.problem(f"has two joints named {joint.name!r}", cure)
+        if joint.child in children:
+            raise tree.problem(f"{tree.word} {joint.child!r} hangs on two joints", cure)
+        names.add(joint.name)
+        children.add(joint.child)
+    for joint in tree.joints:
+        for link in (joint.parent, joint.child):
+            if link not in tree.links:
+                raise tree.problem(f"joint {joint.name!r} joins {tree.word} {link!r}, which is not there", "add it")
+        if not np.isfinite(joint.origin).all():
+            raise tree.problem(f"joint {joint.name!r} has an origin that is not finite", "give plain numbers")
+    return tree
+
+
+def links_of(tree: Tree, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Every link that hangs on the base -> the moving joints from the base to it, mimic joints included."""
+    above = above_of(tree)
+    root = root_of(tree, above) if base is None else base
+    if root not in tree.links:
+        raise UnknownNameError(f"{tree.word} of {tree.source}", root, tuple(tree.links))
+    chains = {link: chain_of(link, root, above) for link in tree.links}
+    return {
+        link: tuple(joint.name for joint in chain if joint.kind in MOVING)
+        for link, chain in chains.items()
+        if chain is not None
+    }
+
+
+def tips_of(tree: Tree, base: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Those of `links_of` at which the tree ends."""
+    ends = set(leaves_of(tree))
+    return {link: joints for link, joints in links_of(tree, base).items() if link in ends}
+
+
+def above_of(tree: Tree) -> dict[str, Branch]:
+    """Every link -> the joint on which it hangs."""
+    return {joint.child: joint for joint in tree.joints}
+
+
+def root_of(tree: Tree, above: Mapping[str, Branch]) -> str:
+    """The link at which the tree begins. Raises: RobotFileError: it has none, or several."""
+    roots = [link for link in tree.links if link not in above]
+    if not roots:
+        raise tree.problem("has joints that form a loop", "cut the loop: links and joints must form a tree")
+    if len(roots) != 1:
+        raise tree.problem(f"has {len(roots)} roots: {', '.join(roots)}", "give base=")
+    return roots[0]
+
+
+def leaves_of(tree: Tree) -> list[str]:
+    """The links at which the tree ends."""
+    inner = {joint.parent for joint in tree.joints}
+    return [link for link in tree.links if link not in inner]
+
+
+def chain_of(tip: str, root: str, above: Mapping[str, Branch]) -> list[Branch] | None:
+    """The joints from the root to a tip; None where it does not hang on the root."""
+    chain: list[Branch] = []
+    link = tip
+    while link != root:
+        if link not in above or len(chain) > len(above):
+            return None
+        chain.append(above[link])
+        link = above[link].parent
+    return chain[::-1]
+
+
+def motion(kind: str, axis: Vector, value: float) -> Matrix:
+    """The step (4, 4) of a joint about or along a unit axis (3,), by a value in rad or m."""
+    T = np.eye(4)
+    if kind == "prismatic":
+        T[:3, 3] = axis * value
+    else:
+        K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        T[:3, :3] = np.eye(3) + np.sin(value) * K + (1 - np.cos(value)) * (K @ K)
+    return T
