@@ -1,0 +1,87 @@
+"""`JointCurve`: the joints along a path without any time, q(s), as splines between the corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ArgumentError
+from ..trajectory import Status, Trajectory
+from ..types import Matrix, Value, Vector
+
+DEGREE = 5
+"""Of the splines: up to the third derivative they have no jumps, so that jerks are defined."""
+
+CLOSED = 1e-12
+"""Difference [joint units] between the starts of cycles up to which one cycle stands for all: that of round-off. A
+controller at 1 kHz sees it as an acceleration of 1e-6."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch(Value):
+    """A smooth part of a curve: a spline through samples q (k, n) at s (k,), with s from 0; `round`: its end is its start.
+
+    s is the time of the untimed trajectory: s runs as a clock when the tool keeps the speed of its path.
+    """
+
+    s: Vector
+    q: Matrix
+    round: bool = False
+
+    def __post_init__(self) -> None:
+        from scipy.interpolate import make_interp_spline
+
+        super().__post_init__()
+        degree = min(DEGREE, len(self.s) - 1)
+        q, bounds = self.q, None
+        if self.round and degree == DEGREE:
+            q, bounds = np.vstack([self.q[:-1], self.q[:1]]), "periodic"
+        object.__setattr__(self, "_spline", make_interp_spline(self.s, q, degree - (degree in (2, 4)), bc_type=bounds))
+
+    @property
+    def length(self) -> float:
+        """Where s ends [s]."""
+        return float(self.s[-1])
+
+    def derivatives(self, s: Vector, most: int = 3) -> list[Matrix]:
+        """[q, dq/ds, ... up to the order `most`], each (k, n); beyond the end a round stretch goes on from its start."""
+        inside = s - self.length * np.floor(s / self.length) * self.round
+        return [self._spline(np.clip(inside, 0.0, self.length), order) for order in range(most + 1)]  # type: ignore[attr-defined]
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        super().__setstate__(state)
+        self.__post_init__()
+
+
+@dataclass(frozen=True, eq=False)
+class JointCurve(Value):
+    """The stretches of one cycle, or of all cycles where no two are alike; between them the joints must stand still."""
+
+    stretches: tuple[Stretch, ...]
+    repeats: bool
+
+    @property
+    def smooth(self) -> bool:
+        """True of a cycle that can be run again and again without a stop."""
+        return len(self.stretches) == 1 and self.stretches[0].round
+
+
+def joint_curve(trajectory: Trajectory) -> JointCurve:
+    """The curve of a trajectory. Raises: ArgumentError: it did not reach its end, or has no two samples."""
+    if trajectory.status is not Status.COMPLETE:
+        cure = "time one that was followed to its end"
+        raise ArgumentError("the trajectory", trajectory.status.cause, cure)
+    if len(trajectory) < 2:
+        raise ArgumentError("the samples of the trajectory", len(trajectory), "give at least two")
+    marks = list(trajectory.marks)
+    repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
+    last = marks[1] if repeats else len(trajectory) - 1
+    corners = {k for k in trajectory.corners if 0 < k < last}
+    ends = [0, *sorted(corners), last]
+    turns_round = repeats and not corners and 0 not in trajectory.corners
+    stretches = [
+        Stretch(trajectory.t[a : b + 1] - trajectory.t[a], trajectory.q[a : b + 1], turns_round)
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
+    return JointCurve(tuple(stretches), repeats)
