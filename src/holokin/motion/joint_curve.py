@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ArgumentError
 from ..trajectory import Status, Trajectory
 from ..types import Matrix, Value, Vector
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 5
 """Of the splines: up to the third derivative they have no jumps, so that jerks are defined."""
@@ -20,7 +25,7 @@ controller at 1 kHz sees it as an acceleration of 1e-6."""
 
 @dataclass(frozen=True, eq=False)
 class Stretch(Value):
-    """A smooth part of a curve: a spline through samples q (k, n) at s (k,), with s from 0; `round`: its end is its start.
+    """A smooth part of a curve: a spline through samples q (k, n) at s (k,), from 0; `round`: its end is its start.
 
     s is the time of the untimed trajectory: s runs as a clock when the tool keeps the speed of its path.
     """
@@ -37,7 +42,8 @@ class Stretch(Value):
         q, bounds = self.q, None
         if self.round and degree == DEGREE:
             q, bounds = np.vstack([self.q[:-1], self.q[:1]]), "periodic"
-        object.__setattr__(self, "_spline", make_interp_spline(self.s, q, degree - (degree in (2, 4)), bc_type=bounds))
+        odd = degree - (degree in (2, 4))  # even splines are not uniquely given by their samples
+        object.__setattr__(self, "_spline", make_interp_spline(self.s, q, odd, bc_type=bounds))
 
     @property
     def length(self) -> float:
@@ -45,9 +51,10 @@ class Stretch(Value):
         return float(self.s[-1])
 
     def derivatives(self, s: Vector, most: int = 3) -> list[Matrix]:
-        """[q, dq/ds, ... up to the order `most`], each (k, n); beyond the end a round stretch goes on from its start."""
-        inside = s - self.length * np.floor(s / self.length) * self.round
-        return [self._spline(np.clip(inside, 0.0, self.length), order) for order in range(most + 1)]  # type: ignore[attr-defined]
+        """[q, dq/ds, ... up to the order `most`], each (k, n); a round stretch goes on from its start beyond its end."""
+        inside = np.clip(s - self.length * np.floor(s / self.length) * self.round, 0.0, self.length)
+        spline: BSpline = self.__dict__["_spline"]
+        return [np.asarray(spline(inside, order)) for order in range(most + 1)]
 
     def __setstate__(self, state: dict[str, object]) -> None:
         super().__setstate__(state)
@@ -82,6 +89,6 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     turns_round = repeats and not corners and 0 not in trajectory.corners
     stretches = [
         Stretch(trajectory.t[a : b + 1] - trajectory.t[a], trajectory.q[a : b + 1], turns_round)
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
+        for a, b in pairwise(ends)
     ]
     return JointCurve(tuple(stretches), repeats)

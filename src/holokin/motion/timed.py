@@ -6,6 +6,7 @@ import csv
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Limits(Value):
 
 @dataclass(frozen=True)
 class Slowdown:
-    """From `start` to `stop` [s] the tool is slower than asked for, down to `least` of it, since a joint meets a limit."""
+    """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it: a joint meets a limit."""
 
     start: float
     stop: float
@@ -129,7 +130,7 @@ class TimedTrajectory(Value):
 
     @property
     def nearest_limit(self) -> JointLoad:
-        """The joint that comes nearest to a limit of its position; compare `.distance` [rad or m] and `.distance_at`."""
+        """The joint that comes nearest to a limit of its position; compare `.distance` [rad or m]."""
         return min(self.loads, key=lambda load: load.distance)
 
     @typed
@@ -181,6 +182,21 @@ class TimedTrajectory(Value):
             lines.append(f"{name:20} {cells[0]} {cells[1]} {cells[2]} {near:>12} {load.distance_at:8.3f}")
         lines += [str(slow) for slow in self.slowdowns]
         return "\n".join(lines)
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        loads = [
+            {
+                key: value if not isinstance(value, float) or np.isfinite(value) else None
+                for key, value in vars(load).items()
+            }
+            for load in self.loads
+        ]
+        return {
+            "profile": self.profile, "duration": self.duration, "dt": self.dt, "window": self.window,
+            "marks": list(self.marks), "stops": list(self.stops), "loop": self.loop, "joints": loads,
+            "slowdowns": [vars(slow) for slow in self.slowdowns],
+        }  # fmt: skip
 
     @typed
     def save(self, path: str | FilePath) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -180,7 +181,7 @@ class _Plan:
         return max(float(np.abs(x / limit).max()) for x, limit in pairs if len(x))
 
     def _sampled(self, stretch: Stretch, law: TimeLaw, factor: float, laps: int, window: float) -> _Part:
-        """Samples at every step, one of them at the end of every lap; a first and a last step may begin or end at rest."""
+        """Samples at every step and at the end of every lap; the first and the last step may rest for a while."""
         law = law.slower(factor)
         run = min(laps, 3)
         inner = _lap_ends(law, stretch.length, run)
@@ -189,7 +190,7 @@ class _Plan:
             times = [np.append(np.arange(count) * self.dt, law.duration)]
         else:
             before, after = (int(np.ceil(x / self.dt - 1e-9)) for x in (inner[0], law.duration - inner[-1]))
-            middle = [inner[0] + self.dt * np.arange(1, 1 + round((b - a) / self.dt)) for a, b in zip(inner, inner[1:])]
+            middle = [a + self.dt * np.arange(1, 1 + round((b - a) / self.dt)) for a, b in pairwise(inner)]
             first = np.append(inner[0] - self.dt * np.arange(before, 0, -1), inner[0])
             times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after), law.duration)]
         ends = np.cumsum([len(part) for part in times]) - 1
