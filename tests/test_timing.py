@@ -182,7 +182,7 @@ def test_the_table_names_each_joint_and_the_nearest_limit(fastest: TimedTrajecto
     assert fastest.nearest_limit.distance == gap.min()
     lines = fastest.table().splitlines()
     assert [line.split()[0] for line in lines[2:9]] == list(panda.joint_names)
-    assert max(load.acceleration_share for load in fastest.loads) == pytest.approx(1.0, abs=5e-3)
+    assert max(load.shares[1] for load in fastest.loads) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_a_file_of_it_says_names_and_units(fastest: TimedTrajectory, tmp_path) -> None:

@@ -147,6 +147,8 @@ def chosen(timed: TimedTrajectory, tolerance: float) -> Indices:
 
 
 def _off(q: Matrix, a: int, b: int) -> float:
+    if b - a < 2:
+        return 0.0
     share = (np.arange(a, b + 1) - a)[:, None] / (b - a)
     return float(np.abs(q[a : b + 1] - (q[a] + share * (q[b] - q[a]))).max())
 
@@ -184,9 +186,7 @@ def _wired(
         joint = names.index(entry) if isinstance(entry, str) else None
         is_length = joint is not None and timed.joint_units[joint] == "m"
         if is_length and k < own:
-            raise ExportError(
-                f"{entry} slides, and {language} has it among external axes alone", "name it in external="
-            )
+            raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
         column = timed.q[:, joint] if joint is not None else np.full(len(timed), float(entry))
         columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
         lengths.append(is_length)

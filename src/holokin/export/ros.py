@@ -47,7 +47,7 @@ def to_ros(
         "points": [
             {
                 "positions": timed.q[i].tolist(), "velocities": timed.dq[i].tolist(),
-                "accelerations": timed.ddq[i].tolist(), "effort": [], "time_from_start": _stamp(timed.t[i]),
+                "accelerations": timed.ddq[i].tolist(), "effort": [], "time_from_start": _stamp(float(timed.t[i])),
             }
             for i in picked
         ],
@@ -116,7 +116,7 @@ def _stamp(t: float) -> dict[str, int]:
 
 
 def _yaml(message: dict[str, Any]) -> list[str]:
-    """Block style down to the points, and JSON for what is in a point, with 1.0e-9 for 1e-9, which YAML 1.1 calls text."""
+    """Block style down to the points, JSON in a point; with 1.0e-9 for 1e-9, which to YAML 1.1 is text."""
     lines = [
         f"header: {json.dumps(message['header'])}",
         f"joint_names: {json.dumps(message['joint_names'])}",

@@ -21,7 +21,8 @@ APPROACH = "a=0.5, v=0.25"
 @typed
 def to_urscript(
     timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    style: str = "servoj", tolerance: float = 2e-3, blend: float = 0.001, lookahead_time: float = 0.1, gain: float = 300.0,
+    style: str = "servoj", tolerance: float = 2e-3, blend: float = 0.001, lookahead_time: float = 0.1,
+    gain: float = 300.0,
 ) -> Program:  # fmt: skip
     """A URScript function NAME.script in radians, which moves to the start first.
 
@@ -41,12 +42,12 @@ def to_urscript(
     wiring = wiring or Wiring()
     if style not in ("servoj", "movej"):
         raise ArgumentError("style", style, "use 'servoj' or 'movej'")
-    if style == "servoj" and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
-        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3)")
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000 and blend >= 0.0):
         raise ArgumentError("(lookahead_time, gain, blend)", (lookahead_time, gain, blend), "see the docstring")
     every = style == "servoj"
     found = targets(timed, wiring, 6, 0, "URScript", None if every else tolerance)
+    if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
+        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3)")
     short = program_name(name, about or "holokin", 64, "URScript")
     lines = [f"  # {line}" for line in header(timed, about, found, wiring, ["radians"])]
     lines.append(f"  movej({_list(found.q[0])}, {APPROACH})")

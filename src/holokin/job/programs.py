@@ -44,11 +44,11 @@ def program_of_job(
         timing = TimingTable(**table)
     except ValidationError as problem:  # of options given instead; those of the job have been looked at
         fault = problem.errors()[0]
-        raise ArgumentError(".".join(map(str, fault["loc"])), fault["input"], fault["msg"]) from None
+        raise ArgumentError(str(fault["loc"][0]), fault["input"], f"see [timing]: {fault['msg']}") from None
     timed = timing.timed(walk, robot)
     how = job.program or ProgramTable()
     about = f"Job {name}: {strategy.name} on {robot.name}, {job.title}"
-    common = {"name": short or _word(f"{robot.name}_{label}", language), "about": about}
+    common: dict[str, Any] = {"name": short or _word(f"{robot.name}_{label}", language), "about": about}
     if language == "ros":
         return to_ros(timed, about=about), timed
     common |= {"wiring": how.wiring, "tolerance": how.tolerance}

@@ -32,7 +32,8 @@ Key = tuple[str, ...]
 
 _TABLES: dict[str, type[BaseModel]] = {
     "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
-    "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable, "bound": Bound,
+    "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable,
+    "bound": Bound,
 }  # fmt: skip
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")

@@ -51,7 +51,7 @@ class Stretch(Value):
         return float(self.s[-1])
 
     def derivatives(self, s: Vector, most: int = 3) -> list[Matrix]:
-        """[q, dq/ds, ... up to the order `most`], each (k, n); a round stretch goes on from its start beyond its end."""
+        """[q, dq/ds, ... to the order `most`], each (k, n); a round stretch goes on from its start beyond its end."""
         inside = np.clip(s - self.length * np.floor(s / self.length) * self.round, 0.0, self.length)
         spline: BSpline = self.__dict__["_spline"]
         return [np.asarray(spline(inside, order)) for order in range(most + 1)]

@@ -6,11 +6,12 @@ All laws but the quintic one have path accelerations that are constant, or linea
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..errors import ArgumentError, MissingExtraError
-from ..types import Matrix, Value, Vector
+from ..types import Indices, Matrix, Value, Vector
 from .joint_curve import Stretch
 
 FINEST = 2_000
@@ -51,7 +52,7 @@ class TimeLaw(Value):
         share = (np.arange(len(index)) - np.repeat(np.cumsum(inner) - inner, inner)) / (inner[index] - 1)
         return self.t[index] + share * h[index], self._on(index, share * h[index])
 
-    def _on(self, index: Vector, x: Vector) -> list[Vector]:
+    def _on(self, index: Indices, x: Vector) -> list[Vector]:
         c, found = self.c, []
         for _ in range(4):
             value = np.zeros(len(x))
@@ -128,27 +129,29 @@ def _toppra(s: Vector, d1: Matrix, d2: Matrix, most: Vector, acceleration: Vecto
     except ImportError:
         raise MissingExtraError("toppra, for time-optimal motion", "timing") from None
 
-    class Known(AbstractGeometricPath):
+    base: Any = AbstractGeometricPath  # the declared type has properties where attributes do
+
+    class Known(base):
         """The derivatives on the grid, where alone toppra asks for them."""
 
         dof = d1.shape[1]
         path_interval = np.array([s[0], s[-1]])
         waypoints = None
 
-        def __call__(self, _s: Vector, order: int = 0) -> Matrix:
+        def __call__(self, _s: Any, order: int = 0) -> Matrix:
             return (np.zeros_like(d1), d1, d2)[order]
 
     class Bounded(LinearConstraint):
         """0 <= (ds/dt)^2 <= most^2."""
 
-        def compute_constraint_params(self, _path: object, _grid: Vector) -> tuple[object, ...]:
+        def compute_constraint_params(self, _path: Any, _grid: Any) -> Any:
             return (*[None] * 6, np.column_stack([np.zeros(len(most)), np.minimum(most, 99.0) ** 2]))
 
-    bounded = Bounded()
+    bounded: Any = Bounded()
     bounded.dof = d1.shape[1]
     limits = JointAccelerationConstraint(acceleration, DiscretizationType.Interpolation)
     instance = TOPPRA([bounded, limits], Known(), gridpoints=s, solver_wrapper="seidel")
-    _, rates, _ = instance.compute_parameterization(0.0, 0.0)
+    rates: Any = instance.compute_parameterization(0.0, 0.0)[1]
     if rates is None or not np.isfinite(rates).all():
         raise ArgumentError("the limits", acceleration.tolist(), "toppra found no motion within them: give larger ones")
     return np.maximum(rates, 0.0)

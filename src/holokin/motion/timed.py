@@ -15,6 +15,9 @@ from ..files import replacing
 from ..trajectory import Trajectory
 from ..types import Matrix, Value, Vector
 
+NOTHING = 1e-6
+"""Peak of a rate [joint units / s, s^2, s^3] that a table shows as 0: round-off, up to jerks at 1 kHz."""
+
 RATES = ("velocity", "acceleration", "jerk")
 
 
@@ -48,16 +51,13 @@ class Slowdown:
 
 @dataclass(frozen=True)
 class JointLoad:
-    """What one joint does: shares of its limits (NaN without one), and its least distance to a position limit."""
+    """What one joint does: its greatest speed, acceleration and jerk, their shares of its limits (NaN without one), and
+    its least distance to a position limit [joint units], with the time of that [s]."""
 
     joint: str
     unit: str
-    velocity: float
-    acceleration: float
-    jerk: float
-    velocity_share: float
-    acceleration_share: float
-    jerk_share: float
+    peaks: tuple[float, ...]
+    shares: tuple[float, ...]
     distance: float
     distance_at: float
 
@@ -125,7 +125,7 @@ class TimedTrajectory(Value):
             bounds = [float(getattr(self.limits, rate)[i]) for rate in RATES]
             shares = [p / b if np.isfinite(b) else float("nan") for p, b in zip(peaks, bounds, strict=True)]
             at = int(np.argmin(gaps[:, i]))
-            found.append(JointLoad(joint, unit, *peaks, *shares, float(gaps[at, i]), float(self.t[at])))
+            found.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
         return tuple(found)
 
     @property
@@ -170,12 +170,9 @@ class TimedTrajectory(Value):
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
         for load in self.loads:
             cells = [
-                f"{peak:8.4g}" + (f" {100 * share:4.0f} %" if np.isfinite(share) else " " * 7)
-                for peak, share in (
-                    (load.velocity, load.velocity_share),
-                    (load.acceleration, load.acceleration_share),
-                    (load.jerk, load.jerk_share),
-                )
+                f"{peak if peak > NOTHING else 0.0:8.4g}"
+                + (f" {100 * share:4.0f} %" if np.isfinite(share) else " " * 7)
+                for peak, share in zip(load.peaks, load.shares, strict=True)
             ]
             near = f"{load.distance:.4g}" if np.isfinite(load.distance) else "none"
             name = load.joint if len(load.joint) <= 20 else f"{load.joint[:17]}..."
@@ -185,13 +182,18 @@ class TimedTrajectory(Value):
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
+
+        def known(value: float) -> float | None:
+            return value if np.isfinite(value) else None
+
         loads = [
             {
-                key: value if not isinstance(value, float) or np.isfinite(value) else None
-                for key, value in vars(load).items()
+                "joint": load.joint, "unit": load.unit, "peaks": list(load.peaks),
+                "shares": [known(share) for share in load.shares],
+                "distance": known(load.distance), "distance_at": load.distance_at,
             }
             for load in self.loads
-        ]
+        ]  # fmt: skip
         return {
             "profile": self.profile, "duration": self.duration, "dt": self.dt, "window": self.window,
             "marks": list(self.marks), "stops": list(self.stops), "loop": self.loop, "joints": loads,

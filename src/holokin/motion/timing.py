@@ -18,11 +18,14 @@ from .timed import RATES, Limits, Slowdown, TimedTrajectory
 
 PROFILES = ("time-optimal", "trapezoidal", "quintic")
 
-SHARES = np.linspace(0.02, 0.5, 25)
+SHARES = np.linspace(0.02, 0.5, 17)
 """Shares of the time in which a trapezoidal law accelerates; the fastest is taken."""
 
-WINDOWS = np.geomspace(1e-3, 0.5, 28)
-"""Windows of smoothing, as shares of the time, of which the fastest is taken: a fifth lies between two."""
+WINDOWS = np.geomspace(2e-3, 0.5, 18)
+"""Windows of smoothing, as shares of the time, of which the fastest is taken: a third lies between two."""
+
+ROUGHLY = 500
+"""Instants at which laws are compared; at those of `FINEST` and more the chosen one is looked at."""
 
 STEADY = 1e-6
 """Relative difference of the path speeds at both ends of a cycle up to which it may be repeated, toppra's own accuracy;
@@ -154,15 +157,15 @@ class _Plan:
         else:
             laws = [trapezoidal(length, float(share)) for share in SHARES]
             if not np.isfinite(self.limits.jerk).any():
-                return min(laws, key=lambda law: self._slowing(stretch, law) * law.duration), 0.0
+                return min(laws, key=lambda law: self._slowing(stretch, law, ROUGHLY) * law.duration), 0.0
         if not np.isfinite(self.limits.jerk).any():
             return laws[0], 0.0
-        tried = [(smoothed(law, w * law.duration), w * law.duration) for law in laws for w in WINDOWS]
-        return min(tried, key=lambda pair: self._slowing(stretch, pair[0]) * pair[0].duration)
+        tried = [(smoothed(law, w), w) for law in laws for w in (WINDOWS * law.duration).tolist()]
+        return min(tried, key=lambda pair: self._slowing(stretch, pair[0], ROUGHLY) * pair[0].duration)
 
-    def _slowing(self, stretch: Stretch, law: TimeLaw) -> float:
+    def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
         """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
-        _, (s, *rates) = law.within(2 * FINEST)
+        _, (s, *rates) = law.within(count)
         found = _motion(stretch, s, rates)[1:]
         with np.errstate(divide="ignore"):
             ratios = [
@@ -222,7 +225,8 @@ def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
     def past(t: float, lap: int) -> float:
         return float(law.at(np.array([t]))[0][0]) - lap * length
 
-    return [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15, rtol=1e-14) for lap in range(1, laps)]
+    found = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
+    return [float(t) for t in found]  # type: ignore[arg-type]  no RootResults, which are given when asked for
 
 
 def _motion(stretch: Stretch, s: Vector, rates: list[Vector]) -> list[Matrix]:
@@ -257,7 +261,7 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
     q, dq, ddq, dddq, speed = (np.concatenate(column) for column in columns)
     if len(marks) == max(2, len(trajectory.marks)):
         q[marks[-1]] = trajectory.q[-1]
-    t = np.arange(len(q)) * plan.dt
+    t = np.asarray(np.arange(len(q)) * plan.dt, dtype=float)
     loop = (marks[1], marks[2]) if endless else None
     if loop is not None:
         jumps = [float(np.abs(x[loop[1]] - x[loop[0]]).max() / np.abs(x).max()) for x in (speed, ddq)]
