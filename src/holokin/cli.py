@@ -305,7 +305,7 @@ def export_c(
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")] = False,
 ) -> None:
-    """Write a strategy as C99: library, header, self-test with its vectors, CMakeLists.txt, README.md.
+    """Write a strategy as C99: library, headers of C and C++, self-test with its vectors, README.md.
 
     Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
     """

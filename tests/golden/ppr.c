@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xf44b4dfff6fbd21aU
+#if PPR_EXPORT != 0xe2384f9c62915199U
 #error "these files are of different exports: export again"
 #endif
 

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xf44b4dfff6fbd21aU
+#define PPR_EXPORT 0xe2384f9c62915199U
 
 #ifdef __cplusplus
 extern "C" {

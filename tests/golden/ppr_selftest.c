@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0xf44b4dfff6fbd21aU
+#if PPR_EXPORT != 0xe2384f9c62915199U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0xf44b4dfff6fbd21aU
+#if PPR_VECTORS != 0xe2384f9c62915199U
 #error "these files are of different exports: export again"
 #endif
 

@@ -81,6 +81,8 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
         raise ArgumentError("the trajectory", trajectory.status.cause, cure)
     if len(trajectory) < 2:
         raise ArgumentError("the samples of the trajectory", len(trajectory), "give at least two")
+    if not np.ptp(trajectory.q, axis=0).any():
+        raise ArgumentError("the motion of the joints", 0.0, "they all stand still: there is nothing to time")
     marks = list(trajectory.marks)
     repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
     last = marks[1] if repeats else len(trajectory) - 1
