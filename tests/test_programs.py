@@ -145,7 +145,9 @@ def test_a_joint_trajectory_of_ros_holds_every_sample_with_its_rates(format: str
     assert set(message) == {"header", "joint_names", "points"}
     assert message["joint_names"] == list(six.joint_names)
     for key, wanted in (("positions", six.q), ("velocities", six.dq), ("accelerations", six.ddq)):
-        assert (np.array([point[key] for point in message["points"]], dtype=float) == wanted).all(), key
+        found = np.array([point[key] for point in message["points"]])
+        assert found.dtype == float  # a 1e-9 that YAML takes for text would make it one of texts
+        assert (found == wanted).all(), key
     stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
     np.testing.assert_allclose(stamps, six.t, atol=1e-9)
     few = to_ros(six, tolerance=TOLERANCE, format=format)

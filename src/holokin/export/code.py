@@ -59,7 +59,7 @@ template this thread_local throw true try typeid typename using virtual wchar_t 
 """
 
 RESERVED = frozenset(_WORDS.split()) | frozenset(_WORDS_OF_CPP.split())
-"""Words of C and C++, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and of Windows. A
+"""Words of C and C++, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and Windows. A
 header of ours by such a name would hide theirs, which <math.h> and <stdio.h> may want."""
 
 SHORTEST, LONGEST = 1e-5, 1.0
