@@ -12,7 +12,7 @@ import pytest
 import grammars
 import holokin as hk
 from conftest import IRB_START, PANDA_START, Command
-from holokin.errors import ArgumentError, ExportError, MissingExtraError
+from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
 from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
 from holokin.job import open_job, program_of_job
 from holokin.motion import TimedTrajectory
@@ -135,6 +135,9 @@ def test_fanuc_counts_joint_three_from_the_floor_when_asked(six: TimedTrajectory
 
 @pytest.mark.parametrize("format", ["json", "yaml"])
 def test_a_joint_trajectory_of_ros_holds_every_sample_with_its_rates(format: str, six: TimedTrajectory) -> None:
+    ddq = six.ddq.copy()
+    ddq[0, 0] = 1e-9  # to YAML 1.1 this is text, and 1.0e-9 a number
+    six = replace(six, ddq=ddq)
     text = to_ros(six, about=ABOUT, format=format).text
     if format == "yaml":
         message = pytest.importorskip("yaml").safe_load(text)
@@ -146,7 +149,7 @@ def test_a_joint_trajectory_of_ros_holds_every_sample_with_its_rates(format: str
     assert message["joint_names"] == list(six.joint_names)
     for key, wanted in (("positions", six.q), ("velocities", six.dq), ("accelerations", six.ddq)):
         found = np.array([point[key] for point in message["points"]])
-        assert found.dtype == float  # a 1e-9 that YAML takes for text would make it one of texts
+        assert found.dtype == float, key
         assert (found == wanted).all(), key
     stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
     np.testing.assert_allclose(stamps, six.t, atol=1e-9)
@@ -183,14 +186,16 @@ def test_without_rosbags_the_error_names_the_extra(six: TimedTrajectory, tmp_pat
     "wiring, says",
     [
         (Wiring(axes=("q1", "q2", "q3", "q4", "q5", "q5")), "each of"), (Wiring(external=("q9",)), "each of"),
-        (Wiring(signs={"q1": 2}), "1 or -1"), (Wiring(offsets={"q9": 0.0}), "a number"),
-        (Wiring(external=(0.0,) * 7), "7 external"),
+        (Wiring(offsets={"q9": 0.0}), "unknown joint"), (Wiring(external=(0.0,) * 7), "7 external"),
+        (Wiring(external=(np.nan,)), "within"),
     ],
     ids=str,
 )  # fmt: skip
 def test_bad_wiring_is_refused(wiring: Wiring, says: str, six: TimedTrajectory) -> None:
-    with pytest.raises((ArgumentError, ExportError), match=says):
+    with pytest.raises((ArgumentError, ExportError, UnknownNameError), match=says):
         to_krl(six, wiring=wiring)
+    with pytest.raises(ArgumentError, match="1 or -1"):
+        Wiring(signs={"q1": 2})
 
 
 def test_a_step_that_is_not_the_controllers_is_refused_by_servoj(six: TimedTrajectory) -> None:

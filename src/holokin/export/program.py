@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import typed
-from ..errors import ArgumentError, ExportError
+from ..arguments import check, typed
+from ..errors import ArgumentError, ExportError, UnknownNameError
 from ..files import replacing, writing
 from ..motion import TimedTrajectory
-from ..types import Indices, Matrix, Value, Vector, positive
+from ..robot import FARTHEST
+from ..types import Indices, Matrix, Value, Vector, number, positive
 from ..version import __version__
 
 Entry = str | float
@@ -73,10 +74,21 @@ class Wiring(Value):
         offsets: the controller's value where the joint is at 0 [rad or m], by name.
     """
 
-    axes: tuple[Entry, ...] | None = None
-    external: tuple[Entry, ...] = ()
+    axes: Sequence[Entry] | None = None
+    external: Sequence[Entry] = ()
     signs: Mapping[str, int] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check("axes", Sequence[Entry] | None, self.axes)
+        check("external", Sequence[Entry], self.external)
+        for what, given in (("signs", self.signs), ("offsets", self.offsets)):
+            check(what, Mapping[str, float], given)
+            for name, value in given.items():
+                if not np.isfinite(number(f"{what}[{name!r}]", value)) or (what == "signs" and value not in (-1, 1)):
+                    cure = "give 1 or -1" if what == "signs" else "give a finite number"
+                    raise ArgumentError(f"{what}[{name!r}]", value, cure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,20 +189,27 @@ def _wired(
     if sorted(used) != sorted(names):
         wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
         raise ArgumentError("the joints of axes and external", wrong[0], f"name each of {', '.join(names)} once")
-    for what, given in (("signs", wiring.signs), ("offsets", wiring.offsets)):
-        for name, value in given.items():
-            if name not in names or not np.isfinite(value) or (what == "signs" and value not in (-1, 1)):
-                raise ArgumentError(f"{what}[{name!r}]", value, f"give {'1 or -1' if what == 'signs' else 'a number'}")
+    for name in (*wiring.signs, *wiring.offsets):
+        if name not in names:
+            raise UnknownNameError("joint of signs or offsets", name, names)
     columns, lengths = [], []
     for k, entry in enumerate((*axes, *external)):
         joint = names.index(entry) if isinstance(entry, str) else None
         is_length = joint is not None and timed.joint_units[joint] == "m"
         if is_length and k < own:
             raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
-        column = timed.q[:, joint] if joint is not None else np.full(len(timed), float(entry))
+        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
         columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
         lengths.append(is_length)
     return np.column_stack(columns), tuple(lengths)
+
+
+def _still(entry: Entry) -> float:
+    """The value at which an axis stands still. Raises: ArgumentError."""
+    value = number("the value of an axis", entry)
+    if not abs(value) <= FARTHEST:
+        raise ArgumentError("the value of an axis", value, f"give one within {FARTHEST:g} rad or m")
+    return value
 
 
 def header(
