@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import IRB_START, PANDA_START, Command
 from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
 from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
-from holokin.job import open_job, program_of_job
+from holokin.job import open_job, program_of_job, run_job
 from holokin.motion import TimedTrajectory
 
 ABOUT = "wrist held: q4, q5, q6 stay \u00fc"
@@ -253,6 +253,17 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     done = holokin("export", "ls", "weld.toml", "--out", "x", "--jerk", "-1")
     assert done.code == 2
     assert "jerk is -1.0" in done.err
+
+
+def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "weld.toml"
+    drifting = '[strategies.free]\nkind = "moore-penrose"\n'
+    file.write_text(JOB.replace("[program]", f"endless = true\n{drifting}[program]"), "utf-8")
+    held, free = sorted(run_job(*open_job(str(file))).strategies, key=lambda found: found.name == "free")
+    assert held.timed.loop is not None
+    assert held.trouble == ""
+    assert free.timed.loop is None
+    assert "do not end where they started" in free.trouble
 
 
 @pytest.mark.parametrize("language", WRITERS)

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ..export import Wiring
 from ..motion import TimedTrajectory, retime
+from ..motion.joint_curve import joint_curve
 from ..robot import Robot
 from ..trajectory import Trajectory
 from .table import Few, Length, Positive, Table
@@ -34,10 +35,11 @@ class TimingTable(Table):
         return self
 
     def timed(self, trajectory: Trajectory, robot: Robot) -> TimedTrajectory:
-        """A trajectory, timed as the table says. Raises: as `retime`."""
+        """A trajectory, timed as the table says; one that does not repeat is never endless. Raises: as `retime`."""
+        endless = self.endless and joint_curve(trajectory).repeats
         return retime(
             trajectory, robot, acceleration=self.acceleration, jerk=self.jerk, velocity=self.velocity,
-            profile=self.profile, speed=self.speed, endless=self.endless, dt=self.dt,
+            profile=self.profile, speed=self.speed, endless=endless, dt=self.dt,
         )  # fmt: skip
 
 

@@ -216,7 +216,10 @@ def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyR
     """With its cycles timed. Raises: as `retime`."""
     timed = table.timed(found.cycles, robot)
     more = {"time": timed.duration, "limit_distance": timed.nearest_limit.distance}
-    return replace(found, timed=timed, metrics=found.metrics | more)
+    trouble = found.trouble
+    if table.endless and timed.loop is None:
+        trouble = trouble or "its cycles do not end where they started: they are timed one after the other, not endless"
+    return replace(found, timed=timed, metrics=found.metrics | more, trouble=trouble)
 
 
 def _apart(variants: list[StrategyResult]) -> float:

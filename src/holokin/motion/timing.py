@@ -145,12 +145,13 @@ class _Plan:
             cure = f"it takes {wanted * laps:.3g} steps: give a longer one, or larger limits"
             raise ArgumentError("dt", self.dt, cure)
         steps = max(2, int(np.ceil(wanted * (1 - 1e-12))))
+        part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
         for _ in range(TRIES):
-            part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
             worst = max(self.worst(part.rows[1:]), self.worst(_differences(part.rows[0], self.dt)))
             if worst <= 1.0:
                 break
             steps += 1 + int(steps * (worst - 1.0) / 4)
+            part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
         return part
 
     def _law(self, stretch: Stretch, laps: int) -> tuple[TimeLaw, float]:
