@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -54,6 +55,12 @@ def fastest(circle: Trajectory, panda: hk.Robot) -> TimedTrajectory:
     return hk.retime(circle, panda, acceleration=ACCELERATION, cycles=1)
 
 
+def needs_toppra(how: dict[str, object]) -> None:
+    """Skips what is time-optimal where toppra is not installed: it has wheels for Linux alone."""
+    if how.get("profile", "time-optimal") == "time-optimal":
+        pytest.importorskip("toppra")
+
+
 def assert_within(timed: TimedTrajectory) -> None:
     """Speeds and accelerations, by derivatives and as differences of what is played; jerks by derivatives."""
     assert max(timed.excess().values()) <= KEPT
@@ -92,7 +99,7 @@ def test_the_time_is_that_of_toppra_within_two_percent(fastest: TimedTrajectory,
 def test_no_limit_is_exceeded_and_the_ends_are_those_of_the_path_to_the_last_bit(
     how: dict[str, object], circle: Trajectory, panda: hk.Robot
 ) -> None:
-    pytest.importorskip("toppra")
+    needs_toppra(how)
     timed = hk.retime(circle, panda, acceleration=ACCELERATION, **how)  # type: ignore[arg-type]
     assert_within(timed)
     assert (timed.q[0] == circle.q[0]).all()
@@ -144,9 +151,8 @@ def test_the_tool_keeps_the_speed_of_its_path_but_where_it_is_said(circle: Traje
 
 
 def test_the_joints_rest_in_each_corner_exactly_there(square: Trajectory, panda: hk.Robot) -> None:
-    pytest.importorskip("toppra")
     assert len(square.corners) == 5  # the start is one of them
-    timed = hk.retime(square, panda, acceleration=ACCELERATION, cycles=2)
+    timed = hk.retime(square, panda, acceleration=ACCELERATION, profile="trapezoidal", cycles=2)
     assert_within(timed)
     assert len(timed.stops) == 7
     assert not timed.dq[list(timed.stops)].any()
@@ -156,9 +162,8 @@ def test_the_joints_rest_in_each_corner_exactly_there(square: Trajectory, panda:
 @pytest.mark.parametrize("v, a", [(0.2, 1.0), (5.0, 1.0)])
 def test_one_joint_takes_the_time_of_the_closed_form(slide: Trajectory, ppr: hk.Robot, v: float, a: float) -> None:
     """L/v + v/a with a phase of constant speed, 2 sqrt(L/a) without."""
-    pytest.importorskip("toppra")
     wanted = 0.5 / v + v / a if v < np.sqrt(0.5 * a) else 2 * np.sqrt(0.5 / a)
-    for profile, more in (("time-optimal", 2e-3), ("trapezoidal", 2e-2)):
+    for profile, more in (("trapezoidal", 2e-2), ("time-optimal", 2e-3))[: 2 if find_spec("toppra") else 1]:
         timed = hk.retime(slide, ppr, velocity=v, acceleration=a, profile=profile)
         assert wanted * (1 - 1e-9) <= timed.duration <= wanted * (1 + more), profile
     timed = hk.retime(slide, ppr, velocity=v, profile="quintic")
@@ -166,15 +171,14 @@ def test_one_joint_takes_the_time_of_the_closed_form(slide: Trajectory, ppr: hk.
 
 
 def test_a_law_that_drifts_is_timed_as_a_whole(ppr: hk.Robot) -> None:
-    pytest.importorskip("toppra")
     center = PPR_CENTER
     loops = hk.circle(ppr.pose(PPR_START)[:3, 3], center)
     drifting = hk.follow(hk.moore_penrose(hk.position(ppr)), loops, PPR_START, samples=100, cycles=2)
-    timed = hk.retime(drifting, ppr, velocity=1.0, acceleration=1.0)
+    timed = hk.retime(drifting, ppr, velocity=1.0, acceleration=1.0, profile="trapezoidal")
     assert_within(timed)
     assert (timed.q[-1] == drifting.q[-1]).all()
     with pytest.raises(ArgumentError, match="does not end where it started"):
-        hk.retime(drifting, ppr, velocity=1.0, acceleration=1.0, endless=True)
+        hk.retime(drifting, ppr, velocity=1.0, acceleration=1.0, profile="trapezoidal", endless=True)
 
 
 def test_the_table_names_each_joint_and_the_nearest_limit(fastest: TimedTrajectory, panda: hk.Robot) -> None:
@@ -209,7 +213,7 @@ def test_a_file_of_it_says_names_and_units(fastest: TimedTrajectory, tmp_path) -
     ids=str,
 )  # fmt: skip
 def test_senseless_limits_are_refused(how: dict[str, object], says: str, circle: Trajectory, panda: hk.Robot) -> None:
-    pytest.importorskip("toppra")
+    needs_toppra(how)
     with pytest.raises((ArgumentError, ShapeError), match=says):
         hk.retime(circle, panda, **how)  # type: ignore[arg-type]
 
