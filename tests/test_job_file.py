@@ -202,7 +202,9 @@ def section(heading: str) -> dict[str, list[str]]:
     return {re.sub(r"\.NAME|[`\[\]]", "", first): rest for first, *rest in rows}
 
 
-@pytest.mark.parametrize("name", ["robot", "task", "start", "path", "workspace", "strategies", "expect", "verdict"])
+@pytest.mark.parametrize(
+    "name", ["robot", "task", "start", "path", "timing", "program", "workspace", "strategies", "expect", "verdict"]
+)
 def test_the_reference_has_every_key_and_no_other(name: str) -> None:
     heading = f"`[{name}.NAME]`" if name in ("strategies", "expect") else f"`[{name}]`"
     if name == "strategies":

@@ -69,6 +69,8 @@ def kit() -> dict[str, Any]:
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
         "servo": hk.controller(held, dt=0.01, start=q), "closed": laws.closed_loop(law),
         "leaf": analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
+        "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
+        "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),
         "space": space, "covered": hk.coverage(held, q, space, samples=4),
     }  # fmt: skip
 
@@ -145,6 +147,26 @@ def calls() -> dict[str, Call]:
             "turns": [[0, 0, 0.1]] * 3, "closed": True, "speed": 0.1}),
         "join": (hk.join, (line, line), {}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
+        "retime": (hk.retime, (walk, robot), {
+            "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
+            "cycles": 1, "endless": False, "dt": 0.01}),
+        "TimedTrajectory.excess": (k["timed"].excess, ("difference",), {}),
+        "TimedTrajectory.save": (k["timed"].save, ("timed.csv",), {}),
+        "Wiring": (lambda **named: hk.export.to_krl(k["timed"], wiring=hk.export.Wiring(**named)), (), {
+            "axes": (*robot.joint_names, 0.1, 0.2, 0.3), "external": (0.4,), "signs": {robot.joint_names[0]: -1},
+            "offsets": {robot.joint_names[1]: 0.5}}),
+        "to_rapid": (hk.export.to_rapid, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": "z5", "tool": "tool0"}),
+        "to_krl": (hk.export.to_krl, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01}),
+        "to_urscript": (hk.export.to_urscript, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "style": "movej", "tolerance": 0.01, "blend": 0.0,
+            "lookahead_time": 0.1, "gain": 300.0}),
+        "to_fanuc": (hk.export.to_fanuc, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "coupled": True, "tolerance": 0.01, "frame": 0,
+            "tool": 1, "rounding": 50, "written": None}),
+        "to_ros": (hk.export.to_ros, (k["timed"],), {
+            "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
         "path_spread": (hk.path_spread, (held, loop, loop, q), following),
         "all_postures": (hk.all_postures, (held, k["pose"]), {"leaf": 0.0, "limits": True, "starts": 16}),

@@ -18,6 +18,7 @@ from .errors import HolokinError
 from .export import export_c
 from .motion import (
     ControlLaw,
+    TimedTrajectory,
     all_postures,
     controller,
     drift,
@@ -26,6 +27,7 @@ from .motion import (
     move_to_leaf,
     obstruction,
     path_spread,
+    retime,
     simulate,
 )
 from .path import Path, arc, circle, join, line, polyline
@@ -66,6 +68,7 @@ __all__ = [
     "Status",
     "Strategy",
     "Task",
+    "TimedTrajectory",
     "Trajectory",
     "Verdict",
     "Workspace",
@@ -122,6 +125,7 @@ __all__ = [
     "read_recording",
     "read_workspace",
     "recording",
+    "retime",
     "robot",
     "simulate",
     "stationary",

@@ -20,6 +20,10 @@ from .ways import rotation_matrix
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
 
+CORNER = 1e-6
+"""Share of the tool's speed [m/s and rad/s] by which its velocity jumps at a corner: tangents of joined arcs agree to
+1e-12, and a jump of 1e-6 is a turn of 0.2 seconds of arc."""
+
 ROUND_OFF = 1e-9
 """Share of a path's duration by which a time may lie outside it."""
 
@@ -226,6 +230,16 @@ class Path(Value):
     def durations(self) -> Vector:
         """Seconds that each segment takes."""
         return self._durations
+
+    @cached_property
+    def corners(self) -> tuple[int, ...]:
+        """Segments at whose start the tool's velocity jumps; 0 among them where a closed path ends in a corner."""
+        k = len(self.segments)
+        start, end = (self.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
+        after = np.hstack([start.velocity, start.angular])
+        jump = np.abs(after - np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)).max(axis=1)
+        found = jump > CORNER * np.abs(after).max(axis=1)
+        return tuple(int(i) for i in np.flatnonzero(found) if i > 0 or self.closed)
 
     def counts(self, samples: int) -> Indices:
         """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""

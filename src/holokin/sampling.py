@@ -203,6 +203,8 @@ def record(
         J, _ = task.jacobian_batch(q)
         return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
 
+    first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
+    corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
     measures = Measures(
         dq=dq if callable(dq) else lambda: dq,
         x=lambda: task.value_batch(q),
@@ -220,4 +222,5 @@ def record(
         marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
         status=status,
         measures=measures,
+        corners=tuple(k for k in corners if k <= count),
     )

@@ -61,7 +61,8 @@ def _known(values: Matrix) -> Matrix:
 class Trajectory(Value):
     """Joint motion at k instants.
 
-    t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends.
+    t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends; corners: indices at
+    which the tool's direction jumps, the marks among them where a closed path ends in another direction than it starts.
     """
 
     joint_names: tuple[str, ...]
@@ -73,6 +74,7 @@ class Trajectory(Value):
     marks: tuple[int, ...]
     status: Status
     measures: Measures
+    corners: tuple[int, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """All metrics as plain data, measured now."""

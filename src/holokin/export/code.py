@@ -51,8 +51,15 @@ syslimits syslog tar termios ttyent ucontext ulimit unctrl unistd unwind utime u
 vcruntime wait wordexp xlocale
 """
 
-RESERVED = frozenset(_WORDS.split())
-"""Words of C, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and of Windows. A
+_WORDS_OF_CPP = """
+alignas alignof and and_eq asm bitand bitor bool catch class compl concept consteval constexpr constinit const_cast
+co_await co_return co_yield decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept
+not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast std
+template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
+"""
+
+RESERVED = frozenset(_WORDS.split()) | frozenset(_WORDS_OF_CPP.split())
+"""Words of C and C++, and headers of C, POSIX and the C libraries of Linux, of microcontrollers (newlib) and Windows. A
 header of ours by such a name would hide theirs, which <math.h> and <stdio.h> may want."""
 
 _FILES = {"prelude": "scalar.h", "posed": "posed.c", "step": "step.c"}
@@ -235,6 +242,12 @@ def text(name: str, words: Mapping[str, Any]) -> str:
 def header(source: Source, words: Mapping[str, Any]) -> str:
     """NAME.h."""
     return text("interface.h", {**words, "leaf_interface": text("leaf.h", words) if source.holonomic else ""})
+
+
+def wrapper(source: Source, words: Mapping[str, Any]) -> str:
+    """NAME.hpp."""
+    leaf = text("leaf.hpp", words) if source.holonomic else ""
+    return text("interface.hpp", {**words, "leaf_interface": leaf})
 
 
 def library(source: Source, words: Mapping[str, Any]) -> str:

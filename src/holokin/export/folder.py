@@ -16,7 +16,7 @@ from ..motion.branch import enclosed_change, extended_jacobian
 from ..strategies import HolonomicStrategy, Strategy
 from ..types import ArrayLike, number, whole
 from ..version import __version__
-from .code import Source, header, library, line, text
+from .code import Source, header, library, line, text, wrapper
 from .vectors import selftest, vectors, vectors_header
 
 MARK = re.compile(r"ritten by holokin \d")
@@ -48,7 +48,7 @@ def export_c(
     vectors_count: int = 64,
     origin: str = "Python",
 ) -> Exported:
-    """Write a strategy as C99 for a controller: library, header, self-test with its vectors, CMakeLists, README.
+    """Write a strategy as C99 for a controller: library, headers of C and C++, self-test with its vectors, README.
 
     The library has the tool's pose, G, dq = G dx, the control step of `controller` and, for a strategy with a
     constraint, g, the Newton step on its leaf and inverse kinematics. It allocates nothing and keeps nothing, takes
@@ -81,6 +81,7 @@ def export_c(
     words |= _tables(source, operations)
     texts = {
         f"{short}.h": header(source, words),
+        f"{short}.hpp": wrapper(source, words),
         f"{short}.c": library(source, words),
         f"{short}_vectors.h": vectors_header(source, found, words),
         f"{short}_selftest.c": selftest(source, words),

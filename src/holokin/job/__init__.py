@@ -1,6 +1,7 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
 from .export import export_job, job_strategy
+from .programs import program_of_job
 from .read import read_job
 from .runner import PAPER, expand, open_job, packaged_jobs, run_job
 from .schema import Job
@@ -20,6 +21,7 @@ __all__ = [
     "open_job",
     "packaged_jobs",
     "packaged_text",
+    "program_of_job",
     "read_job",
     "run_job",
 ]

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
+from .motion_tables import ProgramTable, TimingTable
 from .robot_tables import FrameTable, PartTable, RobotTable
 from .schema import (
     Bound,
@@ -31,7 +32,8 @@ Key = tuple[str, ...]
 
 _TABLES: dict[str, type[BaseModel]] = {
     "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
-    "verdict": VerdictTable, "workspace": WorkspaceTable, "bound": Bound,
+    "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable,
+    "bound": Bound,
 }  # fmt: skip
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")

@@ -27,6 +27,7 @@ from ..errors import (
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path import Path
+from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 from ..trajectory import Status, Trajectory
@@ -41,6 +42,7 @@ from .build import (
     naming,
 )
 from .covering import build_covering
+from .motion_tables import TimingTable
 from .read import read_job
 from .schema import ExpectTable, Job
 
@@ -123,6 +125,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     strategy = build_strategy(job, label, task, start, title)
                     begin, note = build_begin(table, strategy, start)
                     found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
+                    if job.timing is not None and found.cycles.status is Status.COMPLETE:
+                        found = _timed(found, job.timing, robot)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
                     variants.append(found)
@@ -214,8 +218,18 @@ def _metrics(
         "peak_speed": peak,
         "residual": max(float(w.residual.max()) for w in walks) if isinstance(strategy, HolonomicStrategy) else np.nan,
         "invariant": kept,
-        "coverage": np.nan, "coverage_rcond": np.nan,
+        "coverage": np.nan, "coverage_rcond": np.nan, "time": np.nan, "limit_distance": np.nan,
     }  # fmt: skip
+
+
+def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyResult:
+    """With its cycles timed. Raises: as `retime`."""
+    timed = table.timed(found.cycles, robot)
+    more = {"time": timed.duration, "limit_distance": timed.nearest_limit.distance}
+    trouble = found.trouble
+    if table.endless and timed.loop is None:
+        trouble = trouble or "its cycles do not end where they started: they are timed one after the other, not endless"
+    return replace(found, timed=timed, metrics=found.metrics | more, trouble=trouble)
 
 
 def _apart(variants: list[StrategyResult]) -> float:

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
+from .motion_tables import ProgramTable, TimingTable
 from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
@@ -180,6 +181,8 @@ class ExpectTable(Table):
     same_joints: Bound | None = None
     coverage: Bound | None = None
     coverage_rcond: Bound | None = None
+    time: Bound | None = None
+    limit_distance: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -241,6 +244,8 @@ class Job(Table):
     task: TaskTable = TaskTable()
     start: StartTable
     path: PathTable
+    timing: TimingTable | None = None
+    program: ProgramTable | None = None
     workspace: WorkspaceTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})

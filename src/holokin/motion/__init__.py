@@ -12,6 +12,8 @@ from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
 from .solutions import InverseStatus, Solutions
+from .timed import JointLoad, Limits, Slowdown, TimedTrajectory
+from .timing import retime
 
 __all__ = [
     "Cause",
@@ -21,13 +23,17 @@ __all__ = [
     "Drift",
     "InverseKinematics",
     "InverseStatus",
+    "JointLoad",
+    "Limits",
     "Nearest",
     "Obstruction",
     "Postures",
+    "Slowdown",
     "Solutions",
     "Spread",
     "Step",
     "StepStatus",
+    "TimedTrajectory",
     "Winding",
     "Witness",
     "all_postures",
@@ -42,6 +48,7 @@ __all__ = [
     "obstruction",
     "open_loop",
     "path_spread",
+    "retime",
     "simulate",
     "step_function",
     "winding",

@@ -80,6 +80,8 @@ def _fill(result: JobResult, folder: FilePath, version: str) -> None:
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
             walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv")
+        if strategy.timed is not None:
+            strategy.timed.save(folder / f"{result.stems[strategy.name]}-timed.csv")
         if strategy.coverage is not None:
             strategy.coverage.save(folder / f"{result.stems[strategy.name]}-workspace.csv")
     with writing(folder / "report.html"):
@@ -123,6 +125,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         "</ul>",
         f"<p class='small'>{escape(_TERMS)}</p>",
         *_coverage(result),
+        *_timing(result),
         "<h2>Figures</h2>",
         *(_figure(folder, stem, caption) for stem, caption in shown),
         "<h2>Everything measured</h2>",
@@ -150,6 +153,16 @@ def _coverage(result: JobResult) -> list[str]:
         "</p>",
         _html_table(["", *(escape(name) for name, _ in found)], table),
     ]
+
+
+def _timing(result: JobResult) -> list[str]:
+    """What each joint does of its limits, by strategy; nothing in a job that is not timed."""
+    parts = [
+        f"<h3>{escape(s.name)}</h3><div class='wide'><pre>{escape(s.timed.table())}</pre></div>"
+        for s in result.strategies
+        if s.timed is not None
+    ]
+    return ["<h2>Timing</h2>", *parts] if parts else []
 
 
 def _cell(text: str) -> str:

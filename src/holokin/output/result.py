@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analysis import Verdict
 from ..designing import Coverage, Slice
+from ..motion import TimedTrajectory
 from ..path import Path
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
@@ -33,6 +34,8 @@ METRICS: dict[str, str] = {
     "same_joints": "largest joint difference between orientation representations [joint]",
     "coverage": "share of the workspace that the leaf reaches",
     "coverage_rcond": "least rcond of [J; J_g] over the poses of the workspace that it reaches",
+    "time": "seconds that the cycles take within the limits of [timing]",
+    "limit_distance": "least distance of a joint to a limit of its position, in the timed motion [joint]",
 }
 """Every metric of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
 
@@ -51,7 +54,8 @@ class Check:
 class StrategyResult:
     """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
-    coverage, slices: of the job's workspace, where it has one and the strategy has leaves.
+    coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
+    job's [timing] has them, where it has one and they were followed to their end.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """
@@ -67,6 +71,7 @@ class StrategyResult:
     checks: tuple[Check, ...] = field(default=())
     coverage: Coverage | None = None
     slices: tuple[Slice, ...] = ()
+    timed: TimedTrajectory | None = None
 
     @property
     def passed(self) -> bool:
@@ -96,6 +101,7 @@ class StrategyResult:
             "metrics": {key: value if np.isfinite(value) else None for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
             "coverage": self.coverage.summary() if self.coverage is not None else None,
+            "timing": self.timed.summary() if self.timed is not None else None,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,
         }

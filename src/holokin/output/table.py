@@ -90,6 +90,10 @@ def print_result(result: JobResult, console: Any) -> None:
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style="yellow", markup=False, highlight=False)
     for strategy in result.strategies:
+        if strategy.timed is not None:
+            console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
+            for line in strategy.timed.table().splitlines():
+                console.print(f"    {brief(line)}", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:
                 text = f"  {brief(strategy.name)}: expected {check.metric} {check.wanted}, found {check.found}"

@@ -1,0 +1,98 @@
+"""FANUC TP programs as .LS text: joint motion to positions J1, J2, ..., each in its time.
+
+Grammar: FANUC, "R-30iB Handling Tool Operator's Manual" (B-83284EN): program header, motion instructions in sec and
+msec, remarks of at most 32 characters, position data by joints. J2/J3: ROS-Industrial's fanuc_driver (J23_factor).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError
+from ..motion import TimedTrajectory
+from ..types import whole
+from .program import Program, Targets, Wiring, header, program_name, targets
+
+NAME, SHORT = 36, 8
+"""Characters of a program's name: the most an R-30iB takes, and what every controller takes, given by default."""
+
+REMARK = 32
+"""Characters of a remark in the program."""
+
+LONGEST_MOVE = 32_000
+"""Milliseconds that one motion instruction may take."""
+
+
+@typed
+def to_fanuc(
+    timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
+    coupled: bool = False, tolerance: float = 2e-3, frame: int = 0, tool: int = 1, rounding: int = 100,
+    written: datetime | None = None,
+) -> Program:  # fmt: skip
+    """A TP program NAME.LS of joint motions in degrees, external axes E1 to E3 in degrees or mm.
+
+    Each motion has its time in ms; positions have the three decimals of the pendant, so joints are right to 9e-6 rad.
+
+    Args:
+        name: of the program, at most 36 letters, digits and underscores; by default 8.
+        about: a line of the header: the law.
+        wiring: of the controller's axes: J1 to J6, and E1 to E3 as external ones.
+        coupled: write J3 as FANUC counts it on arms whose J3 keeps its angle to the floor while J2 moves:
+            J3 = joint 3 - joint 2, after signs and offsets. False writes the joints of the model as they are, which
+            is right where the model has that coupling, or the arm none.
+        tolerance: [rad or m] see `Program.deviation`.
+        frame, tool: numbers of the user frame and the tool frame (UF, UT).
+        rounding: 0 to 100, the CNT of targets passed without a stop; corners and the end are FINE.
+        written: the date in the header; by default now.
+
+    Raises:
+        ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names or wiring.
+    """
+    wiring = wiring or Wiring()
+    for what, value, most in (("frame", frame, 9), ("tool", tool, 10), ("rounding", rounding, 100)):
+        if whole(what, value, 0) > most:
+            raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
+    found = targets(timed, wiring, 6, 3, "FANUC's TP language", tolerance)
+    if coupled:
+        q = found.q.copy()
+        q[:, 2] -= q[:, 1]
+        found = replace(found, q=q)
+    short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language").upper()
+    counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
+    more = ["degrees, external axes degrees or mm", counted, f"UF {frame}, UT {tool}"]
+    body = [f"!{line}" for line in header(timed, about, found, wiring, more, REMARK)]
+    body += [f"UFRAME_NUM={frame}", f"UTOOL_NUM={tool}", "J P[1] 10% FINE"]
+    times = np.rint(1e3 * found.t).astype(int)
+    last = len(times) - 1
+    for i in range(1, last + 1):
+        lasts = max(1, int(times[i] - times[i - 1]))
+        if lasts > LONGEST_MOVE:
+            raise ArgumentError("the time of a move [ms]", lasts, f"a move takes at most {LONGEST_MOVE}")
+        body.append(f"J P[{i + 1}] {lasts}msec {'FINE' if i == last or found.stops[i] else f'CNT{rounding}'}")
+    text = _listing(short, body, found, f"UF : {frame}, UT : {tool}", written or datetime.now())
+    return Program({f"{short}.LS": text}, last + 1, found.deviation)
+
+
+def _listing(name: str, body: list[str], found: Targets, frames: str, written: datetime) -> str:
+    date = f"DATE {written:%y-%m-%d  TIME %H:%M:%S}"
+    axes = [f"J{k}" for k in range(1, 7)] + [f"E{k}" for k in range(1, 4)]
+    units = ["mm" if length else "deg" for length in found.lengths]
+    lines = [
+        f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", 'COMMENT\t\t= "holokin";', "PROG_SIZE\t= 0;",
+        f"CREATE\t\t= {date};", f"MODIFIED\t= {date};", "FILE_NAME\t= ;", "VERSION\t\t= 0;",
+        f"LINE_COUNT\t= {len(body)};", "MEMORY_SIZE\t= 0;", "PROTECT\t\t= READ_WRITE;",
+        "TCD:  STACK_SIZE\t= 0,", "      TASK_PRIORITY\t= 50,",
+        "      TIME_SLICE\t= 0,", "      BUSY_LAMP_OFF\t= 0,", "      ABORT_REQUEST\t= 0,", "      PAUSE_REQUEST\t= 0;",
+        "DEFAULT_GROUP\t= 1,*,*,*,*;", "CONTROL_CODE\t= 00000000 00000000;", "/MN",
+    ]  # fmt: skip
+    lines += [f"{i:4d}:{'' if text.startswith('J ') else '  '}{text} ;" for i, text in enumerate(body, 1)]
+    lines.append("/POS")
+    for i, row in enumerate(np.round(found.shown(), 3) + 0.0, 1):
+        cells = [f"{axis}={x:10.3f} {unit}" for axis, x, unit in zip(axes, row, units, strict=False)]
+        groups = ["\t" + ",\t".join(cells[k : k + 3]) for k in range(0, len(cells), 3)]
+        lines += [f"P[{i}]{{", "   GP1:", f"\t{frames},\t", ",\n".join(groups), "};"]
+    return "\n".join([*lines, "/END", ""])

@@ -1,0 +1,258 @@
+"""What all robot programs share: axes of the controller, targets picked from a timed trajectory, the header's facts."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ..arguments import check, typed
+from ..errors import ArgumentError, ExportError, UnknownNameError
+from ..files import replacing, writing
+from ..motion import TimedTrajectory
+from ..robot import FARTHEST
+from ..types import Indices, Matrix, Value, Vector, number, positive
+from ..version import __version__
+
+Entry = str | float
+"""Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
+
+
+LANGUAGES = {
+    "ros": "ROS 2: a trajectory_msgs/JointTrajectory, as YAML.",
+    "rapid": "ABB RAPID: a module of MoveAbsJ.",
+    "krl": "KUKA KRL: a .src of SPTP, and its .dat.",
+    "urscript": "Universal Robots URScript: servoj at 2 or 8 ms, else movej.",
+    "ls": "FANUC TP: an .LS of joint motions.",
+}
+"""What motion can be written in, and what that is."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A robot program: its files by name, and how it was cut down from the samples.
+
+    `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
+    if they moved evenly from target to target.
+    """
+
+    files: Mapping[str, str]
+    targets: int
+    deviation: float
+
+    @property
+    def text(self) -> str:
+        """The first file, the program itself."""
+        return next(iter(self.files.values()))
+
+    @typed
+    def save(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write the files into a folder, made if need be; returns their paths. Raises: WriteError."""
+        folder = Path(folder)
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        for name, text in self.files.items():
+            with replacing(folder / name) as part:
+                part.write_text(text, "utf-8", newline="\n")
+        return tuple(folder / name for name in self.files)
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring(Value):
+    """How a controller's axes are moved by the joints: axis = sign * joint + offset [rad or m].
+
+    Attributes:
+        axes: of the robot itself, in the controller's order: joints by name, or values at which an axis stands still.
+            By default the joints in the order of the trajectory.
+        external: of external axes, the same.
+        signs: -1 for the joints that the controller counts the other way round, by name.
+        offsets: the controller's value where the joint is at 0 [rad or m], by name.
+    """
+
+    axes: Sequence[Entry] | None = None
+    external: Sequence[Entry] = ()
+    signs: Mapping[str, int] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check("axes", Sequence[Entry] | None, self.axes)
+        check("external", Sequence[Entry], self.external)
+        for what, given in (("signs", self.signs), ("offsets", self.offsets)):
+            check(what, Mapping[str, float], given)
+            for name, value in given.items():
+                if not np.isfinite(number(f"{what}[{name!r}]", value)) or (what == "signs" and value not in (-1, 1)):
+                    cure = "give 1 or -1" if what == "signs" else "give a finite number"
+                    raise ArgumentError(f"{what}[{name!r}]", value, cure)
+
+
+@dataclass(frozen=True, eq=False)
+class Targets(Value):
+    """Targets of a program: instants t (k,), the controller's axes q (k, axes + external) [rad or m], which of these
+    are lengths, which targets are stops, how many axes are the robot's own, and how far joints are off between."""
+
+    t: Vector
+    q: Matrix
+    lengths: tuple[bool, ...]
+    stops: tuple[bool, ...]
+    own: int
+    deviation: float
+
+    def shown(self) -> Matrix:
+        """The axes in degrees and millimetres (k, axes + external)."""
+        return np.where(np.array(self.lengths), 1e3 * self.q, np.rad2deg(self.q)) + 0.0
+
+    @property
+    def seconds(self) -> Vector:
+        """From each target to the next (k - 1,)."""
+        return np.diff(self.t)
+
+    @property
+    def parts(self) -> list[range]:
+        """From rest to rest: the targets of each part, the last of one being the first of the next."""
+        ends = [0, *np.flatnonzero(self.stops).tolist(), len(self.t) - 1]
+        return [range(a, b + 1) for a, b in pairwise(ends)]
+
+
+def targets(
+    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str, tolerance: float | None
+) -> Targets:
+    """As few samples as keep the joints within a tolerance of the trajectory when they move evenly between them.
+
+    Args:
+        own, most: how many axes the controller's robot has, and how many external ones may be.
+        tolerance: [rad or m]; None for all samples. Starts, ends and corners are always targets.
+
+    Raises:
+        ExportError: the program's language cannot hold the robot. ArgumentError: bad wiring.
+    """
+    picked = np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
+    q, lengths = _wired(timed, wiring, own, most, language)
+    stops = np.isin(picked, timed.stops)
+    return Targets(timed.t[picked], q[picked], lengths, tuple(stops.tolist()), own, deviation(timed.q, picked))
+
+
+def chosen(timed: TimedTrajectory, tolerance: float) -> Indices:
+    """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
+    fixed = sorted({0, *timed.marks, *timed.stops, len(timed) - 1})
+    found = [0]
+    for end in fixed[1:]:
+        while found[-1] < end:
+            here, good, bad = found[-1], found[-1] + 1, end + 1
+            step = 1
+            while good + step < bad:  # doubling, then halving
+                if _off(timed.q, here, good + step) <= tolerance:
+                    good, step = good + step, 2 * step
+                else:
+                    bad = good + step
+                    break
+            while good < end and bad - good > 1:
+                middle = min((good + bad) // 2, end)
+                good, bad = (middle, bad) if _off(timed.q, here, middle) <= tolerance else (good, middle)
+            found.append(good)
+    return np.array(found)
+
+
+def _off(q: Matrix, a: int, b: int) -> float:
+    if b - a < 2:
+        return 0.0
+    share = (np.arange(a, b + 1) - a)[:, None] / (b - a)
+    return float(np.abs(q[a : b + 1] - (q[a] + share * (q[b] - q[a]))).max())
+
+
+def deviation(q: Matrix, picked: Indices) -> float:
+    """How far even motion between picked samples is from all samples q (k, n) [joint units]."""
+    return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
+
+
+def _wired(
+    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str
+) -> tuple[Matrix, tuple[bool, ...]]:
+    """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
+    names = list(timed.joint_names)
+    axes, external = wiring.axes, wiring.external
+    if axes is None:
+        axes = tuple(name for name in names if name not in external)
+    held = f"{language} holds {own} axes of a robot" + (f" and {most} external ones" if most else "")
+    if len(axes) != own:
+        cure = f"name the {own} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
+        raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
+    if len(external) > most:
+        cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
+        raise ExportError(f"{held}, but {len(external)} external ones are given", cure)
+    used = [entry for entry in (*axes, *external) if isinstance(entry, str)]
+    if sorted(used) != sorted(names):
+        wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
+        raise ArgumentError("the joints of axes and external", wrong[0], f"name each of {', '.join(names)} once")
+    for name in (*wiring.signs, *wiring.offsets):
+        if name not in names:
+            raise UnknownNameError("joint of signs or offsets", name, names)
+    columns, lengths = [], []
+    for k, entry in enumerate((*axes, *external)):
+        joint = names.index(entry) if isinstance(entry, str) else None
+        is_length = joint is not None and timed.joint_units[joint] == "m"
+        if is_length and k < own:
+            raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
+        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
+        columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
+        lengths.append(is_length)
+    return np.column_stack(columns), tuple(lengths)
+
+
+def _still(entry: Entry) -> float:
+    """The value at which an axis stands still. Raises: ArgumentError."""
+    value = number("the value of an axis", entry)
+    if not abs(value) <= FARTHEST:
+        raise ArgumentError("the value of an axis", value, f"give one within {FARTHEST:g} rad or m")
+    return value
+
+
+def header(
+    timed: TimedTrajectory,
+    about: str,
+    found: Targets | None,
+    wiring: Wiring,
+    more: Sequence[str] = (),
+    width: int = 100,
+) -> list[str]:
+    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units."""
+    lines = [f"Written by holokin {__version__}", about or "law: not told"]
+    lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
+    limits = timed.limits
+    for i, (name, unit) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
+        span = f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g} {unit}"
+        rates = [
+            f"{what} {getattr(limits, rate)[i]:.6g} {unit}/s{power}"
+            for what, rate, power in (("speed", "velocity", ""), ("acc", "acceleration", "^2"), ("jerk", "jerk", "^3"))
+            if np.isfinite(getattr(limits, rate)[i])
+        ]
+        turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
+        turned += [f"offset {wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
+        lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
+    if found is not None and not found.deviation:
+        lines.append(f"{len(found.t)} joint targets, one for each step")
+    elif found is not None:
+        lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
+        lines.append("of the timed motion")
+    if timed.loop is not None:
+        a, b = (timed.t[i] for i in timed.loop)
+        lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
+    lines += ["The robot moves to the first target on its own way: see that it is free", *more]
+    plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
+    return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
+
+
+def program_name(given: str | None, about: str, longest: int, language: str) -> str:
+    """A name of letters, digits and underscores. Raises: ArgumentError: one given that the language refuses."""
+    if given is not None:
+        if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
+            cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
+            raise ArgumentError("name", given, cure)
+        return given
+    words = re.sub(r"[^A-Za-z0-9]+", "_", about).strip("_")
+    return ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")

@@ -1,0 +1,67 @@
+"""A strategy of a job as a robot program: followed, timed, and written in a controller's language."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..errors import ArgumentError
+from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
+from ..motion import TimedTrajectory, follow
+from .build import build_path, naming
+from .export import job_strategy
+from .motion_tables import ProgramTable, TimingTable
+from .schema import Job
+
+
+def program_of_job(
+    name: str, job: Job, file: FilePath, language: str, label: str | None = None, *, short: str | None = None,
+    changes: dict[str, Any] | None = None,
+) -> tuple[Program, TimedTrajectory]:  # fmt: skip
+    """(program, the timed motion) of a strategy of a job, with its cycles.
+
+    Args:
+        language: one of LANGUAGES.
+        label: the strategy's name in the job; may be left out where there is only one.
+        short: the program's name; by default robot and strategy.
+        changes: keys of [timing] to take instead of the job's.
+
+    Raises:
+        as `job_strategy`, `follow`, `retime` and the writer; ArgumentError: limits are missing.
+    """
+    label, strategy, start = job_strategy(job, file, label)
+    table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
+    table |= changes or {}
+    if table.get("acceleration") is None and table.get("profile") != "quintic":
+        raise ArgumentError("acceleration", None, "give --acceleration, or a table [timing] in the job")
+    with naming(file, "path"):
+        path = build_path(job, strategy.task, start, file)
+    robot = strategy.task.robot
+    walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
+    try:
+        timing = TimingTable(**table)
+    except ValidationError as problem:  # of options given instead; those of the job have been looked at
+        fault = problem.errors()[0]
+        raise ArgumentError(str(fault["loc"][0]), fault["input"], f"see [timing]: {fault['msg']}") from None
+    timed = timing.timed(walk, robot)
+    how = job.program or ProgramTable()
+    about = f"Job {name}: {strategy.name} on {robot.name}, {job.title}"
+    common: dict[str, Any] = {"name": short or _word(f"{robot.name}_{label}", language), "about": about}
+    if language == "ros":
+        return to_ros(timed, about=about), timed
+    common |= {"wiring": how.wiring, "tolerance": how.tolerance}
+    if language == "ls":
+        return to_fanuc(timed, coupled=how.coupled, **common), timed
+    if language == "urscript":
+        style = "servoj" if timed.dt in (0.002, 0.008) else "movej"
+        return to_urscript(timed, style=style, **common), timed
+    return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common), timed
+
+
+def _word(text: str, language: str) -> str:
+    """A name that the language takes."""
+    letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
+    letters = letters if letters[:1].isalpha() else f"p_{letters}"
+    return letters[: {"rapid": 30, "krl": 24, "ls": 8}.get(language, 64)].rstrip("_")

@@ -1,0 +1,176 @@
+"""`TimeLaw`: how far along a curve one is at a time, s(t): trapezoidal, quintic, time-optimal, and smoothed for jerk.
+
+All laws but the quintic one have path accelerations that are constant, or linear in time, in pieces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError, MissingExtraError
+from ..types import Indices, Matrix, Value, Vector
+from .joint_curve import Stretch
+
+FINEST = 2_000
+"""Most points a cycle at which the time-optimal law looks at the limits. Twice as many change the time by 1e-5."""
+
+COARSEST = 600
+"""Fewest of them; joint curves with fewer samples get points between these."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw(Value):
+    """Polynomials in pieces: s = sum of c[j, i] (t - t_i)^j on [t_i, t_(i+1)], with t (pieces + 1,) from 0 [s]."""
+
+    t: Vector
+    c: Matrix
+
+    @property
+    def duration(self) -> float:
+        """Seconds that the law takes."""
+        return float(self.t[-1])
+
+    def slower(self, factor: float) -> TimeLaw:
+        """The same law in `factor` times the time."""
+        return replace(self, t=factor * self.t, c=self.c / factor ** np.arange(len(self.c))[:, None])
+
+    def at(self, t: Vector) -> list[Vector]:
+        """[s, ds/dt, second, third derivative] at times (k,); before the start and after the end it rests."""
+        index = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        found = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
+        rest = (t < 0.0) | (t > self.duration)
+        return [found[0], *(np.where(rest, 0.0, f) for f in found[1:])]
+
+    def within(self, count: int) -> tuple[Vector, list[Vector]]:
+        """(t, `at`) at some `count` times, both ends of every piece among them, each as the piece itself has it."""
+        h = np.diff(self.t)
+        inner = np.maximum(5, np.ceil(count * h / self.duration).astype(int))
+        index = np.repeat(np.arange(len(h)), inner)
+        share = (np.arange(len(index)) - np.repeat(np.cumsum(inner) - inner, inner)) / (inner[index] - 1)
+        return self.t[index] + share * h[index], self._on(index, share * h[index])
+
+    def _on(self, index: Indices, x: Vector) -> list[Vector]:
+        c, found = self.c, []
+        for _ in range(4):
+            value = np.zeros(len(x))
+            for row in c[::-1]:
+                value = value * x + row[index]
+            found.append(value)
+            c = c[1:] * np.arange(1, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
+        return found
+
+
+def trapezoidal(length: float, share: float) -> TimeLaw:
+    """Even acceleration for a `share` of the time (up to 1/2), constant speed, even braking; takes one second."""
+    speed = length / (1.0 - share)
+    t = np.array([0.0, share, 1.0 - share, 1.0] if share < 0.5 else [0.0, 0.5, 1.0])
+    a = np.array([1.0, 0.0, -1.0] if share < 0.5 else [1.0, -1.0]) * speed / share
+    return _of_accelerations(t, a, np.zeros(len(a)), length)
+
+
+def quintic(length: float) -> TimeLaw:
+    """s = L (10 x^3 - 15 x^4 + 6 x^5) with x = t: at rest, and without acceleration, at both ends; takes one second."""
+    return TimeLaw(np.array([0.0, 1.0]), length * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None])
+
+
+def smoothed(law: TimeLaw, window: float) -> TimeLaw:
+    """The moving average of a law of constant accelerations over a window [s]: its accelerations change evenly.
+
+    It ends where the law ends, takes `window` longer, and its path jerk is at most the largest jump of two
+    accelerations a window apart, divided by the window.
+    """
+    t = np.unique(np.concatenate([law.t, law.t + window]))
+    t = t[np.concatenate([[True], np.diff(t) > 1e-12 * t[-1]])]
+    t[-1] = law.duration + window
+    middle = (t[:-1] + t[1:]) / 2
+    jerk = (law.at(middle)[2] - law.at(middle - window)[2]) / window
+    start = np.concatenate([[0.0], np.cumsum(jerk * np.diff(t))[:-1]])
+    return _of_accelerations(t, start, jerk, float(law.at(law.t[-1:])[0][0]))
+
+
+def time_optimal(
+    stretch: Stretch, laps: int, velocity: Vector, acceleration: Vector, jerk: Vector, speed: float
+) -> TimeLaw:
+    """The fastest law from rest to rest over some laps of a stretch, by TOPP-RA [PP18], that keeps ds/dt <= speed.
+
+    Where the curve alone, at even ds/dt, would take more than half of a joint's jerk, ds/dt is bounded so that it
+    does not: |d^3 q / ds^3| (ds/dt)^3 <= jerk / 2.
+
+    Raises:
+        MissingExtraError: toppra is not installed. ArgumentError: it found no law.
+    """
+    grid = _grid(stretch)
+    _, d1, d2, d3 = stretch.derivatives(grid)
+    with np.errstate(divide="ignore"):
+        most = np.minimum(speed, (velocity / np.abs(d1)).min(axis=1))
+        most = np.minimum(most, np.cbrt(0.5 * jerk / np.abs(d3)).min(axis=1))
+        unit = 1.0 / float(np.minimum(most, np.sqrt(acceleration / np.abs(d2)).min(axis=1)).min())
+    unit = unit if unit > 0.0 else float(np.sqrt((np.abs(d1) / acceleration).max() / stretch.length))
+    s = np.concatenate([[0.0], *(grid[1:] + lap * stretch.length for lap in range(laps))])
+    turned = [np.vstack([d[:1], *([d[1:]] * laps)]) for d in (d1, d2)]
+    caps = np.concatenate([most[:1], *([most[1:]] * laps)])
+    rates = _toppra(unit * s, turned[0] / unit, turned[1] / unit**2, unit * caps, acceleration) / unit
+    h = 2 * np.diff(s) / (rates[:-1] + rates[1:])
+    t = np.concatenate([[0.0], np.cumsum(h)])
+    c = np.vstack([s[:-1], rates[:-1], np.diff(rates) / h / 2])
+    return TimeLaw(t, c)
+
+
+def _toppra(s: Vector, d1: Matrix, d2: Matrix, most: Vector, acceleration: Vector) -> Vector:
+    """ds/dt (k,) at s (k,) by toppra, which works best with rates near 1."""
+    try:
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import DiscretizationType, JointAccelerationConstraint
+        from toppra.constraint.linear_constraint import LinearConstraint
+        from toppra.interpolator import AbstractGeometricPath
+    except ImportError:
+        raise MissingExtraError("toppra, for time-optimal motion", "timing") from None
+
+    base: Any = AbstractGeometricPath  # the declared type has properties where attributes do
+
+    class Known(base):
+        """The derivatives on the grid, where alone toppra asks for them."""
+
+        dof = d1.shape[1]
+        path_interval = np.array([s[0], s[-1]])
+        waypoints = None
+
+        def __call__(self, _s: Any, order: int = 0) -> Matrix:
+            return (np.zeros_like(d1), d1, d2)[order]
+
+    class Bounded(LinearConstraint):
+        """0 <= (ds/dt)^2 <= most^2."""
+
+        def compute_constraint_params(self, _path: Any, _grid: Any) -> Any:
+            return (*[None] * 6, np.column_stack([np.zeros(len(most)), np.minimum(most, 99.0) ** 2]))
+
+    bounded: Any = Bounded()
+    bounded.dof = d1.shape[1]
+    limits = JointAccelerationConstraint(acceleration, DiscretizationType.Interpolation)
+    instance = TOPPRA([bounded, limits], Known(), gridpoints=s, solver_wrapper="seidel")
+    rates: Any = instance.compute_parameterization(0.0, 0.0)[1]
+    if rates is None or not np.isfinite(rates).all():
+        raise ArgumentError("the limits", acceleration.tolist(), "toppra found no motion within them: give larger ones")
+    return np.maximum(rates, 0.0)
+
+
+def _grid(stretch: Stretch) -> Vector:
+    """Points of s: all samples with as many between as make it fine; evenly spread where the samples are too many."""
+    count = len(stretch.s) - 1
+    if count > FINEST:
+        return np.linspace(0.0, stretch.length, FINEST + 1)
+    parts = -(-COARSEST // count)
+    share = np.arange(parts) / parts
+    inner = stretch.s[:-1, None] + share * np.diff(stretch.s)[:, None]
+    return np.append(inner.ravel(), stretch.length)
+
+
+def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeLaw:
+    """The law from rest of accelerations a + jerk (t - t_i) in pieces, made to end at s = length."""
+    h = np.diff(t)
+    v = np.concatenate([[0.0], np.cumsum(h * (a + h * jerk / 2))[:-1]])
+    s = np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * jerk / 6)))])
+    return TimeLaw(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))

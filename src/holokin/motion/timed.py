@@ -1,0 +1,218 @@
+"""`TimedTrajectory`: joint motion at a controller's own step, with what it takes of every limit."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..arguments import typed
+from ..files import replacing
+from ..trajectory import Trajectory
+from ..types import Matrix, Value, Vector
+
+NOTHING = 1e-6
+"""Peak of a rate [joint units / s, s^2, s^3] that a table shows as 0: round-off, up to jerks at 1 kHz."""
+
+RATES = ("velocity", "acceleration", "jerk")
+
+
+@dataclass(frozen=True, eq=False)
+class Limits(Value):
+    """Of the joints (n,): positions [joint units], and their largest first, second and third derivatives in time."""
+
+    lower: Vector
+    upper: Vector
+    velocity: Vector
+    acceleration: Vector
+    jerk: Vector
+
+
+@dataclass(frozen=True)
+class Slowdown:
+    """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it: a joint meets a limit."""
+
+    start: float
+    stop: float
+    least: float
+    joint: str
+    limit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.start:.3f} to {self.stop:.3f} s: down to {100 * self.least:.0f} % of the speed asked for, "
+            f"by the {self.limit} of {self.joint}"
+        )
+
+
+@dataclass(frozen=True)
+class JointLoad:
+    """What one joint does: its greatest speed, acceleration and jerk, their shares of its limits (NaN without one), and
+    its least distance to a position limit [joint units], with the time of that [s]."""
+
+    joint: str
+    unit: str
+    peaks: tuple[float, ...]
+    shares: tuple[float, ...]
+    distance: float
+    distance_at: float
+
+
+@dataclass(frozen=True, eq=False)
+class TimedTrajectory(Value):
+    """Joint motion at k instants, a step `dt` apart, from rest to rest.
+
+    Attributes:
+        untimed: the trajectory that was timed.
+        limits: of the joints.
+        profile: "time-optimal", "trapezoidal" or "quintic".
+        dt: the controller's step [s].
+        t, q, dq, ddq, dddq: times (k,) [s], joints and their exact derivatives (k, n).
+        path_speed: how fast the path is run through (k,), 1 where the tool has the speed of its path.
+        marks: indices at which cycles begin, and the last one ends.
+        stops: indices between start and end at which the joints rest, since the tool turns a corner.
+        loop: (first, last) of the samples that may be repeated without end, at full speed: the joints have the same
+            positions, rates and accelerations at both; None where that is no question.
+        slowdowns: where the tool is slower than asked for, and why.
+        window: seconds over which accelerations are smoothed to keep the jerk; 0 for none.
+    """
+
+    untimed: Trajectory
+    limits: Limits
+    profile: str
+    dt: float
+    t: Vector
+    q: Matrix
+    dq: Matrix
+    ddq: Matrix
+    dddq: Matrix
+    path_speed: Vector
+    marks: tuple[int, ...]
+    stops: tuple[int, ...]
+    loop: tuple[int, int] | None
+    slowdowns: tuple[Slowdown, ...]
+    window: float
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of q."""
+        return self.untimed.joint_names
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Units of the joints: "rad" or "m"."""
+        return self.untimed.joint_units
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the start to the end."""
+        return float(self.t[-1])
+
+    @cached_property
+    def loads(self) -> tuple[JointLoad, ...]:
+        """One a joint. Distances to position limits are infinite where there are none."""
+        gaps = np.minimum(self.q - self.limits.lower, self.limits.upper - self.q)
+        found = []
+        for i, (joint, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
+            peaks = [float(np.abs(x[:, i]).max()) for x in (self.dq, self.ddq, self.dddq)]
+            bounds = [float(getattr(self.limits, rate)[i]) for rate in RATES]
+            shares = [p / b if np.isfinite(b) else float("nan") for p, b in zip(peaks, bounds, strict=True)]
+            at = int(np.argmin(gaps[:, i]))
+            found.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
+        return tuple(found)
+
+    @property
+    def nearest_limit(self) -> JointLoad:
+        """The joint that comes nearest to a limit of its position; compare `.distance` [rad or m]."""
+        return min(self.loads, key=lambda load: load.distance)
+
+    @typed
+    def excess(self, by: str = "derivative") -> dict[str, float]:
+        """The largest share of each limit that is taken, less 1: negative where all is within.
+
+        Args:
+            by: "derivative" for the exact derivatives at the samples; "difference" for what a controller sees, the
+                first, second and third differences of successive samples over dt, dt^2, dt^3. Those of a loop are
+                taken over its seam, too. Round-off of q makes third differences uncertain by 8 eps max|q| / dt^3,
+                3e-6 rad/s^3 at 1 kHz.
+
+        Returns:
+            velocity, acceleration and jerk, the latter without those that have no limit.
+        """
+        if by == "derivative":
+            found = [self.dq, self.ddq, self.dddq]
+        else:
+            found = [np.diff(self.played, order, axis=0) / self.dt**order for order in (1, 2, 3)]
+        pairs = {rate: (x, getattr(self.limits, rate)) for rate, x in zip(RATES, found, strict=True)}
+        return {
+            rate: float((np.abs(x) / limit).max()) - 1.0
+            for rate, (x, limit) in pairs.items()
+            if np.isfinite(limit).any()
+        }
+
+    @property
+    def played(self) -> Matrix:
+        """The joints at each step of a controller, a loop run twice, and two steps of rest before and after (k, n)."""
+        first, last = self.loop or (0, 0)
+        rest = np.repeat([0, len(self) - 1], 2)
+        return self.q[np.concatenate([rest[:2], np.arange(last + 1), np.arange(first + 1, len(self)), rest[2:]])]
+
+    def table(self) -> str:
+        """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
+        lines = [f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms"]
+        lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
+        for load in self.loads:
+            cells = [
+                f"{peak if peak > NOTHING else 0.0:8.4g}"
+                + (f" {100 * share:4.0f} %" if np.isfinite(share) else " " * 7)
+                for peak, share in zip(load.peaks, load.shares, strict=True)
+            ]
+            near = f"{load.distance:.4g}" if np.isfinite(load.distance) else "none"
+            name = load.joint if len(load.joint) <= 20 else f"{load.joint[:17]}..."
+            lines.append(f"{name:20} {cells[0]} {cells[1]} {cells[2]} {near:>12} {load.distance_at:8.3f}")
+        lines += [str(slow) for slow in self.slowdowns]
+        return "\n".join(lines)
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+
+        def known(value: float) -> float | None:
+            return value if np.isfinite(value) else None
+
+        loads = [
+            {
+                "joint": load.joint, "unit": load.unit, "peaks": list(load.peaks),
+                "shares": [known(share) for share in load.shares],
+                "distance": known(load.distance), "distance_at": load.distance_at,
+            }
+            for load in self.loads
+        ]  # fmt: skip
+        return {
+            "profile": self.profile, "duration": self.duration, "dt": self.dt, "window": self.window,
+            "marks": list(self.marks), "stops": list(self.stops), "loop": self.loop, "joints": loads,
+            "slowdowns": [vars(slow) for slow in self.slowdowns],
+        }  # fmt: skip
+
+    @typed
+    def save(self, path: str | FilePath) -> None:
+        """Write CSV with a header of names and units: time [s], then position, rate and acceleration of each joint.
+
+        Full precision, one line a sample, complete or not at all.
+
+        Raises:
+            WriteError: the system refuses the file.
+        """
+        pairs = list(zip(self.joint_names, self.joint_units, strict=True))
+        header = ["time [s]", *(f"{name} [{unit}]" for name, unit in pairs)]
+        header += [f"d_{name} [{unit}/s]" for name, unit in pairs] + [f"dd_{name} [{unit}/s^2]" for name, unit in pairs]
+        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(header)
+            writer.writerows(np.column_stack([self.t, self.q, self.dq, self.ddq]).tolist())

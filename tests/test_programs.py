@@ -1,0 +1,277 @@
+"""Robot programs: each is read back by a parser of its grammar, and does what the timed motion does."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import grammars
+import holokin as hk
+from conftest import IRB_START, PANDA_START, Command
+from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
+from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
+from holokin.job import open_job, program_of_job, run_job
+from holokin.motion import TimedTrajectory
+
+ABOUT = "wrist held: q4, q5, q6 stay \u00fc"
+TOLERANCE = 2e-3
+
+
+def timed(robot: hk.Robot, task: hk.Task, law: hk.Constraint, start: np.ndarray, dt: float) -> TimedTrajectory:
+    """A triangle, or in [x y] of the base of a robot on a rail, trapezoidally timed."""
+    at = robot.pose(start)[:3, 3]
+    corners = at + np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0]])
+    walk = hk.follow(hk.holonomic(task, law), hk.polyline(corners, closed=True), start, samples=60)
+    return hk.retime(walk, robot, velocity=3.0, acceleration=10.0, jerk=300.0, profile="trapezoidal", dt=dt)
+
+
+@pytest.fixture(scope="module")
+def six(irb140: hk.Robot) -> TimedTrajectory:
+    return timed(irb140, hk.position(irb140), hk.lock(3, 4, 5), IRB_START, 0.002)
+
+
+@pytest.fixture(scope="module")
+def seven() -> TimedTrajectory:
+    panda = hk.load("panda")
+    return timed(panda, hk.pose(panda), hk.lock(2), PANDA_START, 0.004)
+
+
+def read(program: Program, language: str) -> grammars.Parsed:
+    texts = list(program.files.values())
+    parse = {"rapid": grammars.rapid, "krl": grammars.krl, "urscript": grammars.urscript, "ls": grammars.listing}
+    return parse[language](*texts)
+
+
+WRITERS = {"rapid": to_rapid, "krl": to_krl, "urscript": to_urscript, "ls": to_fanuc}
+EXACT = {"rapid": 1e-6, "krl": 1e-6, "urscript": 1e-9, "ls": 1e-3}
+"""Half of the last digit, doubled: degrees, radians in URScript."""
+
+
+@pytest.mark.parametrize("language", WRITERS)
+def test_a_program_read_back_moves_the_joints_as_timed(language: str, six: TimedTrajectory) -> None:
+    """At the times of its targets the joints are the trajectory's; between them they are within the tolerance."""
+    options = {"style": "movej"} if language == "urscript" else {}
+    program = WRITERS[language](six, about=ABOUT, tolerance=TOLERANCE, **options)
+    found = read(program, language)
+    q = found.axes if language == "urscript" else np.deg2rad(found.axes)
+    t = np.concatenate([[0.0], np.cumsum(found.seconds)])
+    assert t[-1] == pytest.approx(six.duration, abs=1e-3)
+    assert len(q) == program.targets
+    at = np.rint(t / six.dt).astype(int)
+    close = EXACT[language] if language == "urscript" else np.deg2rad(EXACT[language])
+    np.testing.assert_allclose(q, six.q[at], atol=close)
+    between = np.column_stack([np.interp(six.t, six.t[at], q[:, i]) for i in range(6)])
+    assert np.abs(between - six.q).max() <= TOLERANCE + close
+    assert program.deviation <= TOLERANCE
+    stops = [0, *six.stops, len(six) - 1]
+    assert at[found.stops].tolist() == stops
+
+
+def test_urscript_streams_every_sample(six: TimedTrajectory) -> None:
+    found = read(to_urscript(six), "urscript")
+    np.testing.assert_allclose(found.axes, six.q, atol=1e-9)
+    assert set(found.seconds) == {0.002}
+
+
+@pytest.mark.parametrize("language", WRITERS)
+def test_the_header_tells_the_law_limits_tolerance_and_units(language: str, six: TimedTrajectory) -> None:
+    said = " ".join(read(WRITERS[language](six, about=ABOUT), language).comments)
+    assert "wrist held: q4, q5, q6 stay ?" in said
+    assert "q3: -0.872665 to 4.01426 rad, speed 3 rad/s, acc 10 rad/s^2, jerk 300 rad/s^3" in said
+    assert ("radians" if language == "urscript" else "degrees") in said
+    assert "joint targets" in said
+
+
+@pytest.mark.parametrize("language", WRITERS)
+def test_names_keep_the_rules_of_the_vendor(language: str, six: TimedTrajectory) -> None:
+    longest = {"rapid": 30, "krl": 24, "urscript": 64, "ls": 36}[language]
+    found = read(WRITERS[language](six, about="9 lives of a very long title " * 5), language)
+    assert len(found.name) <= (8 if language == "ls" else longest)
+    assert read(WRITERS[language](six, name="A" * longest), language).name == "A" * longest
+    for bad in ("A" * (longest + 1), "1up", "a-b", ""):
+        with pytest.raises(ArgumentError, match="a letter, then letters"):
+            WRITERS[language](six, name=bad)
+
+
+@pytest.mark.parametrize("language", WRITERS)
+def test_a_robot_that_a_language_cannot_hold_is_refused(language: str, seven: TimedTrajectory) -> None:
+    with pytest.raises(ExportError, match=r"holds 6 axes of a robot.*7 are given"):
+        WRITERS[language](seven)
+
+
+@pytest.mark.parametrize("language", ["rapid", "krl", "ls"])
+def test_the_seventh_joint_goes_to_an_external_axis(language: str, seven: TimedTrajectory) -> None:
+    names = seven.joint_names
+    wiring = Wiring(external=(names[2],), signs={names[0]: -1}, offsets={names[1]: 0.5})
+    q = np.deg2rad(read(WRITERS[language](seven, wiring=wiring), language).axes)
+    start = PANDA_START[[0, 1, 3, 4, 5, 6, 2]] * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.5, 0, 0, 0, 0, 0]
+    np.testing.assert_allclose(q[0], start, atol=1e-5)
+
+
+def test_a_sliding_joint_is_in_millimetres_and_an_axis_may_stand_still(ppr: hk.Robot) -> None:
+    start = np.array([0.5, -0.2, 0.3])
+    moved = timed(ppr, hk.position(ppr), hk.lock(2), start, 0.01)
+    one, two, three = moved.joint_names
+    wiring = Wiring(axes=(three, 0.1, 0.2, 0.3, 0.4, 0.5), external=(one, two))
+    for language in ("rapid", "krl", "ls"):
+        row = read(WRITERS[language](moved, wiring=wiring), language).axes[0]
+        np.testing.assert_allclose(row[:6], np.rad2deg([0.3, 0.1, 0.2, 0.3, 0.4, 0.5]), atol=1e-3)
+        np.testing.assert_allclose(row[6:], [500.0, -200.0], atol=1e-3)
+    with pytest.raises(ExportError, match="slides"):
+        to_rapid(moved, wiring=Wiring(axes=(one, two, three, 0.0, 0.0, 0.0)))
+
+
+def test_fanuc_counts_joint_three_from_the_floor_when_asked(six: TimedTrajectory) -> None:
+    """J3 = joint 3 - joint 2, as ROS-Industrial's driver has it; the header says which of the two it is."""
+    plain, coupled = (read(to_fanuc(six, coupled=c), "ls") for c in (False, True))
+    np.testing.assert_allclose(coupled.axes[:, 2], plain.axes[:, 2] - plain.axes[:, 1], atol=2e-3)
+    assert "J3 = joint 3 - joint 2" in " ".join(coupled.comments)
+    assert "no coupling" in " ".join(plain.comments)
+
+
+@pytest.mark.parametrize("format", ["json", "yaml"])
+def test_a_joint_trajectory_of_ros_holds_every_sample_with_its_rates(format: str, six: TimedTrajectory) -> None:
+    ddq = six.ddq.copy()
+    ddq[0, 0] = 1e-9  # to YAML 1.1 this is text, and 1.0e-9 a number
+    six = replace(six, ddq=ddq)
+    text = to_ros(six, about=ABOUT, format=format).text
+    if format == "yaml":
+        message = pytest.importorskip("yaml").safe_load(text)
+        assert "# wrist held" in text
+    else:
+        message = json.loads(text)
+        assert any("wrist held" in line for line in message.pop("comments"))
+    assert set(message) == {"header", "joint_names", "points"}
+    assert message["joint_names"] == list(six.joint_names)
+    for key, wanted in (("positions", six.q), ("velocities", six.dq), ("accelerations", six.ddq)):
+        found = np.array([point[key] for point in message["points"]])
+        assert found.dtype == float, key
+        assert (found == wanted).all(), key
+    stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
+    np.testing.assert_allclose(stamps, six.t, atol=1e-9)
+    few = to_ros(six, tolerance=TOLERANCE, format=format)
+    assert few.targets < 100 < len(six)
+    assert few.deviation <= TOLERANCE
+
+
+def test_an_mcap_is_read_by_foxgloves_own_library(six: TimedTrajectory, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    reader = pytest.importorskip("mcap.reader")
+    file = write_mcap(six, tmp_path / "bag")
+    with file.open("rb") as stream:
+        found = list(reader.make_reader(stream).iter_messages())
+        stream.seek(0)
+        summary = reader.make_reader(stream).get_summary()
+    schemas = {schema.name: schema for schema in summary.schemas.values()}
+    assert set(schemas) == {"sensor_msgs/msg/JointState", "trajectory_msgs/msg/JointTrajectory"}
+    assert all(s.encoding == "ros2msg" and s.data for s in schemas.values())  # by which Foxglove decodes them
+    states = [m for _, channel, m in found if channel.topic == "/joint_states"]
+    assert len(states) == len(six)
+    np.testing.assert_allclose([m.log_time * 1e-9 for m in states], six.t, atol=1e-9)
+    back = hk.read_recording(file, hk.load("irb140"))
+    assert (back.q == six.q).all()
+
+
+def test_without_rosbags_the_error_names_the_extra(six: TimedTrajectory, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
+    with pytest.raises(MissingExtraError, match=r"holokin\[log\]"):
+        write_mcap(six, tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    "wiring, says",
+    [
+        (Wiring(axes=("q1", "q2", "q3", "q4", "q5", "q5")), "each of"), (Wiring(external=("q9",)), "each of"),
+        (Wiring(offsets={"q9": 0.0}), "unknown joint"), (Wiring(external=(0.0,) * 7), "7 external"),
+        (Wiring(external=(np.nan,)), "within"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_bad_wiring_is_refused(wiring: Wiring, says: str, six: TimedTrajectory) -> None:
+    with pytest.raises((ArgumentError, ExportError, UnknownNameError), match=says):
+        to_krl(six, wiring=wiring)
+    with pytest.raises(ArgumentError, match="1 or -1"):
+        Wiring(signs={"q1": 2})
+
+
+def test_a_step_that_is_not_the_controllers_is_refused_by_servoj(six: TimedTrajectory) -> None:
+    with pytest.raises(ArgumentError, match="e-Series"):
+        to_urscript(replace(six, dt=0.004))
+
+
+JOB = """
+title = "a circle"
+[robot]
+name = "irb140"
+[start]
+q = [10.0, 70.0, 10.0, 20.0, 50.0, 30.0]
+degrees = true
+[path]
+kind = "circle"
+relative = true
+center = [-0.05, 0.0]
+samples = 60
+[timing]
+profile = "trapezoidal"
+velocity = 3.0
+acceleration = 10.0
+jerk = 300.0
+[program]
+coupled = true
+[strategies.wrist]
+kind = "lock"
+joints = [3, 4, 5]
+[expect.wrist]
+time = {below = 2.0}
+limit_distance = {above = 0.5}
+"""
+
+
+def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("weld.toml").write_text(JOB, "utf-8")
+    done = holokin("run", "weld.toml", "--out", "out")
+    assert done.code == 0, done.err
+    assert "trapezoidal, 1." in done.out
+    facts = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
+    assert facts["timing"]["duration"] == facts["metrics"]["time"]
+    header = Path("out/weld/wrist-timed.csv").read_text("utf-8").partition("\n")[0]
+    assert header.startswith("time [s],q1 [rad]")
+    assert "Timing" in Path("out/weld/report.html").read_text("utf-8")
+    done = holokin("export", "krl", "weld.toml", "--out", "krl")
+    assert done.code == 0, done.err
+    texts = [Path("krl", name).read_text("utf-8") for name in ("irb140_wrist.src", "irb140_wrist.dat")]
+    found = grammars.krl(*texts)
+    assert sum(found.seconds) == pytest.approx(facts["timing"]["duration"], abs=1e-3)
+    assert "Job weld: wrist on irb140" in " ".join(found.comments)
+    assert holokin("export", "ros", "weld.toml", "--out", "ros", "--dt", "0.01").code == 0
+    assert len(Path("ros/joints.csv").read_text("utf-8").splitlines()) < 200
+    done = holokin("export", "ls", "weld.toml", "--out", "x", "--jerk", "-1")
+    assert done.code == 2
+    assert "jerk is -1.0" in done.err
+
+
+def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "weld.toml"
+    drifting = '[strategies.free]\nkind = "moore-penrose"\n'
+    file.write_text(JOB.replace("[program]", f"endless = true\n{drifting}[program]"), "utf-8")
+    held, free = sorted(run_job(*open_job(str(file))).strategies, key=lambda found: found.name == "free")
+    assert held.timed.loop is not None
+    assert held.trouble == ""
+    assert free.timed.loop is None
+    assert "do not end where they started" in free.trouble
+
+
+@pytest.mark.parametrize("language", WRITERS)
+def test_a_job_becomes_a_program_of_each_language(language: str, tmp_path: Path) -> None:
+    file = tmp_path / "weld.toml"
+    file.write_text(JOB, "utf-8")
+    program, motion = program_of_job(*open_job(str(file)), language)
+    found = read(program, language)
+    assert sum(found.seconds) == pytest.approx(motion.duration, abs=1e-3)
+    if language == "ls":
+        assert found.axes[0, 2] == pytest.approx(10.0 - 70.0, abs=1e-3)  # coupled, as [program] says
