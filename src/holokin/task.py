@@ -1,13 +1,14 @@
 """`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
 
 Rows are position first, then orientation. `twist` uses the geometric Jacobian, whose angular rows are
-not the derivative of any coordinates; the other representations have x = f(q) and J = df/dq.
+not the derivative of any coordinates; the other representations have x = f(q) and J = df/dq. `axis` keeps the direction
+of one axis of the tool, which may spin about it: welding, drilling, spraying, milling.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,27 +39,31 @@ from .symbolic import (
     vertcat,
     wrapped,
 )
-from .symbolic.geometry import log_so3, rpy_angles, skew, zyz_angles
+from .symbolic.geometry import frame_about, log_s2, log_so3, rpy_angles, skew, zyz_angles
 from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
-ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector")
+ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector", "axis")
 _ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3}
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _ROW_NAMES = {
     "twist": ("wx", "wy", "wz"),
     "zyz": ("phi", "theta", "psi"),
     "rpy": ("roll", "pitch", "yaw"),
     "rotation-vector": ("rx", "ry", "rz"),
+    "axis": ("ax", "ay"),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Task(Value):
-    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows.
+    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows, or two of an axis.
 
-    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", or None for position only.
-    `reference` (3, 3) is the rotation that "rotation-vector" counts from: log(R reference^T).
+    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", "axis", or None for position only.
+    `reference` (3, 3) is the rotation that "rotation-vector" counts from, log(R reference^T), and that "axis" does: the
+    direction R a of the axis a of the tool is reached from `reference` a by a turn about (ax, ay), which are
+    perpendicular to it. `axis` (3,) is a, in the tool's frame.
     `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
     """
 
@@ -67,6 +72,7 @@ class Task(Value):
     rows: tuple[int, ...]
     reference: Matrix
     tip: str | None = None
+    axis: Vector = field(default_factory=lambda: np.array(_AXES["z"]))
 
     def __init_subclass__(cls) -> None:
         cure = "tasks are final: use hk.position or hk.pose, rows= of them, and a constraint for a quantity of your own"
@@ -78,9 +84,12 @@ class Task(Value):
             check(f"the {what} of a task", kind, getattr(self, what))
         if self.orientation not in (None, *ORIENTATIONS):
             raise UnknownNameError("orientation", shown(self.orientation), ORIENTATIONS)
-        if not self.rows or not set(self.rows) <= set(range(6)) or len(set(self.rows)) < len(self.rows):
-            raise ArgumentError("the rows of a task", self.rows, "name each of 0 to 5 at most once, and at least one")
+        last = 4 if self.orientation == "axis" else 5
+        if not self.rows or not set(self.rows) <= set(range(last + 1)) or len(set(self.rows)) < len(self.rows):
+            cure = f"name each of 0 to {last} at most once, and at least one"
+            raise ArgumentError("the rows of a task", self.rows, cure)
         finite("the reference of a task", self.reference, (3, 3))
+        finite("the axis of a task", self.axis, (3,))
         super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
@@ -226,6 +235,8 @@ class Task(Value):
         elif self.orientation == "rotation-vector":
             here = self._angles(k.rotation)
             angular = _nearest_turn(self._angles(rotation), here) - here
+        elif self.orientation == "axis":
+            angular = self._angles(rotation) - self._angles(k.rotation)
         else:
             angular = wrapped(self._angles(rotation) - self._angles(k.rotation))
         return self._select(vertcat(position - k.position, angular))
@@ -243,11 +254,16 @@ class Task(Value):
         """Distance of the representation from its singularity; 1 where there is none."""
         if self.geometric or all(i < 3 for i in self.rows):
             return SX(1)
+        if self.orientation == "axis":  # half of what is left: angles of an even turn bend up to four times as much
+            return (np.pi - norm_2(self._angles(rotation))) / 2
         return representation_margin(self.orientation or "twist", self._angles(rotation))
 
     def _angles(self, R: SX) -> SX:
         if self.orientation in ("zyz", "rpy"):
             return orientation_angles(self.orientation, R)
+        if self.orientation == "axis":
+            frame = frame_about(self.axis)
+            return log_s2(SX((self.reference @ frame).T) @ (R @ SX(self.axis)))
         return orientation_angles("rotation-vector", R @ SX(self.reference.T))
 
     def _select(self, six: SX) -> SX:
@@ -346,28 +362,55 @@ def pose(
     orientation: str = "twist",
     *,
     reference: ArrayLike | None = None,
+    axis: str | ArrayLike = "z",
     tip: str | None = None,
     rows: Sequence[int] | None = None,
 ) -> Task:
     """The tool's pose: m = 6, or m = 3 (x, y, turn) for a planar robot; or some `rows` of it.
 
+    With "axis" the tool is free to spin about one of its axes, m = 5: the tool's point and the direction of that axis.
+    The two rows of the direction are singular only where the axis points against that of the reference.
+
     Args:
-        orientation: "twist" (geometric Jacobian), "zyz", "rpy" (fixed axes x, y, z) or "rotation-vector".
-        reference: rotation (3, 3) that "rotation-vector" counts from; identity by default.
+        orientation: "twist" (geometric Jacobian), "zyz", "rpy" (fixed axes x, y, z), "rotation-vector" or "axis".
+        reference: rotation (3, 3) that "rotation-vector" counts from, the identity by default; and "axis", by default
+            one with the axis straight down.
+        axis: of an "axis" task, "x", "y", "z" of the tool or any direction (3,) in its frame.
 
     Raises:
-        UnknownNameError: an unknown orientation, tip or row. TaskTooLargeError: m > n. ArgumentError: a bad reference.
+        UnknownNameError: an unknown orientation, tip, axis or row. TaskTooLargeError: m > n. ArgumentError: a bad
+            reference or axis.
     """
     if orientation not in ORIENTATIONS:
         raise UnknownNameError("orientation", orientation, ORIENTATIONS)
     robot.pose(np.zeros(robot.n), tip)
-    base = _upright(robot, tip) if reference is None else finite("reference", reference, (3, 3))
+    along = _direction(axis)
+    if reference is not None:
+        base = finite("reference", reference, (3, 3))
+    elif orientation == "axis":
+        base = np.diag([1.0, -1.0, -1.0]) @ frame_about(along).T
+    else:
+        base = _upright(robot, tip)
     if not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
         raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
-    if robot.planar and orientation == "zyz":
-        raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
-    every = (0, 1, 5) if robot.planar else tuple(range(6))
-    return Task(robot, orientation, every if rows is None else _chosen(every, rows), base, tip)
+    if robot.planar and orientation in ("zyz", "axis"):
+        cure = f"use 'twist': the tool of a plane turns about one axis, and {orientation!r} is singular there"
+        raise ArgumentError("orientation of a planar robot", orientation, cure)
+    every = (0, 1, 5) if robot.planar else tuple(range(5 if orientation == "axis" else 6))
+    return Task(robot, orientation, every if rows is None else _chosen(every, rows), base, tip, along)
+
+
+def _direction(axis: str | ArrayLike) -> Vector:
+    """A unit vector (3,) in the tool's frame. Raises: UnknownNameError, ArgumentError, ShapeError."""
+    if isinstance(axis, str):
+        if axis not in _AXES:
+            raise UnknownNameError("axis of the tool", shown(axis), tuple(_AXES))
+        return np.array(_AXES[axis])
+    given = finite("the axis of the tool", axis, (3,))
+    size = float(np.linalg.norm(given))
+    if not size > 0:
+        raise ArgumentError("the axis of the tool", given.tolist(), "give a direction: its length must not vanish")
+    return given / size
 
 
 def _upright(robot: Robot, tip: str | None) -> Matrix:
