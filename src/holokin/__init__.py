@@ -16,6 +16,7 @@ from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, s
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
+from .frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .motion import (
     ControlLaw,
     all_postures,
@@ -32,7 +33,7 @@ from .path import Path, arc, circle, join, line, polyline
 from .recording import read_recording, read_workspace
 from .robot import Robot, catalogue, from_dh, from_urdf, load
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .task import Task, pose, position
+from .task import Task
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
@@ -71,6 +72,7 @@ __all__ = [
     "coverage",
     "curvature",
     "custom",
+    "custom_task",
     "design",
     "designing",
     "drift",
@@ -85,6 +87,7 @@ __all__ = [
     "join",
     "laws",
     "line",
+    "line_of_sight",
     "linear",
     "load",
     "lock",
@@ -102,6 +105,7 @@ __all__ = [
     "read_recording",
     "read_workspace",
     "recording",
+    "relative_pose",
     "robot",
     "simulate",
     "stationary",

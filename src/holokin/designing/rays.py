@@ -145,7 +145,7 @@ class _Lines:
 
         self.shape = (len(starts), len(poses))
         self.q = np.repeat(starts, len(poses), axis=0)
-        p0, R0 = task.robot.pose_batch(np.asarray(starts), task.tip)
+        p0, R0 = task.poses(np.asarray(starts))
         self.p0, self.R0 = np.repeat(p0, len(poses), axis=0), np.repeat(R0, len(poses), axis=0)
         ends = np.tile(poses, (len(starts), 1, 1))
         self.move = ends[:, :3, 3] - self.p0

@@ -95,7 +95,7 @@ def _text(
     path: FilePath, advice: Advice, robot: str, tip: str | None, base: str | None, poses: str | None, radius: float
 ) -> str:
     law, task = advice.best, advice.task
-    inward = -radius if task.robot.pose(law.start, task.tip)[0, 3] > 0 else radius
+    inward = -radius if task.pose(law.start)[0, 3] > 0 else radius
     name = robot if not FilePath(robot).suffix else robot_name(robot, path)
     chosen = {"name": name} | ({"tip": tip} if tip else {}) | ({"base": base} if base else {})
     parts = [

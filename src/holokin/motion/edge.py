@@ -160,7 +160,7 @@ class Edge(Value):
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
-        pose = self.strategy.task.robot.pose(q, self.strategy.task.tip)
+        pose = self.strategy.task.pose(q)
         return pose[:3, 3], pose[:3, :3]
 
     def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:

@@ -60,7 +60,7 @@ def turns(task: Task, Q: Matrix) -> Turns:
     Args:
         task: leaves one joint redundant.
     """
-    p, R = task.robot.pose_batch(Q, task.tip)
+    p, R = task.poses(Q)
     middle, reference = _references(task, Q[0], p, R)
     if reference is None or middle is None:
         return Turns(np.zeros(0), "a straight way from its start to one of its points meets a singular posture")
@@ -105,7 +105,7 @@ def _corrected(task: Task, Q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flag
 
 def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
     """The self-motions (points, n) through postures (k, n), all at once, each round once; None for those left open."""
-    p, R = task.robot.pose_batch(Q, task.tip)
+    p, R = task.poses(Q)
     N = np.array([null_vector(J) for J in task.jacobian_batch(Q)[0]])
     points, at, ends = [Q], Q, np.zeros(len(Q), dtype=int)
     going = np.ones(len(Q), dtype=bool)

@@ -180,7 +180,7 @@ def leaf_walk(
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
     angles = angular and not strategy.task.turns
-    pose = strategy.task.robot.pose(q0, strategy.task.tip)
+    pose = strategy.task.pose(q0)
     side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
     def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
@@ -213,7 +213,7 @@ def straight_way(task: Task, q: Vector, position: Vector, rotation: Matrix, leve
     """The straight way from the tool pose at q to another, turning evenly about one axis, from one level to another."""
     from scipy.spatial.transform import Rotation
 
-    pose = task.robot.pose(q, task.tip)
+    pose = task.pose(q)
     p0, R0, (c0, c1) = pose[:3, 3], pose[:3, :3], levels
     turn = Rotation.from_matrix(rotation @ R0.T).as_rotvec()
 
@@ -280,7 +280,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
-    pose = task.robot.pose(start, task.tip)
+    pose = task.pose(start)
     goal = at + strategy.constraint.nearest(goal - at)
     way = straight_way(task, start, pose[:3, 3], pose[:3, :3], (at, goal))
     return leaf_follower(strategy, start)(start, way)

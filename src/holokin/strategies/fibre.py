@@ -61,7 +61,7 @@ def self_motion(
             (step, length),
             f"give 0 < step < length, {MOST:g} steps at most",
         )
-    pose = task.robot.pose(start, task.tip)
+    pose = task.pose(start)
     ahead, end = _traced(task, start, pose, step, length, limits)
     behind, first = ([], end) if end == "closed" else _traced(task, start, pose, -step, length, limits)
     q = np.array([*behind[::-1], start, *ahead])

@@ -82,7 +82,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     whole("steps", steps)
     strategy(q0)
     r = task.n - task.m
-    chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
+    chart = _chart(task, task.pose(q0)[:3, :3])
     charted = replace(strategy, task=chart)
     x0, label, rcond = chart(q0), label_of(task, q0), float(charted.gain(q0)[1])
 
@@ -93,7 +93,7 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     pulled = as_map([e.q, dx, w], vertcat(*e.slope(dx, w)))
 
     def value(q: SX) -> SX:
-        return chart.value_expression(task.robot.kinematics(q, task.tip))
+        return chart.value_expression(task.kinematics(q))
 
     def rate(q: SX, v: SX) -> tuple[SX, SX]:
         found = along(q, v)

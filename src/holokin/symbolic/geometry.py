@@ -12,7 +12,7 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from ..types import Array, Matrix
+from ..types import Array, Matrix, Vector
 
 Angles = TypeVar("Angles", ca.SX, Array)
 
@@ -101,12 +101,12 @@ def log_s2(d: ca.SX) -> ca.SX:
     return ca.vertcat(-d[1], d[0]) * ca.if_else(small, series, ca.atan2(sine, d[2]) / sine)
 
 
-def frame_about(axis: Matrix) -> Matrix:
+def frame_about(axis: Vector) -> Matrix:
     """A right-handed frame (3, 3) whose last column is a unit vector (3,); the identity about z."""
     first = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = first - (first @ axis) * axis
     first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(axis, first), axis])
+    return np.array([first, np.cross(axis, first), axis], dtype=float).T
 
 
 def zyz_angles(R: ca.SX) -> ca.SX:
