@@ -12,7 +12,7 @@ from .errors import ArgumentError, UnknownNameError, shown
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
 from .representations import ORIENTATIONS, UP
 from .robot import Robot
-from .symbolic import SX, norm_2
+from .symbolic import SX, norm_2, symbol
 from .symbolic.geometry import frame_about, log_s2
 from .task import Task, chosen_rows
 from .types import ArrayLike, Matrix, Vector, finite
@@ -85,6 +85,9 @@ def relative_pose(
     """
     for name in (tip, other):
         robot.pose(np.zeros(robot.n), name)
+    if tip == other:
+        cure = f"name two of {', '.join(each.name for each in robot.tips)}"
+        raise ArgumentError("the tip that a tip is relative to", other, cure)
     return _pose_of(robot, RelativeFrame(tip, other), orientation, reference, axis, rows)
 
 
@@ -141,6 +144,7 @@ def custom_task(
         cure = "give one to three units, and as many names"
         raise ArgumentError("the units and names of a task", (tuple(units), labels), cure)
     frame = ExpressionFrame(name, expression, tuple(units), labels)
+    frame.kinematics(robot, symbol("q", robot.n))  # so that an expression that does not fit is refused here
     return Task(robot, None, tuple(range(len(units))), np.eye(3), frame)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from .arguments import Made
-from .errors import ArgumentError, ShapeError
+from .errors import ShapeError
 from .robot import Kinematics, Robot, hessian_expression
 from .symbolic import SX, as_expression, cross, densify, jacobian, vertcat
 from .types import Value
@@ -84,9 +84,6 @@ class RelativeFrame(Frame):
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """Those of both tips, put together."""
-        if self.name == self.other:
-            cure = f"name two of {', '.join(tip.name for tip in robot.tips)}"
-            raise ArgumentError("the tip that a tip is relative to", self.other, cure)
         t, o = robot.kinematics(q, self.name), robot.kinematics(q, self.other)
         away = t.position - o.position
         columns = [

@@ -180,7 +180,7 @@ class Task(Value):
 
     def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
         """Positions (k, 3) and rotations (k, 3, 3) of the frame at postures (k, n)."""
-        T = self._pose.batch(self.robot.postures(Q))[0].reshape(-1, 4, 4)
+        T = self._pose.batch(self.robot.postures(Q)).reshape(-1, 4, 4)
         return T[:, :3, 3], T[:, :3, :3]
 
     def value_batch(self, Q: Matrix) -> Matrix:
