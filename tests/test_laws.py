@@ -70,7 +70,7 @@ def _flat() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
     """Strategies with leaves: from a constraint, an involutive N_G, springs of one redundant joint, or a transport."""
     stacked = hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
     angles = hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")
-    slope = hk.linear([1, 0, -1, 0, 0.2, 0, 0])
+    slopes = np.array([[1, 0, -1, 0, 0.2, 0, 0], [0, 0, 0.3, 0, 0, 0, 1]])
     return {
         "ppr paper": (PPR_START, hk.null_basis(PPR, paper_frame)),
         "ppr de luca": (PPR_START, hk.holonomic(PPR, hk.custom(de_luca_g))),
@@ -79,7 +79,10 @@ def _flat() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
         "irb140 coupled zyz": (IRB_START, hk.holonomic(IRB, hk.coupled(1.0))),
         "irb140 coupled rpy": (IRB_START, hk.holonomic(IRB, angles)),
         "irb140 stack": (IRB_START, hk.holonomic(IRB, stacked)),
-        **{f"{name} linear": (start, hk.holonomic(task, slope)) for name, task, start in EVERY_ORIENTATION},
+        **{
+            f"{name} linear": (start, hk.holonomic(task, hk.linear(slopes[: task.n - task.m])))
+            for name, task, start in EVERY_ORIENTATION
+        },
         **_more(),
     }
 

@@ -16,6 +16,7 @@ from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, s
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
+from .frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .motion import (
     ControlLaw,
     TimedTrajectory,
@@ -48,7 +49,7 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .task import Task, pose, position
+from .task import Task
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
@@ -90,6 +91,7 @@ __all__ = [
     "coverage",
     "curvature",
     "custom",
+    "custom_task",
     "design",
     "designing",
     "drift",
@@ -108,6 +110,7 @@ __all__ = [
     "join",
     "laws",
     "line",
+    "line_of_sight",
     "linear",
     "load",
     "lock",
@@ -125,6 +128,7 @@ __all__ = [
     "read_recording",
     "read_workspace",
     "recording",
+    "relative_pose",
     "retime",
     "robot",
     "simulate",

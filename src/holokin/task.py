@@ -1,64 +1,37 @@
 """`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
 
-Rows are position first, then orientation. `twist` uses the geometric Jacobian, whose angular rows are
-not the derivative of any coordinates; the other representations have x = f(q) and J = df/dq.
+Rows are position first, then orientation, of the pose of a frame: the tool's, or another one, see `frames`. `twist` has
+the geometric Jacobian, whose angular rows are not the derivative of any coordinates; the other representations have
+x = f(q) and J = df/dq.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from .arguments import check, typed
-from .errors import (
-    ArgumentError,
-    SingularityError,
-    SingularityKind,
-    TaskTooLargeError,
-    UnknownNameError,
-    shown,
-)
+from .errors import ArgumentError, SingularityError, SingularityKind, TaskTooLargeError, UnknownNameError, shown
+from .frames import Frame, TipFrame
+from .representations import ORIENTATIONS, UP, Representation, representation
 from .robot import Kinematics, Robot
-from .symbolic import (
-    SX,
-    Evaluator,
-    Function,
-    cos,
-    fmax,
-    if_else,
-    jacobian,
-    norm_2,
-    sin,
-    sumsqr,
-    symbol,
-    vec,
-    vertcat,
-    wrapped,
-)
-from .symbolic.geometry import log_so3, rpy_angles, skew, zyz_angles
+from .symbolic import SX, Evaluator, Function, horzcat, jacobian, symbol, vertcat
 from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
-ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector")
-_ANGLES = {"zyz": zyz_angles, "rpy": rpy_angles, "rotation-vector": log_so3}
-_ROW_NAMES = {
-    "twist": ("wx", "wy", "wz"),
-    "zyz": ("phi", "theta", "psi"),
-    "rpy": ("roll", "pitch", "yaw"),
-    "rotation-vector": ("rx", "ry", "rz"),
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Task(Value):
-    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows.
+    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows, or two of an axis.
 
-    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", or None for position only.
-    `reference` (3, 3) is the rotation that "rotation-vector" counts from: log(R reference^T).
+    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", "axis", or None for position only.
+    `reference` (3, 3) is the rotation that "rotation-vector" counts from, log(R reference^T), and that "axis" does: the
+    direction R a of the axis a of the tool is reached from `reference` a by a turn about (ax, ay), which are
+    perpendicular to it. `axis` (3,) is a, in the tool's frame.
     `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
     """
 
@@ -66,21 +39,25 @@ class Task(Value):
     orientation: str | None
     rows: tuple[int, ...]
     reference: Matrix
-    tip: str | None = None
+    frame: Frame = field(default_factory=TipFrame)
+    axis: Vector = field(default_factory=lambda: np.array(UP))
 
     def __init_subclass__(cls) -> None:
         cure = "tasks are final: use hk.position or hk.pose, rows= of them, and a constraint for a quantity of your own"
         raise ArgumentError("a subclass of Task", cls.__name__, cure)
 
     def __post_init__(self) -> None:
-        kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "tip": str | None}
+        kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "frame": Frame}
         for what, kind in kinds.items():
             check(f"the {what} of a task", kind, getattr(self, what))
         if self.orientation not in (None, *ORIENTATIONS):
             raise UnknownNameError("orientation", shown(self.orientation), ORIENTATIONS)
-        if not self.rows or not set(self.rows) <= set(range(6)) or len(set(self.rows)) < len(self.rows):
-            raise ArgumentError("the rows of a task", self.rows, "name each of 0 to 5 at most once, and at least one")
+        last = 2 + len(self.representation.row_names)
+        if not self.rows or not set(self.rows) <= set(range(last + 1)) or len(set(self.rows)) < len(self.rows):
+            cure = f"name each of 0 to {last} at most once, and at least one"
+            raise ArgumentError("the rows of a task", self.rows, cure)
         finite("the reference of a task", self.reference, (3, 3))
+        finite("the axis of a task", self.axis, (3,))
         super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
@@ -95,7 +72,7 @@ class Task(Value):
     @typed
     def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
         """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
-        return replace(self, rows=_chosen(self.rows, index))
+        return replace(self, rows=chosen_rows(self.rows, index))
 
     def __iter__(self) -> Iterator[Task]:
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
@@ -115,18 +92,28 @@ class Task(Value):
     def name(self) -> str:
         """For instance "pose (zyz) of panda"."""
         kind = "position" if self.orientation is None else f"pose ({self.orientation})"
-        return f"{kind} of {self.robot.name}"
+        return f"{self.frame.title or kind} of {self.robot.name}"
 
     @property
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
-        names = ("x", "y", "z", *_ROW_NAMES[self.orientation or "twist"])
+        names = (*self.frame.labels, *self.representation.row_names)
         return tuple(names[i] for i in self.rows)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """ "m" or "rad" of each row."""
-        return tuple("m" if i < 3 else "rad" for i in self.rows)
+        """Of each row: "m" or "rad", or what an expression of the user's own is in."""
+        return tuple(self.frame.units[i] if i < 3 else "rad" for i in self.rows)
+
+    @property
+    def tip(self) -> str | None:
+        """The tip of the robot that shows where the frame is; None is the robot's first one."""
+        return self.frame.tip
+
+    @cached_property
+    def representation(self) -> Representation:
+        """That of the orientation; of a task of positions alone the geometric one, of which it has no row."""
+        return representation(self.orientation or "twist", self.reference, self.axis)
 
     @property
     def geometric(self) -> bool:
@@ -183,6 +170,19 @@ class Task(Value):
         p, R = finite("the position", position, (3,)), finite("the rotation", rotation, (3, 3))
         return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
 
+    def pose(self, q: ArrayLike) -> Matrix:
+        """Pose (4, 4) of the frame at q (n,).
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        return self._pose_at.call(q)
+
+    def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
+        """Positions (k, 3) and rotations (k, 3, 3) of the frame at postures (k, n)."""
+        T = self._pose.batch(self.robot.postures(Q)).reshape(-1, 4, 4)
+        return T[:, :3, 3], T[:, :3, :3]
+
     def value_batch(self, Q: Matrix) -> Matrix:
         """f at postures (k, n) -> (k, m)."""
         Q = self.robot.postures(Q)
@@ -209,46 +209,31 @@ class Task(Value):
 
     # --- expressions -----------------------------------------------------------------------------------------
 
+    def kinematics(self, q: SX) -> Kinematics:
+        """The expressions of the frame."""
+        return self.frame.kinematics(self.robot, q)
+
     def value_expression(self, k: Kinematics) -> SX:
         """x = f(q) as an expression (m,)."""
-        return self._select(vertcat(k.position, self._angles(k.rotation)))  # (1)
+        return self._select(vertcat(k.position, self.representation.value(k.rotation)))  # (1)
 
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
         if self.geometric:
             return self._select(k.jacobian)  # (2)
-        return self._select(vertcat(k.jacobian[:3, :], jacobian(self._angles(k.rotation), q)))  # (2), (26)
+        return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
-        if self.geometric:
-            angular = log_so3(rotation @ k.rotation.T)
-        elif self.orientation == "rotation-vector":
-            here = self._angles(k.rotation)
-            angular = _nearest_turn(self._angles(rotation), here) - here
-        else:
-            angular = wrapped(self._angles(rotation) - self._angles(k.rotation))
-        return self._select(vertcat(position - k.position, angular))
+        return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
 
     def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
-        angular = w
-        if not self.geometric:
-            # d/dt of the coordinates along R' = [w]x R
-            turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T
-            angular = jacobian(self._angles(R), R) @ turn @ w  # (15), (16), (17): x' = T^-1 w
-        return self._select(vertcat(v, angular))
+        return self._select(vertcat(v, self.representation.rates(R, w)))
 
     def margin_expression(self, rotation: SX) -> SX:
         """Distance of the representation from its singularity; 1 where there is none."""
-        if self.geometric or all(i < 3 for i in self.rows):
-            return SX(1)
-        return representation_margin(self.orientation or "twist", self._angles(rotation))
-
-    def _angles(self, R: SX) -> SX:
-        if self.orientation in ("zyz", "rpy"):
-            return orientation_angles(self.orientation, R)
-        return orientation_angles("rotation-vector", R @ SX(self.reference.T))
+        return SX(1) if all(i < 3 for i in self.rows) else self.representation.margin(rotation)
 
     def _select(self, six: SX) -> SX:
         return six[list(self.rows), :]
@@ -258,7 +243,7 @@ class Task(Value):
     @cached_property
     def _symbols(self) -> tuple[SX, Kinematics]:
         q = symbol("q", self.n)
-        return q, self.robot.kinematics(q, self.tip)
+        return q, self.kinematics(q)
 
     @cached_property
     def _value(self) -> Function:
@@ -270,6 +255,15 @@ class Task(Value):
         q, k = self._symbols
         outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
         return Function("task_jacobian", {"q": q}, outputs)
+
+    @cached_property
+    def _pose(self) -> Function:
+        q, k = self._symbols
+        return Function("pose", {"q": q}, {"T": vertcat(horzcat(k.rotation, k.position), SX([[0, 0, 0, 1]]))})
+
+    @cached_property
+    def _pose_at(self) -> Evaluator:
+        return self._pose.checked((4, 4), self.robot.checked, self._doubtful)
 
     @cached_property
     def _value_at(self) -> Evaluator:
@@ -309,74 +303,8 @@ class Task(Value):
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
 
 
-def _nearest_turn(w: SX, here: SX) -> SX:
-    """The rotation vector of the same rotation as w, w or w - 2 pi w/|w|, that lies nearer to another one."""
-    angle = norm_2(w)
-    other = w * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
-    return if_else(sumsqr(other - here) < sumsqr(w - here), other, w)
-
-
-def orientation_angles(kind: str, R: SX) -> SX:
-    """Three angles (3,) of a rotation: "zyz", "rpy" or "rotation-vector". Raises: UnknownNameError."""
-    if kind not in _ANGLES:
-        raise UnknownNameError("representation of orientation by angles", kind, tuple(_ANGLES))
-    return _ANGLES[kind](R)
-
-
-def representation_margin(kind: str, angles: SX) -> SX:
-    """How far angles are from where their representation is singular: sin theta, cos pitch, pi - angle."""
-    return {"zyz": sin(angles[1]), "rpy": cos(angles[1]), "rotation-vector": np.pi - norm_2(angles)}[kind]
-
-
-@typed
-def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None = None) -> Task:
-    """The tool's position: m = 3, or m = 2 for a planar robot; or some `rows` of it.
-
-    Raises:
-        TaskTooLargeError, UnknownNameError, ArgumentError.
-    """
-    robot.pose(np.zeros(robot.n), tip)
-    every = (0, 1) if robot.planar else (0, 1, 2)
-    return Task(robot, None, every if rows is None else _chosen(every, rows), np.eye(3), tip)
-
-
-@typed
-def pose(
-    robot: Robot,
-    orientation: str = "twist",
-    *,
-    reference: ArrayLike | None = None,
-    tip: str | None = None,
-    rows: Sequence[int] | None = None,
-) -> Task:
-    """The tool's pose: m = 6, or m = 3 (x, y, turn) for a planar robot; or some `rows` of it.
-
-    Args:
-        orientation: "twist" (geometric Jacobian), "zyz", "rpy" (fixed axes x, y, z) or "rotation-vector".
-        reference: rotation (3, 3) that "rotation-vector" counts from; identity by default.
-
-    Raises:
-        UnknownNameError: an unknown orientation, tip or row. TaskTooLargeError: m > n. ArgumentError: a bad reference.
-    """
-    if orientation not in ORIENTATIONS:
-        raise UnknownNameError("orientation", orientation, ORIENTATIONS)
-    robot.pose(np.zeros(robot.n), tip)
-    base = _upright(robot, tip) if reference is None else finite("reference", reference, (3, 3))
-    if not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
-        raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
-    if robot.planar and orientation == "zyz":
-        raise ArgumentError("orientation of a planar robot", orientation, "use 'twist': zyz is singular in a plane")
-    every = (0, 1, 5) if robot.planar else tuple(range(6))
-    return Task(robot, orientation, every if rows is None else _chosen(every, rows), base, tip)
-
-
-def _upright(robot: Robot, tip: str | None) -> Matrix:
-    """The identity; for a planar robot with a tilted tool its rotation at q = 0, so that it turns in the plane."""
-    R = robot.pose(np.zeros(robot.n), tip)[:3, :3]
-    return R if robot.planar and R[2, 2] < 1 - 1e-12 else np.eye(3)
-
-
-def _chosen(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:
+def chosen_rows(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:
+    """Some of the rows, by index. Raises: UnknownNameError, ArgumentError."""
     count = len(rows)
     if isinstance(index, slice):
         for part in (index.start, index.stop, index.step):

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError
-from ..robot import hessian_expression
 from ..strategies import Brackets, Expressions, FrameStrategy, Strategy
 from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
@@ -60,8 +59,9 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
 
 def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
-    geometric = strategy.task.geometric
-    return strategy.constant_inverse_weight if isinstance(strategy, FrameStrategy) and geometric else None
+    if not (isinstance(strategy, FrameStrategy) and strategy.task.geometric and strategy.task.frame.has_hessians):
+        return None
+    return strategy.constant_inverse_weight
 
 
 def pairs(m: int) -> list[tuple[int, int]]:
@@ -90,7 +90,7 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
 
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
-    every = hessian_expression(task.robot, e.q, task.tip)
+    every = task.frame.hessians(task.robot, e.q)
     H, W = [every[row] for row in task.rows], as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 

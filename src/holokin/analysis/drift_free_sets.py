@@ -64,7 +64,7 @@ def drift_free(
     found = []
     for k in np.flatnonzero(kappa[:-1] * kappa[1:] < 0):
         a, b, n = curve.q[k], curve.q[k + 1], normals[k]
-        pose = task.robot.pose(a, task.tip)
+        pose = task.pose(a)
 
         def between(share: float, a=a, b=b, pose=pose) -> Vector:
             q = a + share * (b - a)

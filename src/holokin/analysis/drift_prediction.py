@@ -61,7 +61,7 @@ def predicted_drift(strategy: Strategy, path: Path, q0: ArrayLike) -> DriftPredi
     start = task.robot.checked(q0, "the start posture")
     if not path.closed:
         raise OpenPathError("predicting drift", path.gap)
-    plan = make_plan(task, path, SAMPLES, task.robot.pose(start, task.tip)[:3, :3])
+    plan = make_plan(task, path, SAMPLES, task.pose(start)[:3, :3])
     x0, x1, x2 = plan.rates
     steps = plan.h[:, None] / 6 * (x0 + 4 * x1 + x2)
     x = np.vstack([np.zeros(task.m), np.cumsum(steps, axis=0)])

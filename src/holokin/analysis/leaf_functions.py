@@ -66,7 +66,7 @@ class LeafFunction(Value):
         robot, task = self.strategy.task.robot, self.strategy.task
         q, corner = robot.checked(q), robot.checked(by)
         direct = transport(self.strategy, q, self._back(q))
-        pose = robot.pose(corner, task.tip)
+        pose = task.pose(corner)
         there = transport(self.strategy, q, task.error(q, pose[:3, 3], pose[:3, :3]))
         return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
 
@@ -77,7 +77,7 @@ class LeafFunction(Value):
 
     @cached_property
     def _pose(self) -> Matrix:
-        return frozen(self.strategy.task.robot.pose(self.reference, self.strategy.task.tip))
+        return frozen(self.strategy.task.pose(self.reference))
 
     @cached_property
     def _Z(self) -> Matrix:

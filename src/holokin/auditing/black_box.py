@@ -15,10 +15,11 @@ import numpy as np
 from ..analysis.brackets import pairs
 from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
+from ..frame_tasks import pose
 from ..motion import as_control_law
 from ..path import Path, circle, polyline
 from ..robot import Robot
-from ..task import Task, pose
+from ..task import Task
 from ..types import ArrayLike
 from .history import ask_history
 from .judge import Repeatability

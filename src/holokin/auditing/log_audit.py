@@ -6,9 +6,9 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
+from ..frame_tasks import pose, position
 from ..recording import Recording
 from ..robot import Robot
-from ..task import pose, position
 from ..types import Indices, Matrix, Vector
 from .arcs import encoder_levels
 from .crossings import crossings

@@ -57,7 +57,7 @@ class AuditSetup:
     @cached_property
     def tool(self) -> Matrix:
         """The tool pose (4, 4) at the start."""
-        return self.task.robot.pose(self.start, self.task.tip)
+        return self.task.pose(self.start)
 
     def run(self, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
         """One run of the law. Raises: ControllerError."""

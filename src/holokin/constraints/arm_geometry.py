@@ -67,7 +67,7 @@ class Arm:
     def places(self, task: Task) -> Function:
         """q (n,) -> shoulder, elbow and wrist, the rows of a matrix (3, 3), in the base frame [m]."""
         q = symbol("q", task.n)
-        points = self.expressions(task, task.robot.kinematics(q, task.tip), q)
+        points = self.expressions(task, task.kinematics(q), q)
         return Function("arm", {"q": q}, {"points": horzcat(*points).T})
 
 

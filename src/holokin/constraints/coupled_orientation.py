@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 from ..arguments import made
 from ..errors import ArgumentError
+from ..representations import three_angles
 from ..robot import Kinematics
 from ..symbolic import SX
-from ..task import Task, orientation_angles, representation_margin
+from ..task import Task
 from ..types import ArrayLike
 from .base import Constraint, as_gain
 
@@ -33,13 +34,13 @@ def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = 
     if not chosen or len(set(chosen)) != len(chosen) or not set(chosen) <= {0, 1, 2}:
         raise ArgumentError("the rows of a coupling", chosen, "name each of 0, 1, 2 at most once")
     L = as_gain(gain, (len(chosen), 3))
-    orientation_angles(orientation, SX.eye(3))
+    angles = three_angles(orientation)
 
     def expression(_task: Task, k: Kinematics, _q: SX) -> SX:
         # (28), (29): its gradient is J_o + Lambda J_p
-        return orientation_angles(orientation, k.rotation)[chosen] + SX(L) @ k.position
+        return angles.value(k.rotation)[chosen] + SX(L) @ k.position
 
     def margin(_task: Task, k: Kinematics, _q: SX) -> SX:
-        return representation_margin(orientation, orientation_angles(orientation, k.rotation))
+        return angles.margin(k.rotation)
 
     return Constraint(f"coupled ({orientation})", len(chosen), expression, (True,) * len(chosen), margin)

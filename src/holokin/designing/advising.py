@@ -12,10 +12,11 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, HolokinError, OutOfReachError
+from ..frame_tasks import pose, position
 from ..motion.reach import nearest_postures
 from ..robot import Robot, check_metres
 from ..strategies import moore_penrose, radial
-from ..task import Task, pose, position
+from ..task import Task
 from ..types import Array, ArrayLike, Flags, Matrix, Vector
 from ..workspaces import PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
@@ -326,7 +327,7 @@ def _first(task: Task) -> Vector:
 
 def _proposed(task: Task, start: Vector) -> PoseRange:
     """A box round the tool at a start posture, with turns about its orientation there."""
-    robot, at = task.robot, task.robot.pose(start, task.tip)
+    robot, at = task.robot, task.pose(start)
     length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
     tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
 

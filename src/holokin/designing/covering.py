@@ -94,7 +94,7 @@ def coverage(
             known = Reach(reach.anyhow[rest], reach.within[rest])
         status[rest[~(known.within if limits else known.anyhow)]] = PoseStatus.BEYOND_LIMITS
         status[rest[~known.anyhow & ~on_leaf[rest]]] = PoseStatus.OUT_OF_REACH
-    tool, units = robot.pose(start, task.tip), tuple("rad" if hinge else "m" for hinge in robot.hinges)
+    tool, units = task.pose(start), tuple("rad" if hinge else "m" for hinge in robot.hinges)
     return Coverage(
         strategy.name, workspace, robot.joint_names, units, robot.lower, robot.upper, start, tool,
         _turn(task, tool, workspace), poses, status, q, last, rcond, margins, limits, explain,
@@ -184,7 +184,7 @@ def _check_planar(task: Task, start: Vector, poses: Array) -> None:
     """Raises: ArgumentError where the tool of a planar robot would have to leave its plane."""
     if not task.robot.planar or all(row < 3 for row in task.rows):
         return
-    R = task.robot.pose(start, task.tip)[:3, :3]
+    R = task.pose(start)[:3, :3]
     if np.abs(poses[:, :3, :3] @ R.T - np.eye(3))[:, 2, 2].max() > 1e-6:
         cure = "the tool of a planar robot turns in its plane: give rotation=np.eye(3) (or the tool's own) and no tilt"
         raise ArgumentError("the rotation of a pose of the workspace", poses[0, :3, :3].tolist(), cure)

@@ -144,7 +144,7 @@ class _Lines:
     def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
         self.shape = (len(starts), len(poses))
         self.q = np.repeat(starts, len(poses), axis=0)
-        p0, R0 = (np.repeat(part, len(poses), axis=0) for part in task.robot.pose_batch(np.asarray(starts), task.tip))
+        p0, R0 = (np.repeat(part, len(poses), axis=0) for part in task.poses(np.asarray(starts)))
         ends = np.tile(poses, (len(starts), 1, 1))
         self.way = straight(p0, R0, ends[:, :3, 3], ends[:, :3, :3])
         if task.orientation is None:

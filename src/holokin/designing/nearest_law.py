@@ -126,7 +126,7 @@ def nearest(
     phi, period = (base or own, None) if r > 1 else _base(task, base or own, start, region)
     law = holonomic(task, phi or linear(null_space(task.jacobian(start)).T, name="along the self-motion"))
     Q = _postures(law, region, start, whole("samples", samples) + JUDGED, seed)
-    coordinates = coordinates_of(chart_of(task, task.robot.pose(start, task.tip)[:3, :3]), Q)
+    coordinates = coordinates_of(chart_of(task, task.pose(start)[:3, :3]), Q)
     metres = length_of(Objective(1.0, length=length), coordinates.turns, coordinates.spread)
     weights = np.where(coordinates.turns, 1 / metres, 1.0)
     series = series_over(law, coordinates, Q, degree, period)
@@ -181,7 +181,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, coun
     if not region.along > 0:
         cure = "give hk.analysis.ball(start, radius, along=...): a repeatable law has leaves side by side"
         raise ArgumentError("`along` of the ball", region.along, cure)
-    u, pose = sobol(4, count, seed), task.robot.pose(start, task.tip)
+    u, pose = sobol(4, count, seed), task.pose(start)
     poses = np.tile(pose, (count, 1, 1))
     poses[:, :3, 3] = _positions(pose[:3, 3], region.radius, u, task.robot.planar)
     found = inverse(law, start).batch(poses)

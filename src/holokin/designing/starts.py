@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ArgumentError
+from ..frame_tasks import pose, position
 from ..motion.reach import nearest_postures
 from ..robot import Robot
-from ..task import Task, pose, position
+from ..task import Task
 from ..types import Flags, Matrix, Vector
 
 POSTURES = 2000

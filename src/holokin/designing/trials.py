@@ -140,7 +140,7 @@ def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: flo
     """Those starts, moved by self-motion to the leaf of a level, that get there within the joint limits."""
     moved = []
     for q in starts:
-        ends = along_leaf(strategy, q[None], task.robot.pose(q, task.tip)[None], np.full(task.n - task.m, level))
+        ends = along_leaf(strategy, q[None], task.pose(q)[None], np.full(task.n - task.m, level))
         if ends.reached[0, 0] and inside(task.robot, ends.q[0])[0]:
             moved.append(ends.q[0, 0])
     return np.array(moved).reshape(-1, task.n)

@@ -94,7 +94,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     precise = _is_precise(rcond, margin)
     if only_precise and not precise:
         return None
-    pose = _single(robot.pose(there, s.task.tip))
+    pose = _single(s.task.pose(there))
     target = pose[:3, 3] if s.task.orientation is None else pose
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
@@ -103,7 +103,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
     values = {
-        "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": robot.pose(q, s.task.tip).ravel(),
+        "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": s.task.pose(q).ravel(),
         "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
     if holonomic := source.holonomic:
@@ -137,7 +137,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.start
-    pose = _single(task.robot.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start)), task.tip))
+    pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
     way = straight_way(tool_at(task, start), (pose[:3, 3], pose[:3, :3]), (source.leaf, source.leaf))
     try:
         found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, way)

@@ -100,7 +100,7 @@ def _posture(text: str) -> list[float]:
 
 def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: str | None, radius: float) -> str:
     law, task = advice.best, advice.task
-    inward = -radius if task.robot.pose(law.start, task.tip)[0, 3] > 0 else radius
+    inward = -radius if task.pose(law.start)[0, 3] > 0 else radius
     name = robot if not FilePath(robot).suffix else robot_name(robot, path)
     chosen = (
         {"name": name} | ({"tip": advice.chain.tip} if advice.chain.base else {}) | ({"base": base} if base else {})

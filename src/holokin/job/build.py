@@ -20,11 +20,12 @@ from ..errors import (
     SingularityError,
     posture_text,
 )
+from ..frame_tasks import pose, position
 from ..motion import move_to_leaf
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
-from ..task import Task, pose, position
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Vector
 from .read import dotted

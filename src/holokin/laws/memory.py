@@ -39,7 +39,7 @@ def impedance_with_memory(
     @cache
     def functions() -> tuple[Function, Function]:
         q, F, dx = symbol("q", task.n), symbol("F", task.m), symbol("dx", task.m)
-        k = task.robot.kinematics(q, task.tip)
+        k = task.kinematics(q)
         J = task.jacobian_expression(k, q)
         stiffness = gradient_and_stiffness(task, k, q, potential)[1] - geometric_stiffness(task, k, q)(q, F)
         extended = factorise(vertcat(J, null_space_expression(J).T @ stiffness))

@@ -133,7 +133,7 @@ def compiled(
     @cache
     def function() -> Function:
         q = symbol("q", task.n) if strategy is None else strategy.expressions.q
-        k = task.robot.kinematics(q, task.tip)
+        k = task.kinematics(q)
         p, R, twist, dt, start = (
             symbol("p", 3),
             symbol("R", 3, 3),

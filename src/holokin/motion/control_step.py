@@ -295,7 +295,7 @@ def controller(
         leaf = leaf_value(strategy, q0)
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
     if q0 is not None:
-        compiled.check(q0, strategy.task.robot.pose(q0, strategy.task.tip), np.zeros(6), compiled.parameters)
+        compiled.check(q0, strategy.task.pose(q0), np.zeros(6), compiled.parameters)
     return Controller(compiled)
 
 

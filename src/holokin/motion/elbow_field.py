@@ -68,14 +68,14 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> ToolSphere:
     Raises:
         ArgumentError: the shoulder moves, or the wrist is in it.
     """
-    places, robot = arm.places(task), task.robot
+    places = arm.places(task)
     some = np.random.default_rng(0).uniform(-1.5, 1.5, (4, task.n))
     points = places.batch(some).reshape(-1, 3, 3)
     if np.ptp(points[:, 0], axis=0).max() > FIXED:
         raise ArgumentError("the shoulder", arm.shoulder.place, "name joints=(...) with one that no joint moves")
-    p, R = robot.pose_batch(some, task.tip)
+    p, R = task.poses(some)
     held = np.einsum("kji,kj->ki", R, points[:, 2] - p)
-    pose, (S, _, W) = robot.pose(q0, task.tip), places(q0)
+    pose, (S, _, W) = task.pose(q0), places(q0)
     radius = float(np.linalg.norm(W - S))
     if not radius > ON_LINE:
         raise ArgumentError("the distance from shoulder to wrist", radius, "choose another start posture")

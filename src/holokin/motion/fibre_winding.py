@@ -61,7 +61,7 @@ def turns(task: Task, Q: Matrix) -> Turns:
     Args:
         task: leaves one joint redundant.
     """
-    p, R = task.robot.pose_batch(Q, task.tip)
+    p, R = task.poses(Q)
     middle, reference = _references(task, Q[0], p, R)
     if reference is None or middle is None:
         return Turns(np.zeros(0), "a straight way from its start to one of its points meets a singular posture")

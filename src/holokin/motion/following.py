@@ -84,7 +84,7 @@ def follow(
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
-    tool = robot.pose(start, task.tip)
+    tool = task.pose(start)
     plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
     off = task.error(start, *plan.first)
     if np.abs(off).max() > TOLERANCES.start:

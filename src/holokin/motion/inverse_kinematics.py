@@ -281,7 +281,7 @@ class InverseKinematics(Value):
 
     @cached_property
     def _pose(self) -> Matrix:
-        return frozen(self.strategy.task.robot.pose(self.start, self.strategy.task.tip))
+        return frozen(self.strategy.task.pose(self.start))
 
     @cached_property
     def _leaf(self) -> Vector:

@@ -187,7 +187,7 @@ def leaf_walk(
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
     angular = any(row > 2 for row in strategy.task.rows)
     angles = angular and not strategy.task.turns
-    pose = strategy.task.robot.pose(q0, strategy.task.tip)
+    pose = strategy.task.pose(q0)
     side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
 
     def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
@@ -233,7 +233,7 @@ def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
 
 def tool_at(task: Task, q: Vector) -> Pose:
     """(position, rotation) of the tool at a posture (n,)."""
-    pose = task.robot.pose(q, task.tip)
+    pose = task.pose(q)
     return pose[:3, 3], pose[:3, :3]
 
 

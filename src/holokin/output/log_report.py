@@ -84,7 +84,7 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
 
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
     at = thin(len(log), 20_000)
-    points, _ = robot.pose_batch(log.q[at], audit.task.tip)
+    points, _ = audit.task.poses(log.q[at])
     tool_path(axes, robot, points, color="#c9cdd4", linewidth=1.0, zorder=1)
     colors = colormaps["viridis"]
     count = len(cycles)

@@ -141,7 +141,7 @@ class Strategy(Made, Value, ABC):
     def _written(self, what: str, planes: Field, shape: tuple[int, int]) -> tuple[SX, Kinematics, SX, SX]:
         """(q, kinematics, J, planes) over a new symbol. Raises: ShapeError unless the planes have the shape."""
         q = symbol("q", self.task.n)
-        k = self.task.robot.kinematics(q, self.task.tip)
+        k = self.task.kinematics(q)
         found = as_expression(planes(self.task, k, q))
         if found.shape != shape:
             cure = "it must fit n joints and m task rows"

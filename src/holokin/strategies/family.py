@@ -90,7 +90,7 @@ def _check(
     r = task.n - task.m
     q, x, zs = symbol("q", task.n), symbol("x", task.m), symbol("z", r)
     reached = _sized("K", K(x, zs), (task.n, 1))
-    k = task.robot.kinematics(reached, task.tip)
+    k = task.kinematics(reached)
     errors = Function(
         "check",
         {"x": x, "z": zs},

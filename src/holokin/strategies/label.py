@@ -61,7 +61,7 @@ def _projection(task: Task, start: Vector) -> Label:
     Z = null_space(task.jacobian(start))
 
     def margin(q: SX) -> SX:
-        J = task.jacobian_expression(task.robot.kinematics(q, task.tip), q)
+        J = task.jacobian_expression(task.kinematics(q), q)
         R, product = factorise(SX(Z.T) @ null_space_expression(J)).R, SX(1)
         for i in range(R.shape[0]):
             product = product * R[i, i]

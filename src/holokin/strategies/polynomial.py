@@ -62,7 +62,7 @@ def fitted(
     Z = null_space(task.jacobian(q0))
     chart = task
     if task.orientation in ("twist", "rotation-vector"):  # rotation vectors jump half a turn from their reference
-        chart = replace(task, reference=task.robot.pose(q0, task.tip)[:3, :3])
+        chart = replace(task, reference=task.pose(q0)[:3, :3])
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
@@ -117,7 +117,7 @@ def _least_squares(
     task = strategy.task
     r = task.n - task.m
     q = symbol("q", task.n)
-    terms = _monomials(variables(task, task.robot.kinematics(q, task.tip), q), exponents)
+    terms = _monomials(variables(task, task.kinematics(q), q), exponents)
     basis = Function("monomials", {"q": q}, {"terms": terms, "slopes": as_expression(jacobian(terms, q))})
     T, S = basis.batch(Q)
     g = strategy.constraint_value.batch(Q).reshape(len(Q), r)

@@ -89,7 +89,7 @@ class SelfMotions(Value):
     @classmethod
     def through(cls, task: Task, Q: Matrix) -> SelfMotions:
         """Those through postures (S, n)."""
-        return cls(task, *task.robot.pose_batch(Q, task.tip))
+        return cls(task, *task.poses(Q))
 
     def traced(self, Q: Matrix, *, step: float, length: float, limits: bool = False) -> list[SelfMotion]:
         """The curves through postures (S, n), both ways, each round once; one joint is redundant.

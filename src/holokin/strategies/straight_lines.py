@@ -187,7 +187,7 @@ class _Lines:
 def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     """The lines to the tool pose at q0."""
     task = strategy.task
-    chart = _chart(task, task.robot.pose(q0, task.tip)[:3, :3])
+    chart = _chart(task, task.pose(q0)[:3, :3])
     charted = replace(strategy, task=chart)
     e, dx, w = charted.expressions, symbol("dx", task.m), symbol("w", task.n)
     moved = e.rate(dx, written_out=True)

@@ -12,7 +12,7 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from ..types import Array, Matrix
+from ..types import Array, Matrix, Vector
 
 Angles = TypeVar("Angles", ca.SX, Array)
 
@@ -87,6 +87,26 @@ def log_so3(R: ca.SX) -> ca.SX:
     z = v2 / (safe_w * safe_w)
     series = 2 / safe_w * (1 - z / 3 * (1 - z * 3 / 5 * (1 - z * 5 / 7 * (1 - z * 7 / 9))))
     return v * ca.if_else(small, series, 2 * ca.atan2(norm, w) / norm)
+
+
+def log_s2(d: ca.SX) -> ca.SX:
+    """(ax, ay) of a direction d (3,): the turn about a line across z, of at most pi, that takes z to d.
+
+    theta (-d_y, d_x) / sin theta with cos theta = d_z, and a series in sin^2 theta near z; singular at -z.
+    """
+    across = d[0] * d[0] + d[1] * d[1]
+    small = ca.logic_and(across < _SMALL, d[2] > 0)
+    sine = ca.sqrt(ca.if_else(small, 1, across))
+    series = 1 + across * (1 / 6 + across * (3 / 40 + across * (15 / 336 + across * (105 / 3456))))
+    return ca.vertcat(-d[1], d[0]) * ca.if_else(small, series, ca.atan2(sine, d[2]) / sine)
+
+
+def frame_about(axis: Vector) -> Matrix:
+    """A right-handed frame (3, 3) whose last column is a unit vector (3,); the identity about z."""
+    first = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = first - (first @ axis) * axis
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first), axis], dtype=float).T
 
 
 def zyz_angles(R: ca.SX) -> ca.SX:
