@@ -42,6 +42,7 @@ LAYERS = [
     {"job"},
     {"studio"},
     {"outcome"},
+    {"exporting"},
     {"cli"},
     {"__main__"},
 ]

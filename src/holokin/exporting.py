@@ -1,0 +1,88 @@
+"""`holokin export`: a strategy as C, and the motion of a job as a robot program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .errors import ArgumentError
+from .export.program import LANGUAGES
+from .outcome import show
+
+exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)
+
+
+@exporting.command("c")
+def export_c(
+    job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+    out: Annotated[Path, typer.Option(help="The folder to write.")],
+    strategy: Annotated[
+        str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")
+    ] = None,
+    orientation: Annotated[
+        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+    ] = None,
+    dt: Annotated[float, typer.Option(help="Step of the control loop in seconds, a default the C may change.")] = 1e-3,
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")] = False,
+) -> None:
+    """Write a strategy as C99: library, headers of C and C++, self-test with its vectors, README.md.
+
+    Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
+    """
+    from .export import check as build_and_run
+    from .job import expand, export_job, open_job
+
+    if expand([job]) != [job]:
+        raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
+    written = export_job(*open_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
+    for file in written.files:
+        show(f"wrote {out / file}")
+    if check:
+        for line in build_and_run(written):
+            show(line)
+
+
+def _export_motion(language: str) -> Callable[..., None]:
+    """The command that writes a job's motion in a language."""
+
+    def command(
+        job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+        out: Annotated[Path, typer.Option(help="The folder to write.")],
+        strategy: Annotated[
+            str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")
+        ] = None,
+        name: Annotated[str | None, typer.Option(help="The program's name; by default robot and strategy.")] = None,
+        acceleration: Annotated[float | None, typer.Option(help="Of all joints [rad/s^2, m/s^2].")] = None,
+        jerk: Annotated[float | None, typer.Option(help="Of all joints [rad/s^3, m/s^3]; by default no limit.")] = None,
+        profile: Annotated[str | None, typer.Option(help="time-optimal, trapezoidal or quintic.")] = None,
+        speed: Annotated[float | None, typer.Option(help="The most of the path's own speed; 1 keeps it.")] = None,
+        dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
+    ) -> None:
+        from .job import expand, open_job, program_of_job
+
+        if expand([job]) != [job]:
+            raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
+        given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": speed, "dt": dt}
+        changes = {key: value for key, value in given.items() if value is not None}
+        program, timed = program_of_job(*open_job(job), language, strategy, short=name, changes=changes)
+        for file in [*program.save(out), out / "joints.csv"]:
+            if file.name == "joints.csv":
+                timed.save(file)
+            show(f"wrote {file}")
+        show(f"{program.targets} targets, even motion between them within {program.deviation:.2g} rad or m")
+        show(timed.table())
+
+    return command
+
+
+for _language, _help in LANGUAGES.items():
+    exporting.command(
+        _language,
+        help=f"{_help}\n\nWith it joints.csv: every sample. Limits are those of the job's [timing], or given here.",
+    )(_export_motion(_language))
