@@ -185,7 +185,7 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     start = "[start]\nq = [10, 70, 10, 20, 50, 30]\n"
     file = write_job(tmp_path, robot=robot, path=path, start=start)
     outcome = holokin("run", file, "--out", out)
-    assert_refused(outcome, "job.toml", "[start.q]", "joint 'q1' at 10 rad", "degrees = true")
+    assert_refused(outcome, "job.toml", "[start.q]", "joint 'q2' at 70 rad", "degrees = true")
     assert_untouched(out)
     turned = write_job(tmp_path, robot=robot, path=path, start=start + "degrees = true\n")
     assert holokin("run", turned, "--out", out).code == 0

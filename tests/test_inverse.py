@@ -99,10 +99,11 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
     assert ik.batch([pose, turned, lost]).status.tolist() == [
         InverseStatus.REACHED, InverseStatus.NOT_A_ROTATION, InverseStatus.NOT_FINITE,
     ]  # fmt: skip
-    assert ik.nearest(turned).status is ik.nearest(turned, PANDA_START).status is InverseStatus.NOT_A_ROTATION
+    assert ik.nearest(turned, PANDA_START).status is InverseStatus.NOT_A_ROTATION
     for matrix in (turned, pose.T, turned.tolist()):
         for ask in (
             ik,
+            ik.nearest,
             lambda wanted: ik.near(wanted, PANDA_START),
             lambda wanted: hk.motion.all_postures(strategy, wanted, starts=4),
             lambda wanted: step.step(PANDA_START, wanted, np.zeros(6)),

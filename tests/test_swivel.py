@@ -132,7 +132,7 @@ def test_a_pose_out_of_reach_has_no_posture_and_a_bad_one_is_refused(panda: hk.R
     T[0, 3] = 5.0
     assert len(hk.all_postures(strategy, T, 0.0, starts=64)) == 0
     with pytest.raises(ArgumentError, match="right-handed"):
-        hk.all_postures(strategy, 2 * np.eye(4), 0.0)
+        hk.all_postures(strategy, np.diag([2.0, 2.0, 2.0, 1.0]), 0.0)
     with pytest.raises(ShapeError):
         hk.all_postures(strategy, T, [0.0, 1.0])
 

@@ -41,31 +41,6 @@ def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion
     return hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN)
 
 
-# --- a posture to begin from that is none -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("q", "said"),
-    [
-        ([0.3, 0.9, 1.5], [r"1.5 off the leaf of 'lock': g\(q\) = \[1.5\], the leaf is \[0\]"]),
-        ([1.3, -0.9, 0.0], ["it is on another branch of 'lock' than the start;"]),
-        ([-0.3, -0.9, 0.0], ["on another branch", "and q1 is 0.3 past its lower limit 0;"]),
-        ([2.25, -0.9, 0.0], ["on another branch", "and q1 is 0.25 past its upper limit 2;"]),
-        ([0.3, 0.0, 0.0], [r"the law is singular there \(rcond "]),
-    ],
-)
-def test_a_posture_that_is_no_answer_is_told_what_it_is_away_from(two_links, q: list[float], said: list[str]) -> None:
-    with pytest.raises(ArgumentError, match="the posture to begin from is") as caught:
-        two_links.nearest([1.0, 1.0], q, limits=True)
-    for words in said:
-        assert caught.match(words)
-    assert str(caught.value).endswith("give the last answer, or leave it out")
-    if "limit" in said[-1]:
-        with pytest.raises(ArgumentError) as free:
-            two_links.nearest([1.0, 1.0], q)
-        assert "limit" not in str(free.value)  # of limits that nobody keeps to nothing is said
-
-
 def test_a_posture_that_is_not_finite_is_told_by_its_joints(two_links) -> None:
     with pytest.raises(NotFiniteError, match="the posture to begin from: NaN or infinite numbers, q1 nan, q3 -inf;"):
         two_links.nearest([1.0, 1.0], [np.nan, 0.2, -np.inf])

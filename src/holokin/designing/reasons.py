@@ -53,9 +53,8 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
-        return [
-            f"No law with the postures found there can have less than {1 / best.speed:.1%} of its mean squared joint speed."
-        ]
+        share = f"{1 / best.speed:.1%} of its mean squared joint speed"
+        return [f"No law with the postures that were found there can have less than {share}."]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said
