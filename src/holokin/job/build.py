@@ -20,7 +20,6 @@ from ..errors import (
     SingularityError,
     posture_text,
 )
-from ..frame_tasks import pose, position
 from ..motion import move_to_leaf
 from ..path import Path, arc, as_point, polyline
 from ..robot import Robot
@@ -78,19 +77,10 @@ def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     return q
 
 
-def build_tasks(job: Job, robot: Robot, start: Vector) -> list[Task]:
-    """One task, or one for each orientation of a list; rotation vectors count from the start orientation."""
-    table = job.task
-    if table.kind == "position":
-        return [position(robot, rows=table.rows)]
-    kinds = table.orientation if isinstance(table.orientation, list) else [table.orientation]
-    return [pose(robot, kind, reference=robot.pose(start)[:3, :3], rows=table.rows) for kind in kinds]
-
-
 def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> Path:
     """The path, beginning at the tool's start point. Raises: JobError, ArgumentError."""
     table = job.path
-    tool = task.robot.pose(start)[:3, 3]
+    tool = task.pose(start)[:3, 3]
     origin = tool if table.relative else np.zeros(3)
 
     def placed(point: list[float]) -> Vector:

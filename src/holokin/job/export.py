@@ -8,7 +8,7 @@ from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategies import Strategy
 from ..types import Vector
-from .build import build_begin, build_robot, build_start, build_strategy, build_tasks, naming
+from .build import build_begin, build_robot, build_start, build_strategy, naming
 from .schema import Job
 
 
@@ -27,7 +27,7 @@ def job_strategy(
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
     with naming(file, "task"):
-        tasks = build_tasks(job, robot, start)
+        tasks = job.task.tasks(robot, start)
     if label is None and len(job.strategies) == 1:
         label = next(iter(job.strategies))
     if label is None:

@@ -20,12 +20,12 @@ from .schema import (
     Job,
     PathTable,
     StartTable,
-    TaskTable,
     VerdictTable,
     WorkspaceTable,
 )
 from .strategies import KINDS, StrategyTable
 from .table import Table
+from .task_tables import TaskTable
 
 Key = tuple[str, ...]
 """The way to a value: the names and numbers of the tables and lists around it, and its own."""

@@ -38,7 +38,6 @@ from .build import (
     build_robot,
     build_start,
     build_strategy,
-    build_tasks,
     naming,
 )
 from .covering import build_covering
@@ -105,7 +104,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     robot = build_robot(job, file)
     start = build_start(job, robot, file)
     with naming(file, "task"):
-        tasks = build_tasks(job, robot, start)
+        tasks = job.task.tasks(robot, start)
     with naming(file, "path"):
         path = build_path(job, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)

@@ -12,6 +12,7 @@ from .motion_tables import ProgramTable, TimingTable
 from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
+from .task_tables import TaskTable
 
 MOST_POINTS = 10_000
 """Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
@@ -56,23 +57,6 @@ _SHAPES = {
     "points": ("polyline",), "turns_deg": ("polyline",), "closed": ("polyline",),
 }  # fmt: skip
 """The kinds of path that use a key; the other keys serve all."""
-
-Orientation = Literal["twist", "zyz", "rpy", "rotation-vector"]
-
-
-class TaskTable(Table):
-    """[task]: position or pose; a list of orientations runs every strategy once for each."""
-
-    kind: Literal["position", "pose"] = "position"
-    orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
-    rows: Annotated[list[int], Field(max_length=6)] | None = None
-
-    @model_validator(mode="after")
-    def _each_once(self) -> TaskTable:
-        kinds = self.orientation
-        if isinstance(kinds, list) and len(set(kinds)) < len(kinds):
-            raise ValueError(f"orientation = {kinds} names one twice; name each once")
-        return self
 
 
 class StartTable(Table):

@@ -1,0 +1,82 @@
+"""[task] of a job file: what the tool, or two of them, shall do; and the tasks of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ..frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from ..robot import Robot
+from ..task import Task
+from ..types import Vector
+from .robot_tables import Three
+from .table import Formula, Table, column
+
+Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
+Axis = Literal["x", "y", "z"] | Three
+
+_OF = {
+    "orientation": ("pose", "relative-pose"), "rows": ("position", "pose", "relative-pose"),
+    "axis": ("pose", "relative-pose", "line-of-sight"), "tip": ("relative-pose",), "other": ("relative-pose",),
+    "point": ("line-of-sight",), "expressions": ("custom",), "units": ("custom",), "names": ("custom",),
+}  # fmt: skip
+"""The kinds of task that use a key."""
+
+_NEEDED = {"relative-pose": ("tip", "other"), "line-of-sight": ("point",), "custom": ("expressions", "units")}
+
+
+class TaskTable(Table):
+    """[task]: position, pose, the pose of one tip in another's frame, a camera's line of sight, or formulas.
+
+    A list of orientations runs every strategy once for each.
+    """
+
+    kind: Literal["position", "pose", "relative-pose", "line-of-sight", "custom"] = "position"
+    orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
+    axis: Axis = "z"
+    rows: Annotated[list[int], Field(max_length=6)] | None = None
+    tip: str | None = None
+    other: str | None = None
+    point: Three | None = None
+    expressions: Annotated[list[Formula], Field(min_length=1, max_length=3)] | None = None
+    units: Annotated[list[str], Field(min_length=1, max_length=3)] | None = None
+    names: Annotated[list[str], Field(min_length=1, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> TaskTable:
+        kinds = self.orientation
+        if isinstance(kinds, list) and len(set(kinds)) < len(kinds):
+            raise ValueError(f"orientation = {kinds} names one twice; name each once")
+        missing = [key for key in _NEEDED.get(self.kind, ()) if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
+        for key in sorted(self.model_fields_set & _OF.keys()):
+            if self.kind not in _OF[key]:
+                raise ValueError(f"a task of kind {self.kind!r} does not use {key}; leave it out")
+        if "axis" in self.model_fields_set and self.kind != "line-of-sight" and "axis" not in self._orientations:
+            raise ValueError('axis serves orientation = "axis"; leave it out')
+        return self
+
+    @property
+    def _orientations(self) -> list[Orientation]:
+        return self.orientation if isinstance(self.orientation, list) else [self.orientation]
+
+    def tasks(self, robot: Robot, start: Vector) -> list[Task]:
+        """One task, or one for each orientation of a list; what counts from a reference does so from the start."""
+        if self.kind == "position":
+            return [position(robot, rows=self.rows)]
+        if self.kind == "line-of-sight":
+            return [line_of_sight(robot, self.point or (), axis=self.axis)]
+        if self.kind == "custom":
+            formulas = column(self.expressions or [], robot)
+            return [custom_task(robot, formulas, units=self.units or (), names=self.names, name="task")]
+        if self.kind == "pose":
+            at = robot.pose(start)[:3, :3]
+            return [pose(robot, kind, reference=at, axis=self.axis, rows=self.rows) for kind in self._orientations]
+        tip, other = self.tip or "", self.other or ""
+        at = relative_pose(robot, tip, other).pose(start)[:3, :3]
+        return [
+            relative_pose(robot, tip, other, kind, reference=at, axis=self.axis, rows=self.rows)
+            for kind in self._orientations
+        ]
