@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xe7d8e2df4a0e1f97U
+#if PPR_EXPORT != 0xe671fa23ee495675U
 #error "these files are of different exports: export again"
 #endif
 

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xe7d8e2df4a0e1f97U
+#define PPR_EXPORT 0xe671fa23ee495675U
 
 #ifdef __cplusplus
 extern "C" {

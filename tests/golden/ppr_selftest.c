@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0xe7d8e2df4a0e1f97U
+#if PPR_EXPORT != 0xe671fa23ee495675U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0xe7d8e2df4a0e1f97U
+#if PPR_VECTORS != 0xe671fa23ee495675U
 #error "these files are of different exports: export again"
 #endif
 
