@@ -233,7 +233,7 @@ def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_no
     assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
     first = str(advice).splitlines()[0]
     assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
-    with pytest.raises(ArgumentError, match="only URDF files"):
+    with pytest.raises(ArgumentError, match="only files of models"):
         hk.advise(arm(), PLANE, base="world")
 
 

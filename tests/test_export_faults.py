@@ -72,8 +72,8 @@ def test_an_export_killed_at_any_rename_is_old_or_new_or_does_not_compile(tmp_pa
             assert "of different exports" in refusal(folder)
         assert export(folder, 0.001) == old
         assert hidden(folder) == []
-    assert k == 7  # six files
-    assert mixed == 3  # of the four of C
+    assert k == 8  # seven files
+    assert mixed == 4  # of the five of C and C++
     assert texts(folder) == new
 
 

@@ -15,7 +15,8 @@ import pytest
 import holokin as hk
 from conftest import urdf, urdf_files
 from holokin.errors import RobotFileError
-from holokin.robot import urdf as reading
+from holokin.robot import reading
+from holokin.robot import urdf as urdf_reading
 
 TOLERANCE = 1e-12
 POSTURES = 3
@@ -35,7 +36,9 @@ MIMIC_OF_NOTHING = "alex_psyonic_hands.urdf"
 def read_once() -> Iterator[None]:
     """A file is read once, not again for each of its tips."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reading, "_read", cache(reading._read))
+        once = cache(urdf_reading.urdf_tree)
+        for module in (urdf_reading, reading):
+            patch.setattr(module, "urdf_tree", once)
         yield
 
 

@@ -14,6 +14,7 @@ import os
 import random
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,7 @@ def kit() -> dict[str, Any]:
     rng = np.random.default_rng(0)
     return {
         "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
+        "two": replace(robot, tips=(*robot.tips, hk.robot.Tip("elbow", 0, np.eye(4)))),
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
         "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": analysis.ball(q, 0.05), "g": hk.lock(0),
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
@@ -103,7 +105,13 @@ def calls() -> dict[str, Call]:
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),
         "DHRow": (lambda **named: hk.from_dh([hk.robot.DHRow(**named)]), (), row),
         "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
-        "pose": (hk.pose, (robot,), {"orientation": "twist", "reference": one, "tip": None, "rows": [0, 1]}),
+        "pose": (hk.pose, (robot,), {
+            "orientation": "twist", "reference": one, "axis": "z", "tip": None, "rows": [0, 1]}),
+        "relative_pose": (hk.relative_pose, (k["two"], k["two"].tips[0].name, "elbow"), {
+            "orientation": "twist", "reference": one, "axis": "z", "rows": [0, 1]}),
+        "line_of_sight": (hk.line_of_sight, (robot, [0.1, 0.2, 0.3]), {"tip": None, "axis": "x", "name": "sight"}),
+        "custom_task": (hk.custom_task, (robot, lambda q: q[:2]), {
+            "units": ("rad", "rad"), "names": ("a", "b"), "name": "mine"}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
             "definition": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1],
             "pole": [1, 0, 0]}),
