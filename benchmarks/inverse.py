@@ -53,14 +53,16 @@ def way(first: np.ndarray, last: np.ndarray, step: float, turn: float) -> np.nda
     return poses
 
 
-def laws(robot: hk.Robot) -> dict[str, hk.strategies.HolonomicStrategy]:
-    """The laws that are timed."""
+def laws(robot: hk.Robot) -> dict[str, tuple[hk.strategies.HolonomicStrategy, np.ndarray]]:
+    """The laws that are timed, and where each starts."""
     task = hk.pose(robot)
+    swivel = hk.holonomic(task, hk.arm_angle())
     return {
-        "joint 3 locked": hk.holonomic(task, hk.lock(2)),
-        "arm angle": hk.holonomic(task, hk.arm_angle()),
-        "stationary centring": hk.holonomic(task, hk.stationary(hk.constraints.centring_cost())),
-        "radial": hk.radial(hk.moore_penrose(task), READY),
+        "joint 3 locked": (hk.holonomic(task, hk.lock(2)), READY),
+        "arm angle, elbow 60 degrees aside": (swivel, hk.move_to_leaf(swivel, READY, swivel.g(READY) - np.pi / 3)),
+        "arm angle, elbow above": (swivel, READY),
+        "stationary centring": (hk.holonomic(task, hk.stationary(hk.constraints.centring_cost())), READY),
+        "radial": (hk.radial(hk.moore_penrose(task), READY), READY),
     }
 
 
@@ -99,7 +101,7 @@ def measure(name: str, ik: InverseKinematics, count: int, ways: int) -> Times:
     for step, turn in SPACINGS if "native" in ik.engine else SPACINGS[-1:]:
         spent = steps = 0.0
         for pose in reached[:ways]:
-            hand, q = way(robot.pose(READY), pose, step, turn), READY
+            hand, q = way(robot.pose(ik.start), pose, step, turn), ik.start
             begin = time.process_time()
             for target in hand:
                 q = ik.near(target, q)
@@ -135,10 +137,10 @@ def main(arguments: list[str] | None = None) -> int:
     spaced = " | ".join(f"`near`, {1e3 * a:g} mm" for a, _ in SPACINGS)
     print(f"| law | reached | within limits | `ik(pose)`, median | mean | 90 % | `batch` | refused | {spaced} |")
     print("|---|" + "---:|" * 10)
-    for name, strategy in laws(robot).items():
+    for name, (strategy, start) in laws(robot).items():
         if given.quick and name not in ("joint 3 locked", "radial"):
             continue
-        ik = hk.inverse(strategy, READY)
+        ik = hk.inverse(strategy, start)
         native = "native" in ik.engine
         count = (20 if native else 1) if given.quick else given.poses if native else 20
         t = measure(name, ik, count, 1 if given.quick or not native else 12)
@@ -151,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
         shares = f"{t.reached:.1%} | {t.within:.1%}"
         label = name if native else f"{name} ({t.engine})"
         print(f"| {label} | {shares} | " + " | ".join([*map(cell, map(float, times)), *near]) + " |", flush=True)
-    ik = hk.inverse(laws(robot)["joint 3 locked"], READY)
+    ik = hk.inverse(*laws(robot)["joint 3 locked"])
     count = 200 if given.quick else given.order
     difference, seconds = any_order(ik, count)
     lost = ik.batch(np.full((1, 4, 4), np.nan)).status[0]
