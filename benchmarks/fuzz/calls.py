@@ -27,19 +27,9 @@ from holokin import analysis, constraints, designing, laws, motion, recording, s
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 HEAVY = {
-    "audit",
-    "distance_to_repeatable",
-    "winding",
-    "fitted",
-    "radial",
-    "predicted_drift",
-    "filtration",
-    "leaf_function",
-    "general_form",
-    "advise",
-    "design",
-    "nearest",
-}
+    "audit", "distance_to_repeatable", "winding", "fitted", "radial", "predicted_drift", "filtration", "leaf_function",
+    "general_form", "advise", "design", "nearest",
+}  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
 
 
