@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -192,3 +195,16 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
         hk.custom_task(panda, lambda q: q[:2], units=("rad",))
     with pytest.raises(hk.HolokinError, match="rows of a task"):
         hk.Task(panda, "axis", (0, 5), np.eye(3))
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+@pytest.mark.parametrize("kind", ["axis", "relative"])
+def test_exported_c_does_what_python_does(kind: str, both_hands: Robot, tmp_path: Path) -> None:
+    """The self-test of an export compares every function with vectors from Python, within its tolerances."""
+    if kind == "axis":
+        law, start = hk.holonomic(hk.pose(torch(), "axis"), hk.lock(3)), IRB_START
+    else:
+        task = hk.relative_pose(both_hands, "left", "right")
+        law, start = hk.holonomic(task, hk.lock(*range(7, 14), 2)), np.tile(PANDA_START, 2)
+    written = hk.export_c(law, tmp_path, start=start, name="law", vectors_count=8)
+    assert all(line.endswith("passed") for line in hk.export.check(written))
