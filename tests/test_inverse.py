@@ -271,3 +271,18 @@ def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> Non
     assert np.array_equal(again([1.5, 0.5]), q)
     found = pickle.loads(pickle.dumps(ik.batch([[1.5, 0.5], [9.0, 0.0]])))
     assert found.reached.tolist() == [True, False]
+
+
+def test_without_a_redundant_joint_the_pose_tells_the_joints_of_the_starts_branch(irb140: hk.Robot) -> None:
+    task, q = hk.pose(irb140), np.deg2rad([10.0, 40.0, -10.0, 20.0, 50.0, 30.0])
+    ik = hk.inverse(hk.moore_penrose(task), q)
+    there = q + [0.1, -0.1, 0.1, 0.2, -0.1, 0.3]
+    assert ik(irb140.pose(there)) == pytest.approx(there, abs=1e-9)
+    space = hk.workspace(box=(irb140.pose(q)[:3, 3], [0.02, 0.02, 0.02]))
+    for refused in (lambda: hk.radial(hk.moore_penrose(task), q), lambda: hk.design(task, space, q)):
+        with pytest.raises(ArgumentError, match=r"hk.inverse\(hk.moore_penrose\(task\), start\)"):
+            refused()
+    with pytest.raises(HolokinError, match=r"to hk\.inverse"):
+        hk.holonomic(task, hk.lock(0))
+    with pytest.raises(ArgumentError, match="give a strategy with leaves"):
+        hk.inverse(hk.moore_penrose(hk.position(irb140)), q)

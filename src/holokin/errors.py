@@ -181,7 +181,7 @@ class ConstraintRowsError(HolokinError):
         self.rows, self.n, self.m = rows, n, m
         cure = f"it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.constraints.stack(...)"
         if n == m:
-            cure = "no joint is left for a constraint; keep fewer rows of the task, with rows= or hk.position"
+            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.inverse"
         fact = f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows"
         super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def arm_angle(
     R = _pole(V) if pole is None else _direction("pole", pole)
     if not conventional and abs(float(R @ V)) > 1e-9:
         raise ArgumentError("pole", R.tolist(), f"give a direction perpendicular to the reference {V.tolist()}")
-    if joints is not None and len(joints) != 3:
+    if joints is not None and (len(joints) != 3 or any(a == b for a, b in combinations(joints, 2))):
         raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
     seen = _Seen(joints, conventional, V, R)

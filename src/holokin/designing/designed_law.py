@@ -179,7 +179,7 @@ def design(
     robot, goal = task.robot, as_objective(objective)
     q0 = start_posture(robot, start)
     if task.n == task.m:
-        cure = "each tool pose has its joints already: hk.inverse finds them, on the branch of its start"
+        cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
     if whole("the degree", degree, 0) > HIGHEST:
         raise ArgumentError("the degree", degree, f"give 0 to {HIGHEST}")

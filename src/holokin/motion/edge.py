@@ -196,6 +196,11 @@ class Edge(Value):
             which, c[which] / sizes, A[which] / sizes[:, None], sizes,
         )  # fmt: skip
 
+    @cached_property
+    def ray(self) -> bool:
+        """Whether straight ways from the start are rays."""
+        return on_ray(self.strategy, self.start)
+
     def walk(self, q: Vector, way: Way, tries: int) -> tuple[Vector, bool]:
         """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""
         walk = leaf_walk(

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..arguments import check, typed
 from ..codegen import InverseKernel, engine, weak
+from ..constraints import custom
 from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
 from ..robot import Robot, doubtful_unit, start_posture
-from ..strategies import HolonomicStrategy
+from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..tolerances import TOLERANCES
 from ..types import (
     ROTATION,
@@ -317,11 +318,12 @@ def _beyond(robot: Robot, q: Vector) -> bool:
 
 
 @typed
-def inverse(strategy: HolonomicStrategy, start: ArrayLike, limits: bool = False) -> InverseKinematics:
+def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with leaves, on the one through `start`.
 
     With `radial(G, start)` this is the straight-line transport of G from `start`, free of drift by construction:
-    theory 5.3's inverse-kinematics form.
+    theory 5.3's inverse-kinematics form. Where nothing is redundant, n = m, any strategy will do, as
+    `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
 
     Args:
         limits: True refuses postures beyond the joint limits; by default they are not looked at.
@@ -330,6 +332,9 @@ def inverse(strategy: HolonomicStrategy, start: ArrayLike, limits: bool = False)
         ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
+    if strategy.task.n == strategy.task.m and not isinstance(strategy, HolonomicStrategy):
+        strategy = holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
+    check("the strategy", HolonomicStrategy, strategy)
     q0 = start_posture(strategy.task.robot, start)
     strategy(q0)
     if limits:

@@ -14,6 +14,7 @@ from functools import reduce
 
 from ..arguments import made
 from ..constraints import Constraint
+from ..errors import ArgumentError
 from ..robot import Kinematics, start_posture
 from ..symbolic import (
     SX,
@@ -81,6 +82,9 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     task = strategy.task
     q0 = frozen(start_posture(task.robot, start))
     whole("steps", steps)
+    if task.n == task.m:
+        cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
+        raise ArgumentError("the number of redundant joints", 0, cure)
     strategy(q0)
     lines = _lines(strategy, q0, steps)
     return holonomic(task, _constraint(f"radial strategy of {strategy.name}", task.n - task.m, lines), name=name)

@@ -190,6 +190,11 @@ static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_
    (or 0), which is found in another way. */
 static int hk_reaches(const hk_edge *edge, const hk_t *goal, const hk_t *near, hk_look *at) {
   int agrees = near != 0;
+#ifdef HK_RAYS
+  int ray = 1;
+  for (int i = 0; i < HK_N; i++) ray &= edge->start[i] == hk_center[i];
+  if (ray) return hk_from_start(edge, goal, 1, at); /* in Newton steps anyway */
+#endif
   if (!hk_from_start(edge, goal, 0, at)) return 0;
   for (int i = 0; i < HK_N && agrees; i++) agrees = HK_FABS(at->q[i] - near[i]) <= HK_C(HK_EDGE_SAME);
   return agrees || hk_from_start(edge, goal, 1, at);
