@@ -334,7 +334,8 @@ def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> Inver
     """
     if strategy.task.n == strategy.task.m and not isinstance(strategy, HolonomicStrategy):
         strategy = holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
-    check("the strategy", HolonomicStrategy, strategy)
+    if not isinstance(strategy, HolonomicStrategy):
+        raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
     q0 = start_posture(strategy.task.robot, start)
     strategy(q0)
     if limits:
