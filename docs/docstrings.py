@@ -53,12 +53,12 @@ class Docstrings(Extension):
 
     def on_package(self, *, pkg: Module, **_: Any) -> None:
         """All of the package."""
-        errors = [e for e in pkg["errors"].members.values() if not e.is_alias and e.docstring]
+        errors = [e for module in pkg["errors"].modules.values() for e in module.classes.values() if e.docstring]
         meanings = {e.name: e.docstring.value.split("\n")[0].rstrip(".") for e in errors if e.docstring}
         self._walk(pkg, meanings)
 
     def _walk(self, thing: Object, meanings: dict[str, str]) -> None:
-        if isinstance(thing, Module) and thing.name != "errors":  # so that the names of errors lead to their page
+        if isinstance(thing, Module) and ".errors" not in thing.path:  # so that the names of errors lead to their page
             for name in meanings.keys() - thing.members.keys():
                 thing.set_member(name, Alias(name, f"holokin.errors.{name}", parent=thing))
         if thing.docstring:

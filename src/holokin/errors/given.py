@@ -1,0 +1,115 @@
+"""Errors of what was given: names, arrays, files, robots, tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from .base import LONGEST, HolokinError, brief, closest, shown
+
+
+class UnknownNameError(HolokinError):
+    """A name (robot, joint, link, strategy, job, key) that does not exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        super().__init__(f"unknown {brief(kind)} {shown(name, 100)}; {closest(name, self.known)}")
+
+
+class ShapeError(HolokinError):
+    """An array or expression of the wrong shape."""
+
+    def __init__(self, what: str, expected: object, found: object, cure: str = "") -> None:
+        self.what, self.expected, self.found = what, expected, found
+        tail = f"; {cure}" if cure else ""
+        super().__init__(f"{brief(what)} has shape {brief(found, 100)}, expected {brief(expected, 100)}{brief(tail)}")
+
+
+class NotFiniteError(HolokinError):
+    """NaN or infinite numbers where finite ones are needed."""
+
+    def __init__(self, what: str, value: object, cure: str = "give finite numbers, in SI units") -> None:
+        self.what, self.value, self.cure = what, value, cure
+        super().__init__(f"{brief(what)}: NaN or infinite numbers, {brief(value)}; {cure}")
+
+
+class RobotFileError(HolokinError):
+    """A robot description that is missing, malformed or not supported."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
+
+
+class JobError(HolokinError):
+    """A job file that cannot be run: names file, key, value and cure."""
+
+    def __init__(self, path: object, key: str, fact: str, cure: str) -> None:
+        self.path, self.key, self.fact, self.cure = path, key, fact, cure
+        super().__init__(f"{brief(path)}: [{brief(key, 200)}] {brief(fact)}; {brief(cure, LONGEST)}")
+
+
+class RecordingError(HolokinError):
+    """A log of joint motion, or a table of tool poses, that cannot be read or judged."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
+
+
+class ExpressionError(HolokinError):
+    """A formula in a job file that cannot be read."""
+
+    def __init__(self, text: str, fact: str, cure: str) -> None:
+        self.text = text
+        self.fact, self.cure = f"cannot read the formula {shown(text, 150)}: {brief(fact)}", cure
+        super().__init__(f"{self.fact}; {brief(cure, LONGEST)}")
+
+
+class MassError(HolokinError):
+    """A robot whose description lacks masses, or has senseless ones, where they are needed."""
+
+    def __init__(self, robot: str, fact: str) -> None:
+        super().__init__(f"the description of {robot!r} {fact}; load a URDF with sound <inertial> elements")
+
+
+class ArgumentError(HolokinError):
+    """A value that makes no sense where it stands."""
+
+    def __init__(self, what: str, value: object, cure: str) -> None:
+        self.what, self.value, self.cure = what, value, cure
+        super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
+
+
+class NoArmError(HolokinError):
+    """A chain of joints on which no shoulder, elbow and wrist are found."""
+
+    def __init__(self, robot: str, chain: Sequence[str]) -> None:
+        self.chain = tuple(chain)
+        super().__init__(
+            "no shoulder (three consecutive hinges that meet), elbow (the next hinge) and wrist (two or three that "
+            f"meet) were found on {robot!r}, and its chain is not one of seven hinges; name joints=(shoulder, elbow, "
+            f"wrist), three of {brief(', '.join(self.chain))}, or lock those before the arm"
+        )
+
+
+class TaskTooLargeError(HolokinError):
+    """A task with more rows than the robot has joints: m > n."""
+
+    def __init__(self, m: int, n: int, robot: str) -> None:
+        self.m, self.n = m, n
+        super().__init__(
+            f"the task has m = {m} rows but {robot} has n = {n} joints, so J has no right inverse; "
+            f"choose at most {n} rows with rows=[...], or a robot with more joints"
+        )
+
+
+class ConstraintRowsError(HolokinError):
+    """A constraint that does not have r = n - m rows."""
+
+    def __init__(self, name: str, rows: int, n: int, m: int) -> None:
+        self.rows, self.n, self.m = rows, n, m
+        cure = f"it needs exactly r = n - m = {n - m}; add or drop rows, or combine with hk.constraints.stack(...)"
+        if n == m:
+            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.inverse"
+        fact = f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows"
+        super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")

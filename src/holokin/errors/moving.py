@@ -1,0 +1,133 @@
+"""Errors that a motion meets: limits, singularities, the ends of the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import Enum
+from typing import Any, ClassVar
+
+from .base import HolokinError, posture_text
+
+
+class JointLimitError(HolokinError):
+    """A posture outside the joint limits: the joint that is farthest outside."""
+
+    def __init__(self, joint: str, value: float, lower: float, upper: float, cure: str = "") -> None:
+        self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
+        past = max(lower - value, value - upper)
+        self.fact = f"joint {joint!r} is at {value:.6g}, {past:.3g} outside its limits [{lower:.6g}, {upper:.6g}]"
+        self.cure = cure or "choose another start posture or path, or widen the limits in the robot description"
+        super().__init__(f"{self.fact}; {self.cure}")
+
+
+class SingularityKind(Enum):
+    """Why a strategy has no value at a posture."""
+
+    KINEMATIC = "the task Jacobian J loses rank: the tool cannot move in every direction of the task"
+    ALGORITHMIC = (
+        "J has full rank, but the strategy does not determine the joint rates: a self-motion obeys it, too "
+        "(H = [N_G N], or [J; J_g], is singular)"
+    )
+    REPRESENTATION = (
+        "a representation that the task or the constraint uses is singular or ends: its rates are not defined"
+    )
+
+
+class SingularityError(HolokinError):
+    """A posture at which a strategy or representation is not defined."""
+
+    _cure: ClassVar[dict[SingularityKind, str]] = {
+        SingularityKind.KINEMATIC: "keep the path away from this posture, or drop task rows",
+        SingularityKind.ALGORITHMIC: "choose another constraint or N_G there, or another leaf (start posture)",
+        SingularityKind.REPRESENTATION: "choose another orientation=, 'twist' has no such singularity, or another "
+        "constraint; for a radial law a start nearer by, or more steps",
+    }
+
+    _measure: ClassVar[dict[SingularityKind, str]] = {
+        SingularityKind.KINEMATIC: "smallest singular value",
+        SingularityKind.ALGORITHMIC: "rcond",
+        SingularityKind.REPRESENTATION: "distance from the singularity",
+    }
+
+    def __init__(self, kind: SingularityKind, q: Iterable[float], what: str, measure: float) -> None:
+        self.kind, self.q, self.measure = kind, tuple(float(v) for v in q), float(measure)
+        super().__init__(
+            f"{kind.name.lower()} singularity of {what} at q = {posture_text(self.q)} "
+            f"({self._measure[kind]} {measure:.2e}): {kind.value}; {self._cure[kind]}"
+        )
+
+
+class StartError(HolokinError):
+    """The start posture does not put the tool at the start of the path. `unit`: what speaks against metres."""
+
+    def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float], unit: str = "") -> None:
+        self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
+        super().__init__(
+            f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
+            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}; "
+            + (unit or "move the path with path.starting_at(point), or choose a start posture on it")
+        )
+
+
+class OpenPathError(HolokinError):
+    """A closed path is needed."""
+
+    def __init__(self, what: str, gap: float) -> None:
+        self.gap = gap
+        super().__init__(
+            f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
+            "close it with hk.join(path, ...) or use path + path.reversed()"
+        )
+
+
+class PathError(HolokinError):
+    """A path that could not be followed to its end; `.trajectory` holds what was computed."""
+
+    def __init__(self, fact: str, cure: str, trajectory: Any = None) -> None:
+        self.trajectory = trajectory
+        self.fact, self.cure = fact, cure
+        super().__init__(f"{fact}; {cure}")
+
+
+class OutOfReachError(PathError):
+    """The path leaves the workspace."""
+
+
+class PathSingularityError(PathError):
+    """The path leads into a singularity of the strategy; `.kind` says of which sort."""
+
+    def __init__(self, kind: SingularityKind, fact: str, cure: str, trajectory: Any = None) -> None:
+        self.kind = kind
+        super().__init__(fact, cure, trajectory)
+
+
+class TrackingError(PathError):
+    """Integration lost the path."""
+
+
+class BranchError(PathError):
+    """Leaf following met the end of its branch."""
+
+
+class LimitReachedError(PathError):
+    """A joint ran into its limit along the path."""
+
+
+class ControllerError(PathError):
+    """A controller that threw, blocked, or answered with something that is not n finite joint rates."""
+
+    def __init__(self, name: str, fact: str, trajectory: Any = None) -> None:
+        self.name = name
+        cure = "a law takes (q, pose, twist, dt) and returns n finite joint rates; what was computed is in .trajectory"
+        super().__init__(f"{name} stopped {fact}", cure, trajectory)
+
+
+class InfeasibleError(HolokinError):
+    """No joint rates within the limits do what the task asks."""
+
+    def __init__(self, name: str, q: Iterable[float]) -> None:
+        self.q = tuple(float(v) for v in q)
+        super().__init__(
+            f"{name}: at q = {posture_text(self.q)} no joint rates within the limits follow the path; "
+            "go slower, or choose another start or path"
+        )
