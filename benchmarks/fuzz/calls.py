@@ -6,15 +6,11 @@ What a callable of the user's own raises may pass through; all else must be a `H
 from __future__ import annotations
 
 import contextlib
-import datetime
-import decimal
-import fractions
 import inspect
 import os
 import random
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,6 +20,9 @@ import numpy as np
 import holokin as hk
 from holokin import analysis, constraints, designing, laws, motion, recording, strategies
 
+from .nouns import MineError, kit
+from .spoiling import spoilt
+
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 HEAVY = {
@@ -31,40 +30,6 @@ HEAVY = {
     "general_form", "advise", "design", "nearest",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
-
-
-class MineError(Exception):
-    """What a callable of the user's raises."""
-
-
-def _raises(*_: Any) -> Any:
-    raise MineError
-
-
-@cache
-def kit() -> dict[str, Any]:
-    """Nouns to call with, and on."""
-    robot, other = hk.load("planar-3r"), hk.load("ppr")
-    q = np.array([0.3, 0.7, -0.5])
-    task = hk.position(robot)
-    start = robot.pose(q)[:3, 3]
-    law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
-    loop = hk.circle(start, start + [0.02, 0, 0])
-    walk = hk.follow(held, loop, q, samples=8)
-    space = hk.workspace(box=(start[:2], [0.2, 0.1]))
-    rng = np.random.default_rng(0)
-    return {
-        "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
-        "two": replace(robot, tips=(*robot.tips, hk.robot.Tip("elbow", 0, np.eye(4)))),
-        "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
-        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": analysis.ball(q, 0.05), "g": hk.lock(0),
-        "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
-        "servo": hk.controller(held, dt=0.01, start=q), "closed": laws.closed_loop(law),
-        "leaf": analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
-        "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
-        "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),
-        "space": space, "covered": hk.coverage(held, q, space, samples=4),
-    }  # fmt: skip
 
 
 @cache
@@ -293,62 +258,6 @@ def _begun(make: Callable[..., hk.ControlLaw]) -> Callable[..., Any]:
     return run
 
 
-def _looped() -> list[Any]:
-    loop: list[Any] = []
-    loop.append(loop)
-    return loop
-
-
-def _nonsense(rng: random.Random) -> Any:
-    """A callable that answers with something bad."""
-    value = _bad(rng, callables=False)
-    return lambda *_: value
-
-
-BAD: list[Callable[[], Any]] = [
-    lambda: None, lambda: "", lambda: "abc", lambda: "3", lambda: b"x", lambda: "a\0b", lambda: "q" * 10_000,
-    lambda: ["a", "b", "c"], lambda: ["1", "2", "3"], lambda: [1, [2, 3]], lambda: [[1, 2], [3]], lambda: [None] * 3,
-    lambda: float("nan"), lambda: float("inf"), lambda: -float("inf"), lambda: [float("nan")] * 3,
-    lambda: [float("inf")] * 3, lambda: 1j, lambda: [1j, 0, 0], lambda: np.array([1j, 0, 0]), lambda: True,
-    lambda: False, lambda: 10**400, lambda: -(10**400), lambda: [10**400] * 3, lambda: 10**5000, lambda: 2**63,
-    lambda: 2**40, lambda: -1, lambda: 0, lambda: 3, lambda: 0.5, lambda: -0.5, lambda: 2.0, lambda: [0.5],
-    lambda: [0, 0.5], lambda: (1.5, 0), lambda: [-1], lambda: [7], lambda: [0, 0], lambda: 1e308, lambda: -1e308,
-    lambda: 1e-320, lambda: [1e308] * 3, lambda: [1e200] * 3, list, lambda: (), dict, lambda: {"a": 1},
-    lambda: {1, 2}, lambda: np.zeros(0), lambda: np.zeros(1), lambda: np.zeros(3), lambda: np.zeros((3, 3)),
-    lambda: np.zeros((0, 3)), lambda: np.zeros((4, 4)), lambda: np.zeros((2, 2, 2)), lambda: np.full(3, None),
-    lambda: np.array([1, "a", None], object), lambda: np.array(1.0), lambda: np.array(1), lambda: np.array("x"),
-    lambda: np.array(["a", "b", "c"]), lambda: np.array([10**400] * 3, object), lambda: np.float64(0.5),
-    lambda: np.int8(-1), lambda: np.bool_(True), lambda: np.datetime64("2020-01-01"), lambda: np.zeros(3, "i4,f8"),
-    lambda: (i for i in range(3)), lambda: range(3), lambda: slice(None), lambda: object(),
-    lambda: Ellipsis, lambda: NotImplemented, lambda: datetime.date(2020, 1, 1), lambda: fractions.Fraction(1, 3),
-    lambda: decimal.Decimal("0.1"), lambda: decimal.Decimal("sNaN"), lambda: Path("no"), lambda: Path(),
-    lambda: bytearray(b"abc"), lambda: memoryview(b"abc"), lambda: np.ma.masked, _looped, lambda: _raises,
-    lambda: (lambda *_: None), lambda: (lambda: 0), lambda: hk, lambda: Exception("x"),
-]  # fmt: skip
-"""Makers of values, fresh each time."""
-
-
-def _bad(rng: random.Random, *, callables: bool = True) -> Any:
-    kind = rng.random()
-    if kind < 0.12:
-        return rng.choice([v for key, v in kit().items() if key not in ("q", "Q", "start", "pose", "weight")])
-    if kind < 0.2 and callables:
-        return _nonsense(rng)
-    return rng.choice(BAD)()
-
-
-def _spoilt(rng: random.Random, good: Any) -> Any:
-    """Something bad in place of a good value; of one that has parts, sometimes in place of one of them."""
-    if rng.random() < 0.3 and isinstance(good, list | tuple | dict | np.ndarray) and len(good):
-        if isinstance(good, dict):
-            return {**good, rng.choice(list(good)): _bad(rng)}
-        parts = list(good)
-        i = rng.randrange(len(parts))
-        parts[i] = _spoilt(rng, parts[i])
-        return tuple(parts) if isinstance(good, tuple) else parts
-    return _nonsense(rng) if callable(good) and rng.random() < 0.5 else _bad(rng)
-
-
 def mutant(seed: int) -> tuple[str, Callable[[], Any]]:
     """(name, call) of a seed."""
     rng = random.Random(seed)
@@ -359,7 +268,7 @@ def mutant(seed: int) -> tuple[str, Callable[[], Any]]:
     places: list[Any] = [*range(len(arguments)), *named]
     for place in rng.sample(places, min(len(places), rng.choice([1, 1, 2]))):
         holder: Any = arguments if isinstance(place, int) else named
-        holder[place] = _spoilt(rng, holder[place])
+        holder[place] = spoilt(rng, holder[place])
     return name, lambda: function(*arguments, **named)
 
 
