@@ -17,6 +17,7 @@ from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, 
 from .errors import HolokinError
 from .export import export_c
 from .frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from .laws import mink_task, pink_task
 from .motion import (
     ControlLaw,
     TimedTrajectory,
@@ -114,6 +115,7 @@ __all__ = [
     "linear",
     "load",
     "lock",
+    "mink_task",
     "moore_penrose",
     "motion",
     "move_to_leaf",
@@ -121,6 +123,7 @@ __all__ = [
     "null_basis",
     "obstruction",
     "path_spread",
+    "pink_task",
     "polyline",
     "pose",
     "position",

@@ -1,5 +1,6 @@
 """Control laws that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo."""
 
+from .leaf_tasks import mink_task, pink_task
 from .libraries import PostureTask, mink_law, pink_law, placo_law
 from .memory import impedance_with_memory
 from .textbook import asymptotically_cyclic, closed_loop, damped, gradient_projection, repetitive_motion
@@ -12,7 +13,9 @@ __all__ = [
     "gradient_projection",
     "impedance_with_memory",
     "mink_law",
+    "mink_task",
     "pink_law",
+    "pink_task",
     "placo_law",
     "repetitive_motion",
 ]

@@ -8,20 +8,19 @@ A posture cost of 0 leaves the redundant joint to the library. A run has one con
 from __future__ import annotations
 
 import contextlib
-import importlib
-import os
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..errors import MissingExtraError
 from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
+from ..strategies import HolonomicStrategy
 from ..types import Matrix, Vector
+from .leaf_tasks import mink_task, pink_task
+from .model_joints import extra, mujoco_joints, pinocchio_joints
 
 
 @dataclass(frozen=True)
@@ -41,28 +40,25 @@ class PostureTask:
 
 
 def pink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, gain: float = 1.0, solver: str = "quadprog",
+    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0, solver: str = "quadprog",
     damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """pink's solve_ik with a frame task on the robot's first tip, and a posture task if it costs something.
 
     Args:
+        leaf: a strategy whose leaf through the start of a run is held by an equality constraint, `pink_task`.
         limits: pink's own default, limits of position and speed; False for none.
 
     Raises:
         MissingExtraError: pink is not installed.
     """
-    pink, pin = _extra("pink", "pin-pink", "pink"), _extra("pinocchio", "pin-pink", "pink")
+    pink, pin = extra("pink", "pin-pink", "pink"), extra("pinocchio", "pin-pink", "pink")
     with _urdf_file(robot) as path:
         model = pin.buildModelFromUrdf(path)
-    joints = [model.joints[model.getJointId(joint)] for joint in robot.joint_names]
-    order = np.array([joint.idx_v for joint in joints])
+    joints = pinocchio_joints(model, robot.joint_names)
 
     def full(q: Vector) -> Vector:
-        out = pin.neutral(model)
-        for value, joint in zip(q, joints, strict=True):
-            out[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        return out
+        return joints.write(q, pin.neutral(model))
 
     def begin(q0: Vector) -> Step:
         configuration = pink.Configuration(model, model.createData(), full(q0), copy_data=False)
@@ -73,38 +69,38 @@ def pink_law(
             rest.set_target(full(posture.target(q0)))
             tasks.append(rest)
         options = {"solver": solver, "damping": damping, "limits": None if limits else [], "safety_break": False}
+        if leaf is not None:
+            options["constraints"] = [pink_task(leaf, q0)]
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             configuration.update(full(q))
             tool.set_target(pin.SE3(pose[:3, :3], pose[:3, 3]))
-            return pink.solve_ik(configuration, tasks, dt, **options)[order]
+            return pink.solve_ik(configuration, tasks, dt, **options)[joints.columns]
 
         return step
 
-    return ControlLaw(name or _label("pink", posture, limits), begin)
+    return ControlLaw(name or _label("pink", posture, leaf, limits), begin)
 
 
 def mink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, gain: float = 1.0, solver: str = "daqp",
+    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0, solver: str = "daqp",
     damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """mink's solve_ik with a frame task on a site at the robot's first tip, and a posture task if it costs something.
 
     Args:
+        leaf: a strategy whose leaf through the start of a run is held by an equality constraint, `mink_task`.
         limits: mink's own default, limits of position; False for none.
 
     Raises:
         MissingExtraError: mink is not installed.
     """
-    mink, mujoco = _extra("mink", "mink", "mink"), _extra("mujoco", "mink", "mink")
+    mink, mujoco = extra("mink", "mink", "mink"), extra("mujoco", "mink", "mink")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
-    order = np.array([model.joint(joint).dofadr[0] for joint in robot.joint_names])
-    places = np.array([model.joint(joint).qposadr[0] for joint in robot.joint_names])
+    joints = mujoco_joints(model, robot.joint_names)
 
     def full(q: Vector) -> Vector:
-        out = np.zeros(model.nq)
-        out[places] = q
-        return out
+        return joints.write(q, np.zeros(model.nq))
 
     def begin(q0: Vector) -> Step:
         configuration = mink.Configuration(model)
@@ -115,15 +111,17 @@ def mink_law(
             rest.set_target(full(posture.target(q0)))
             tasks.append(rest)
         options = {"solver": solver, "damping": damping, "limits": None if limits else []}
+        if leaf is not None:
+            options["constraints"] = [mink_task(leaf, q0)]
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             configuration.update(full(q))
             tool.set_target(mink.SE3.from_matrix(pose))
-            return mink.solve_ik(configuration, tasks, dt, **options)[order]
+            return mink.solve_ik(configuration, tasks, dt, **options)[joints.columns]
 
         return step
 
-    return ControlLaw(name or _label("mink", posture, limits), begin)
+    return ControlLaw(name or _label("mink", posture, leaf, limits), begin)
 
 
 def placo_law(
@@ -139,7 +137,7 @@ def placo_law(
     Raises:
         MissingExtraError: placo is not installed.
     """
-    placo = _extra("placo", "placo", "placo")
+    placo = extra("placo", "placo", "placo")
 
     def begin(q0: Vector) -> Step:
         with _urdf_file(robot) as path:
@@ -167,12 +165,13 @@ def placo_law(
 
         return step
 
-    return ControlLaw(name or _label("placo", posture, limits), begin)
+    return ControlLaw(name or _label("placo", posture, None, limits), begin)
 
 
-def _label(library: str, posture: PostureTask, limits: bool) -> str:
+def _label(library: str, posture: PostureTask, leaf: HolonomicStrategy | None, limits: bool) -> str:
     cost = f", posture cost {posture.cost:g}" if posture.cost else ""
-    return f"{library}{cost}{'' if limits else ', no limits'}"
+    held = f", leaf of {leaf.name}" if leaf is not None else ""
+    return f"{library}{cost}{held}{'' if limits else ', no limits'}"
 
 
 @contextlib.contextmanager
@@ -181,12 +180,3 @@ def _urdf_file(robot: Robot) -> Iterator[str]:
         path = Path(folder) / "robot.urdf"
         path.write_text(to_urdf(robot), "utf-8")
         yield str(path)
-
-
-def _extra(module: str, package: str, extra: str) -> Any:
-    """An optional library. Raises: MissingExtraError."""
-    try:
-        with Path(os.devnull).open("w") as nothing, contextlib.redirect_stdout(nothing):  # some print when imported
-            return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtraError(package, extra) from None

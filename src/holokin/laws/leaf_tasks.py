@@ -1,0 +1,169 @@
+"""The leaf of a holonomic strategy as a task of pink and of mink: error g(q) - c, Jacobian dg/dq.
+
+As an equality constraint, A dq = b with A = J_g and b = -gain (g(q) - c), it takes the redundant joints out of the
+quadratic programme: what remains of it is the tool.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
+from ..motion.leaf import leaf_value
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy
+from ..types import ArrayLike, Matrix, Vector, finite, number
+from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints
+
+FORMULA = "look in the constraint for a division by zero, a log or a sqrt at that posture"
+
+
+class LeafTask:
+    """What the tasks for pink and mink have in common: they are one, and a task of their library, too.
+
+    Attributes:
+        strategy: whose leaf is held. level: c (r,) of the leaf g(q) = c, set to hold another one.
+        cost, gain, lm_damping: of the library, cost one number a row.
+    """
+
+    strategy: HolonomicStrategy
+    level: Vector
+    cost: Any
+    gain: float
+    lm_damping: float
+
+    def _hold(self, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], find: Callable) -> None:
+        self.strategy, self.level = strategy, leaf_value(strategy, start)
+        self._near, self._names, self._find = start, names, find
+        self._model: Any = None
+        self._joints: ModelJoints | None = None
+
+    def compute_error(self, configuration: Any) -> Vector:
+        """e(q) = g(q) - c (r,), its angles in (-pi, pi].
+
+        Raises:
+            NotFiniteError: g is not finite there. UnknownNameError, ArgumentError: the model lacks a joint.
+        """
+        q, _ = self._posture(configuration)
+        return self.strategy.constraint.nearest(self.strategy.g(q) - self.level)
+
+    def compute_jacobian(self, configuration: Any) -> Matrix:
+        """dg/dq (r, nv), zero for the joints of the model that the robot has not. Raises: as `compute_error`."""
+        q, joints = self._posture(configuration)
+        rows = self.strategy.rows(q)
+        if not np.isfinite(rows).all():
+            raise NotFiniteError(f"dg/dq of {self.strategy.name!r} at q = {q.tolist()}", rows.tolist(), FORMULA)
+        J = np.zeros((len(rows), joints.velocities))
+        J[:, joints.columns] = rows
+        return J
+
+    def set_target_from_configuration(self, configuration: Any) -> None:
+        """Hold the leaf on which a configuration of the library lies."""
+        self.level = leaf_value(self.strategy, self._posture(configuration)[0])
+
+    def __repr__(self) -> str:
+        name = type(self).__name__
+        return f"{name}({self.strategy.name!r}, level={self.level.tolist()}, cost={self.cost}, gain={self.gain})"
+
+    def _posture(self, configuration: Any) -> tuple[Vector, ModelJoints]:
+        if self._joints is None or configuration.model is not self._model:
+            self._joints, self._model = self._find(configuration.model, self._names), configuration.model
+        self._near = q = self._joints.read(configuration.q, self._near)
+        return q, self._joints
+
+
+@typed
+def pink_task(
+    strategy: HolonomicStrategy, start: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
+    joints: Sequence[str] | None = None,
+) -> Any:  # fmt: skip
+    """The leaf of a strategy through a start as a `pink.tasks.Task`: e(q) = g(q) - g(start), J = dg/dq.
+
+    Give it to pink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
+    Joints are found in the model by their names; it may have others, as fingers or a floating base, on which g does
+    not depend. A joint that Pinocchio keeps as cosine and sine is read within half a turn of where it was last.
+
+    Args:
+        start: posture (n,) of the strategy's robot, whose leaf is held.
+        cost: weight among the tasks, a number or one a row (r,) [cost / unit of g]. Constraints have none.
+        gain: share of the error that is removed in a step, 0 to 1; the first step of a constraint removes all with 1.
+        lm_damping: of the library: more damping where the error is large.
+        joints: the model's names of the robot's joints, in the robot's order; by default they are the same.
+
+    Raises:
+        MissingExtraError: pink is not installed. ArgumentError: a strategy without leaves, a bad cost, gain or name.
+        ShapeError, NotFiniteError: start or cost.
+        UnknownNameError (when called): the model has no joint of that name.
+    """
+    made = _checked(strategy, start, cost, gain, lm_damping, joints)
+    return _class_of("pink", "pin-pink", "pink.tasks")(strategy, *made, pinocchio_joints)
+
+
+@typed
+def mink_task(
+    strategy: HolonomicStrategy, start: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
+    joints: Sequence[str] | None = None,
+) -> Any:  # fmt: skip
+    """The leaf of a strategy through a start as a `mink.Task`: e(q) = g(q) - g(start), J = dg/dq.
+
+    Give it to mink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
+    Joints are found in the model by their names; it may have others, as fingers or a free joint, on which g does not
+    depend.
+
+    Args:
+        start, cost, gain, lm_damping, joints: as of `pink_task`.
+
+    Raises:
+        MissingExtraError: mink is not installed. Else as `pink_task`.
+    """
+    made = _checked(strategy, start, cost, gain, lm_damping, joints)
+    return _class_of("mink", "mink", "mink")(strategy, *made, mujoco_joints)
+
+
+@cache
+def _class_of(library: str, package: str, module: str) -> Any:
+    """The task of a library; made when asked for, since its parent is the library's."""
+    parent = extra(module, package, library).Task
+
+    def init(
+        self: Any, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], cost: Vector, gain: float,
+        lm_damping: float, find: Callable,
+    ) -> None:  # fmt: skip
+        parent.__init__(self, cost=cost, gain=gain, lm_damping=lm_damping)
+        self._hold(strategy, start, names, find)
+
+    about = f"The leaf of a strategy as a task of {library}: see `holokin.{library}_task`."
+    members = {"__init__": init, "__doc__": about, "__module__": __name__}
+    return type(f"{library.title()}LeafTask", (LeafTask, parent), members)
+
+
+def _checked(
+    strategy: HolonomicStrategy, start: ArrayLike, cost: ArrayLike, gain: float, lm_damping: float,
+    joints: Sequence[str] | None,
+) -> tuple[Vector, tuple[str, ...], Vector, float, float]:  # fmt: skip
+    """(start, names, cost, gain, damping) as they must be."""
+    robot, rows = strategy.task.robot, strategy.constraint.rows
+    if not rows:
+        raise ArgumentError("the strategy", strategy, "give one with redundant joints: here nothing is left to hold")
+    q0 = start_posture(robot, start)
+    strategy(q0)
+    names = tuple(robot.joint_names if joints is None else joints)
+    if len(names) != robot.n:
+        cure = f"name all joints, in the robot's order: {', '.join(robot.joint_names)}"
+        raise ShapeError("joints", (robot.n,), (len(names),), cure)
+    weights = finite("cost", cost)
+    if weights.shape not in ((), (rows,)):
+        raise ShapeError("cost", f"() or ({rows},)", weights.shape)
+    if (weights < 0).any():
+        raise ArgumentError("cost", cost, "give numbers from 0 on")
+    share, damping = number("gain", gain), number("lm_damping", lm_damping)
+    if not 0 <= share <= 1:
+        raise ArgumentError("gain", gain, "give the share of the error that is removed in a step, from 0 to 1")
+    if not 0 <= damping < np.inf:
+        raise ArgumentError("lm_damping", lm_damping, "give a number from 0 on")
+    return q0, names, np.broadcast_to(weights, rows).copy(), share, damping
