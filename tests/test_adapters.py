@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 
 import numpy as np
@@ -19,8 +20,9 @@ every = pytest.mark.parametrize("library", LIBRARIES)
 
 
 def maker(library: str) -> Callable[..., hk.ControlLaw]:
-    """Skips where the library is not installed; they are no part of the test extra."""
-    pytest.importorskip(library)
+    """Skips where placo is not installed: alone of the three it is no part of the test extra."""
+    if library == "placo":
+        pytest.importorskip(library)
     return LIBRARIES[library]
 
 
@@ -105,7 +107,7 @@ def test_with_a_posture_task_it_repeats_but_two_ways_differ(panda: hk.Robot, lib
 def test_a_run_has_one_configuration_which_its_steps_update(
     panda: hk.Robot, library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module, made = pytest.importorskip(library), []
+    module, made = importlib.import_module(library), []
 
     class Counted(module.Configuration):
         def __init__(self, *arguments, **named) -> None:

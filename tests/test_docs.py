@@ -53,6 +53,8 @@ EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
     "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
+    "pink_leaf.py": "our leaf: 0.000003 rad off after two circles, two ways 0.000000 rad apart",
+    "mink_leaf.py": "our leaf: 0.000003 rad off after two circles, two ways 0.000000 rad apart",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
+from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..motion.leaf import leaf_value
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy
@@ -36,12 +36,15 @@ class LeafTask:
     cost: Any
     gain: float
     lm_damping: float
+    _model: Any
+    _joints: ModelJoints | None
 
-    def _hold(self, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], find: Callable) -> None:
+    def _hold(
+        self, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], find: Callable[..., ModelJoints]
+    ) -> None:
         self.strategy, self.level = strategy, leaf_value(strategy, start)
         self._near, self._names, self._find = start, names, find
-        self._model: Any = None
-        self._joints: ModelJoints | None = None
+        self._model, self._joints = None, None  # of the last call
 
     def compute_error(self, configuration: Any) -> Vector:
         """e(q) = g(q) - c (r,), its angles in (-pi, pi].
@@ -71,10 +74,12 @@ class LeafTask:
         return f"{name}({self.strategy.name!r}, level={self.level.tolist()}, cost={self.cost}, gain={self.gain})"
 
     def _posture(self, configuration: Any) -> tuple[Vector, ModelJoints]:
-        if self._joints is None or configuration.model is not self._model:
-            self._joints, self._model = self._find(configuration.model, self._names), configuration.model
-        self._near = q = self._joints.read(configuration.q, self._near)
-        return q, self._joints
+        joints = self._joints
+        if joints is None or configuration.model is not self._model:
+            joints = self._joints = self._find(configuration.model, self._names)
+            self._model = configuration.model
+        self._near = q = joints.read(configuration.q, self._near)
+        return q, joints
 
 
 @typed

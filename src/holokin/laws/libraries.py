@@ -40,8 +40,8 @@ class PostureTask:
 
 
 def pink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0, solver: str = "quadprog",
-    damping: float = 1e-12, limits: bool = True, name: str | None = None,
+    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
+    solver: str = "quadprog", damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """pink's solve_ik with a frame task on the robot's first tip, and a posture task if it costs something.
 
@@ -83,8 +83,8 @@ def pink_law(
 
 
 def mink_law(
-    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0, solver: str = "daqp",
-    damping: float = 1e-12, limits: bool = True, name: str | None = None,
+    robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
+    solver: str = "daqp", damping: float = 1e-12, limits: bool = True, name: str | None = None,
 ) -> ControlLaw:  # fmt: skip
     """mink's solve_ik with a frame task on a site at the robot's first tip, and a posture task if it costs something.
 

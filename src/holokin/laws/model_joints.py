@@ -59,7 +59,8 @@ def pinocchio_joints(model: Any, names: Sequence[str]) -> ModelJoints:
         if joint.nv != 1 or joint.nq not in (1, 2):
             raise ArgumentError(f"joint {name!r} of the Pinocchio model", joint.shortname(), _CURE)
         found.append((joint.idx_q, joint.idx_q + joint.nq - 1, joint.idx_v))
-    return ModelJoints(*np.array(found, dtype=np.intp).T, int(model.nv))
+    places, sines, columns = np.array(found, dtype=np.intp).T
+    return ModelJoints(places, sines, columns, int(model.nv))
 
 
 def mujoco_joints(model: Any, names: Sequence[str]) -> ModelJoints:
@@ -74,9 +75,9 @@ def mujoco_joints(model: Any, names: Sequence[str]) -> ModelJoints:
         kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
         if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             raise ArgumentError(f"joint {name!r} of the MuJoCo model", kind.name, _CURE)
-        place = int(model.jnt_qposadr[joint])
-        found.append((place, place, int(model.jnt_dofadr[joint])))
-    return ModelJoints(*np.array(found, dtype=np.intp).T, int(model.nv))
+        found.append((model.jnt_qposadr[joint], model.jnt_dofadr[joint]))
+    places, columns = np.array(found, dtype=np.intp).T
+    return ModelJoints(places, places, columns, int(model.nv))
 
 
 def extra(module: str, package: str, name: str) -> Any:
