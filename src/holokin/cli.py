@@ -218,6 +218,13 @@ def audit(
     topic: Annotated[
         str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
     ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'
+        ),
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")] = None,
     tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
@@ -235,7 +242,7 @@ def audit(
 
     arm = load(robot, tip=tip if is_model(robot) else None)
     found = audit_recording(
-        read_recording(log, arm, degrees=degrees, topic=topic), arm, tip=tip,
+        read_recording(log, arm, degrees=degrees, topic=topic, columns=columns, time=time), arm, tip=tip,
         orientation=False if position else None, tolerance=tolerance,
     )  # fmt: skip
     if json is not None:

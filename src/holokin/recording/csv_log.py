@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import RecordingError
 from ..robot import Robot
 from ..types import Matrix, Vector
+from .columns import Columns, column_named, columns_named
 from .log import Samples, joints_missing, listed, shown
 
 TIMES = ("t", "time", "stamp", "secs", "timestamp")
@@ -34,13 +35,20 @@ _POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECA
 _WHOLE = re.compile(r"[+-]?\d{1,19}")
 
 
-def read_csv(file: Path, robot: Robot) -> Samples:
-    """The samples of a CSV file. Raises: RecordingError."""
+def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str | None = None) -> Samples:
+    """The samples of a CSV file; columns and time name its columns.
+
+    Raises:
+        RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
+    """
     times: list[int] = []
 
     def wanted(header: Sequence[str]) -> list[int]:
-        times.extend(_time_column(file, header))
-        return [*times, *_joint_columns(file, header, robot)]
+        times.extend(_time_column(file, header) if time is None else [column_named(file, header, time, "the time")])
+        if columns is None:
+            return [*times, *_joint_columns(file, header, robot, robot.joint_names)]
+        others = lambda joints: _joint_columns(file, header, robot, joints)  # noqa: E731
+        return [*times, *columns_named(file, header, robot, columns, others)]
 
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
@@ -73,6 +81,12 @@ def csv_pieces(
             lines = _lines(file, stream)
             first = next(lines, "")
             delimiter = max(",;\t", key=first.count)
+            if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
+                delimiter, first, lines = (
+                    ",",
+                    ",".join(first.split()),
+                    (",".join(line.split()) + "\n" for line in lines),
+                )
             header = [cell.strip().strip("#").strip() for cell in next(csv.reader([first], delimiter=delimiter), [])]
             if not any(header):
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
@@ -80,12 +94,21 @@ def csv_pieces(
             try:
                 float(header[0])
             except ValueError:
-                yield from _pieces(file, header, wanted(header), lines, delimiter)
+                yield from _pieces(file, header, _told_apart(file, header, wanted(header)), lines, delimiter)
             else:
                 raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+def _told_apart(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
+    """The wanted columns, each of a name that no other has. Raises: RecordingError."""
+    for c in wanted:
+        if header.count(header[c]) > 1:
+            fact = f"its header has {header.count(header[c])} columns {shown(header[c])!r}"
+            raise RecordingError(file, fact, "rename or delete all but one")
+    return wanted
 
 
 def _lines(file: Path, stream: TextIO) -> Iterator[str]:
@@ -103,7 +126,8 @@ def _pieces(
     done = 1
     while piece := list(islice(lines, PIECE)):
         plain = not any('"' in line for line in piece)
-        table = _plain_numbers(piece, wanted, delimiter) if plain else None
+        fits = plain and max(line.count(delimiter) for line in piece) < len(header)
+        table = _plain_numbers(piece, wanted, delimiter) if fits else None
         if table is not None:
             c = wanted[0]
             texts = [line.split(delimiter, c + 1)[c].strip() for line in piece]
@@ -133,6 +157,10 @@ def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) 
 def _row_numbers(
     file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]]
 ) -> Matrix:
+    for line, row in rows:
+        if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+            fact = f"line {line} has {len(row)} cells, the header {len(header)}"
+            raise RecordingError(file, fact, "delete what is too much; write decimals with a point, not a comma")
     try:
         table = np.array([[float(row[c]) for c in wanted] for _, row in rows])
     except (ValueError, IndexError):
@@ -216,9 +244,9 @@ def _time_column(file: Path, header: Sequence[str]) -> list[int]:
     raise RecordingError(file, "there is no time column", cure)
 
 
-def _joint_columns(file: Path, header: Sequence[str], robot: Robot) -> list[int]:
+def _joint_columns(file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str]) -> list[int]:
     chosen, missing = [], []
-    for joint in robot.joint_names:
+    for joint in joints:
         exact = [i for i, column in enumerate(header) if column == joint]
         ends = re.compile(rf"(^|[^A-Za-z0-9]){re.escape(joint)}$")
         near = exact or [i for i, column in enumerate(header) if ends.search(_POSITION.sub("", column))]

@@ -97,4 +97,5 @@ def listed(names: Sequence[str], most: int = 24) -> str:
 def joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:
     """The error that names the joints missing and what is there instead."""
     fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
-    return RecordingError(file, fact, f"rename them or choose another robot; the {what} are {listed(there)}")
+    named = ", name them by --columns (columns=...)" if what == "columns" else ""
+    return RecordingError(file, fact, f"rename them{named} or choose another robot; the {what} are {listed(there)}")

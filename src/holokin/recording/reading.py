@@ -13,6 +13,7 @@ from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
 from ..types import Matrix, Vector
 from .bag import read_bag
+from .columns import Columns
 from .csv_log import read_csv
 from .log import Recording, Samples
 
@@ -31,8 +32,9 @@ FASTEST = 1e-9
 
 @typed
 def read_recording(
-    path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None
-) -> Recording:
+    path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
+    columns: Columns | None = None, time: str | None = None,
+) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
     CSV: a header with a time column (`TIMES`; seconds, or whole nanoseconds) and the robot's joints, in any order;
@@ -42,19 +44,28 @@ def read_recording(
     Args:
         degrees: True when revolute joints are logged in degrees; None refuses values that only fit as degrees.
         topic: of the JointState messages; by default /joint_states, or the only one there is.
+        columns: of a CSV file whose columns have other names than the joints: n names in the robot's order, a mapping
+            joint -> name, or text: "q_a, q_b, ...", "elbow=q_c, wrist=q_d" or a pattern "actual_q_%d", which counts
+            from 0, or from 1 where there is no column with 0. Joints that a mapping leaves out have their own names.
+        time: of a CSV file: the name of the time column.
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due.
-        MissingExtraError: a bag, and rosbags is not installed. ArgumentError: a topic for a CSV file.
+        MissingExtraError: a bag, and rosbags is not installed.
+        ArgumentError: a topic for a CSV file, columns or time for a bag, a wrong number of columns.
+        UnknownNameError: a column for a joint that the robot has not.
     """
     file = Path(path)
     if is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
+        for name, given in (("columns", columns), ("time", time)):
+            if given is not None:
+                raise ArgumentError(name, given, "only CSV files have columns; leave it out for a bag")
         samples = read_bag(file, robot, topic)
     elif topic is not None:
         raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
     else:
-        samples = read_csv(file, robot)
+        samples = read_csv(file, robot, columns, time)
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
     _to_radians(file, q, robot, degrees, notes)

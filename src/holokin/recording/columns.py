@@ -1,0 +1,74 @@
+"""Columns of a log that somebody else named: which of them is which joint, and which the time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
+from ..robot import Robot
+from .log import shown
+
+Columns = str | Sequence[str] | Mapping[str, str]
+"""Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
+
+NUMBER = "%d"
+"""Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0."""
+
+
+def column_named(file: Path, header: Sequence[str], name: str, what: str) -> int:
+    """The place of a column. Raises: RecordingError, which names the nearest."""
+    if name in header:
+        return header.index(name)
+    fact = f"there is no column {shown(name)!r} for {what}"
+    raise RecordingError(file, fact, closest(name, [shown(column) for column in header if column]))
+
+
+def columns_named(
+    file: Path, header: Sequence[str], robot: Robot, columns: Columns, others: Callable[[Sequence[str]], list[int]]
+) -> list[int]:
+    """The places of the robot's joints, in its order.
+
+    Args:
+        others: finds the joints that a mapping does not name.
+
+    Raises:
+        RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
+        UnknownNameError: a joint that the robot has not.
+    """
+    names = _in_words(header, robot, columns) if isinstance(columns, str) else columns
+    if isinstance(names, Mapping):
+        for joint in names:
+            if joint not in robot.joint_names:
+                raise UnknownNameError(f"joint of {robot.name!r}", joint, robot.joint_names)
+        chosen = {joint: names[joint] for joint in robot.joint_names if joint in names}
+    else:
+        if len(names) != robot.n:
+            order = ", ".join(robot.joint_names)
+            cure = f'name {robot.n} columns in the order {order}, or a pattern "q_{NUMBER}", or joint=column'
+            raise ArgumentError("columns", columns, cure)
+        chosen = dict(zip(robot.joint_names, names, strict=True))
+    for joint, name in chosen.items():
+        if not isinstance(name, str):
+            raise ArgumentError(f"the column of joint {joint!r}", name, "give its name in the header")
+    found = {joint: column_named(file, header, name, f"joint {joint!r}") for joint, name in chosen.items()}
+    rest = [joint for joint in robot.joint_names if joint not in found]
+    found |= dict(zip(rest, others(rest), strict=True))
+    places = [found[joint] for joint in robot.joint_names]
+    for i, place in enumerate(places):
+        if place in places[:i]:
+            two = f"{robot.joint_names[places.index(place)]} and {robot.joint_names[i]}"
+            raise ArgumentError("columns", columns, f"column {header[place]!r} cannot be both {two}: give each its own")
+    return places
+
+
+def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] | Mapping[str, str]:
+    """Columns as they are typed."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 1 and NUMBER in text and parts[0] not in header:
+        first = 0 if text.strip().replace(NUMBER, "0") in header else 1
+        return [text.strip().replace(NUMBER, str(first + i)) for i in range(robot.n)]
+    pairs = [part.partition("=") for part in parts]
+    if all(between for _, between, _ in pairs) and not set(parts) <= set(header):
+        return {joint.strip(): column.strip() for joint, _, column in pairs}
+    return parts
