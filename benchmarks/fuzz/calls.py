@@ -149,6 +149,9 @@ def calls() -> dict[str, Call]:
             "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
         "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
+        **{name: (getattr(hk, name), (held, q), {
+            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "joints": list(robot.joint_names)})
+            for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
             "start": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
@@ -175,13 +178,14 @@ def calls() -> dict[str, Call]:
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
-        "read_recording": (hk.read_recording, ("no.csv", robot), {"degrees": False, "topic": None}),
+        "read_recording": (hk.read_recording, ("no.csv", robot), {
+            "degrees": False, "topic": None, "columns": "q_%d", "time": "t"}),
         "workspace": (hk.workspace, (), {
             "box": ([0.5, 0, 0.3], [0.1, 0.1, 0.1]), "cylinder": None, "sphere": None, "rotation": one, "tilt": 0.5,
             "spin": 0.5}),
         "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
         "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
-        "read_workspace": (hk.read_workspace, ("no.csv",), {"degrees": False}),
+        "read_workspace": (hk.read_workspace, ("no.csv",), {"degrees": False, "rotation": one}),
         "coverage": (hk.coverage, (held, q, k["space"]), {
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
         "design": (hk.design, (task, k["space"], q), {
