@@ -72,4 +72,5 @@ for name, joints in (("ours", ours), ("damped least squares", damped)):
     for hand, closed, mark in hand_stream():
         at[mark] = follow(hand, closed)
     tool = np.abs(robot.pose(at["after"]) - robot.pose(at["before"])).max()
-    print(f"{name}: tool {tool:.6f} m, joints {np.abs(at['after'] - at['before']).max():.6f} rad apart")
+    apart = np.abs(at["after"] - at["before"]).max()
+    print(f"{name}: tool {tool:.6f} m, joints {apart:.6f} rad apart, below 1e-12: {apart < 1e-12}")

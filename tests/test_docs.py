@@ -55,6 +55,7 @@ EXAMPLES = {
     "papers_form.py": "det H = 1.0",
     "pink_leaf.py": "our leaf: 0.000003 rad off after two circles, two ways 0.000000 rad apart",
     "mink_leaf.py": "our leaf: 0.000003 rad off after two circles, two ways 0.000000 rad apart",
+    "teleoperation.py": "ours: tool 0.000000 m, joints 0.000000 rad apart, below 1e-12: True",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 
@@ -66,6 +67,8 @@ def test_every_example_is_tested() -> None:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs_and_gives_its_number(name: str, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
+    if name == "pink_leaf.py":
+        pytest.importorskip("pinocchio", reason="it has no wheels for Windows")
     runpy.run_path(str(ROOT / "examples" / name))
     assert EXAMPLES[name] in capsys.readouterr().out
 
