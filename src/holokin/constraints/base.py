@@ -61,7 +61,7 @@ class Constraint(Made, Value):
         """A difference of levels, numbers (..., r) or an expression (r, 1), its angles in (-pi, pi]."""
         if isinstance(gap, SX):
             return vertcat(SX(0, 1), *(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(self.angular)))
-        return np.where(np.array(self.angular, dtype=bool), wrapped(gap), gap)
+        return np.where(np.array(self.angular, dtype=bool), wrapped(gap), gap) if any(self.angular) else gap
 
 
 @made

@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, NotFiniteError, ShapeError
+from ..errors import ArgumentError, ShapeError
 from ..motion.leaf import leaf_value
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy
 from ..types import ArrayLike, Matrix, Vector, finite, number
 from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints
-
-FORMULA = "look in the constraint for a division by zero, a log or a sqrt at that posture"
 
 
 class LeafTask:
@@ -58,11 +56,8 @@ class LeafTask:
     def compute_jacobian(self, configuration: Any) -> Matrix:
         """dg/dq (r, nv), zero for the joints of the model that the robot has not. Raises: as `compute_error`."""
         q, joints = self._posture(configuration)
-        rows = self.strategy.rows(q)
-        if not np.isfinite(rows).all():
-            raise NotFiniteError(f"dg/dq of {self.strategy.name!r} at q = {q.tolist()}", rows.tolist(), FORMULA)
-        J = np.zeros((len(rows), joints.velocities))
-        J[:, joints.columns] = rows
+        J = np.zeros((len(self.level), joints.velocities))
+        J[:, joints.columns] = self.strategy.rows(q)
         return J
 
     def set_target_from_configuration(self, configuration: Any) -> None:

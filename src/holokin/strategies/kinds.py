@@ -14,7 +14,7 @@ from ..errors import NotFiniteError, SingularityError, SingularityKind
 from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Vector
-from .base import Field, Strategy
+from .base import FORMULA, Field, Strategy
 from .expressions import FrameExpressions, RowExpressions
 
 
@@ -58,8 +58,19 @@ class KernelStrategy(Strategy):
         return self(q)
 
     def rows(self, q: ArrayLike) -> Matrix:
-        """A (r, n) at q (n,)."""
-        return self._planes_at(q)
+        """A (r, n) at q (n,). Raises: ShapeError, NotFiniteError."""
+        return self._rows_at.call(q)
+
+    @cached_property
+    def _rows_at(self) -> Evaluator:
+        shape = (self.task.n - self.task.m, self.task.n)
+        return self._planes.checked(shape, self.task.robot.checked, self._doubtful_rows)
+
+    def _doubtful_rows(self, q: Vector, A: Matrix) -> Matrix:
+        self.task.robot.checked(q)
+        if not np.isfinite(A).all():
+            raise NotFiniteError(f"the constraint rows of {self.name!r} at q = {q.tolist()}", A.tolist(), FORMULA)
+        return A
 
 
 @final
