@@ -22,7 +22,7 @@ from ..constraints import (
     stack,
     stationary,
 )
-from ..errors import NoArmError
+from ..errors import NoArmError, NotFiniteError
 from ..strategies import HolonomicStrategy, holonomic
 from ..task import Task
 from ..types import Matrix, Value, Vector
@@ -188,9 +188,11 @@ def _fixes(candidate: Candidate, starts: Matrix, bases: list[Matrix]) -> bool:
     if candidate.strategy is None:
         return True
     for q, N in zip(starts, bases, strict=True):
-        A = candidate.strategy.rows(q)
-        if np.isfinite(A).all():
-            sizes = np.linalg.norm(A, axis=1, keepdims=True)
-            if (sizes > 0).all() and _least(A / sizes @ N) > TRANSVERSAL:
-                return True
+        try:
+            A = candidate.strategy.rows(q)
+        except NotFiniteError:
+            continue
+        sizes = np.linalg.norm(A, axis=1, keepdims=True)
+        if (sizes > 0).all() and _least(A / sizes @ N) > TRANSVERSAL:
+            return True
     return False
