@@ -111,6 +111,22 @@ def robot_height(robot: hk.Robot, q: np.ndarray, joint: str) -> float:
     return elbow_of_pinocchio(model, pin.integrate(model, pin.neutral(model), v), joint)[0]
 
 
+def test_a_floating_base_and_a_change_of_models_do_not_matter(panda: hk.Robot) -> None:
+    """g counts in the frame of the robot's base, wherever that is."""
+    strategy = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
+    leaf, q = hk.pink_task(strategy, PANDA_START), PANDA_START + 0.2
+    standing = configuration("pink", panda, q)
+    model = pin.buildModelFromXML(to_urdf(panda), pin.JointModelFreeFlyer())
+    base = pin.SE3ToXYZQUAT(pin.exp6(np.array([1.0, -2.0, 0.5, 0.3, 0.4, -0.9])))
+    flying = pink.Configuration(model, model.createData(), np.concatenate([base, q]))
+    height, slope = elbow_of_pinocchio(standing.model, q, "panda_joint4")
+    for _ in range(2):
+        for at, before in ((standing, 0), (flying, 6)):
+            assert leaf.compute_error(at) == pytest.approx(height - robot_height(panda, PANDA_START, "panda_joint4"))
+            J = leaf.compute_jacobian(at)
+            assert np.abs(J[:, before:] - slope).max() < 1e-12 and not J[:, :before].any()
+
+
 def test_the_height_of_a_joint_is_that_of_mujoco_beside_a_free_body_and_with_other_names() -> None:
     arm = hk.load("panda")
     text = to_mjcf(arm).replace('name="panda_', 'name="left/panda_')
