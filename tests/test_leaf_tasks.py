@@ -211,6 +211,28 @@ def test_two_ways_agree_100_times_better_than_by_a_posture_task_at_the_same_trac
     assert tracking[1] < 1.5 * tracking[0]
 
 
+@every
+def test_where_the_leaf_ends_the_tool_falls_behind_and_the_leaf_is_kept(library: str, panda: hk.Robot) -> None:
+    """With limits of speed: pink's own, a `VelocityLimit` for mink."""
+    strategy = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
+    goal, leaf = panda.pose(PANDA_START), TASKS[library](strategy, PANDA_START)
+    at = configuration(library, panda, PANDA_START)
+    for k in range(1, 151):
+        goal[1, 3] = panda.pose(PANDA_START)[1, 3] - 0.001 * k
+        tool = tool_task(library, panda, goal)
+        if library == "pink":
+            v = pink.solve_ik(at, [tool], 0.01, "quadprog", constraints=[leaf])
+        else:
+            speeds = dict(zip(panda.joint_names, panda.max_velocity, strict=True))
+            limits = [mink.ConfigurationLimit(at.model), mink.VelocityLimit(at.model, speeds)]
+            v = mink.solve_ik(at, [tool], 0.01, "daqp", limits=limits, constraints=[leaf])
+        assert (np.abs(v) <= panda.max_velocity * (1 + 1e-6)).all()
+        at.integrate_inplace(v, 0.01)
+        assert np.abs(leaf.compute_error(at)).max() < 2e-5
+    assert hk.inverse(strategy, PANDA_START).batch(goal[None]).status[0] == hk.motion.InverseStatus.LEAF_ENDS
+    assert 0.01 < np.linalg.norm(panda.pose(at.q)[:3, 3] - goal[:3, 3]) < 0.02
+
+
 def test_a_joint_without_limits_turns_on_beyond_half_a_turn() -> None:
     """Pinocchio has its cosine and sine alone; g = q1 / 3 is none of theirs."""
     robot = hk.load("gen3")
