@@ -276,6 +276,8 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
         hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
     with pytest.raises(ArgumentError):
         hk.advise(panda, hk.workspaces.pose_cloud([panda.pose(PANDA_START)]))
+    with pytest.raises(ArgumentError, match=r"range of joint 'joint1' is \[0\.0, 0\.0\]; give it a range"):
+        hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
 
 
 @pytest.mark.parametrize(
@@ -283,6 +285,7 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     [
         ("box 1 2", "HALF-HEIGHT"), ("ball 1 2 3", "'ball'"), ("sphere 0 0 0 1 tilt", "1 number after tilt"),
         ("sphere 0 0 0 1 start", "give a start posture"), ("sphere 0 0 0 1 start 3", "no numbers after start"),
+        ("box 0 0 0 1 1 1 tilt 400", "give 0 to 180 degrees after tilt"), ("sphere 0 0 0 1 spin -1", "after spin"),
         ("box 0 0 0 1 1 1 box 0 0 0 1 1 1", "say box once"), ("sphere 0 0 0 nan", "'nan'"),
         ("missing.toml", "no such file"),
         ("missing.csv", "no such file"), ("box 0 0 0 0 0 0", "half sides"),

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 from .base import HolokinError, posture_text
 
-
 KEPT = "what was computed is in .trajectory"
 """The cure of a path that ends early, for who calls from Python."""
 

@@ -35,7 +35,9 @@ def program_of_job(
     table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
     table |= changes or {}
     if table.get("acceleration") is None and table.get("profile") != "quintic":
-        raise ArgumentError("the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job")
+        raise ArgumentError(
+            "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
+        )
     with naming(file, "path"):
         path = build_path(job, strategy.task, start, file)
     robot = strategy.task.robot

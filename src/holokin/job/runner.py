@@ -94,9 +94,9 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
     """Do a job. `say` hears what is going on.
 
-    A strategy that stops at a limit, a singularity or the end of the workspace is a result, with what was followed; one
-    that cannot be run at all (no posture of its leaf is found, it is singular at the start posture) is in `not_run`; the
-    others are done.
+    A strategy that stops at a limit, a singularity or the end of the workspace is a result, with what was followed;
+    one that cannot be run at all (no posture of its leaf is found, it is singular at the start posture) is in
+    `not_run`; the others are done.
 
     Raises:
         HolokinError: bad input; or no strategy could be run, for the first one's reason.
