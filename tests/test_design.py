@@ -86,7 +86,9 @@ def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
     poses = TURNING.poses(16, 0)
     turns = Rotation.from_matrix(TURNING.center[:3, :3].T @ poses[:, :3, :3]).as_rotvec()
     own, again = (
-        hk.design(task, TURNING, READY, objective=goal, base=hk.lock("panda_joint3"), degree=0, limits=False, samples=16)
+        hk.design(
+            task, TURNING, READY, objective=goal, base=hk.lock("panda_joint3"), degree=0, limits=False, samples=16
+        )
         for goal in ("squared_speed", given)
     )
     assert own.objective.length == pytest.approx(np.sqrt(poses[:, :3, 3].var(axis=0).sum() / turns.var(axis=0).sum()))

@@ -32,7 +32,7 @@ from .objectives import Objective, costs_of
 from .reasons import reasons
 from .served_part import largest_part
 from .starts import comfort, fitting_task, postures_at, regular_starts
-from .tips import chain_of
+from .tips import chain_to_tool
 from .trials import Poses, Trial, posed, tried
 
 POSES, SCREENED = 256, 4
@@ -105,7 +105,7 @@ def advise(
     """
     began = time.perf_counter()
     say("the robot")
-    chain = chain_of(robot, tip, base)
+    chain = chain_to_tool(robot, tip, base)
     arm = chain.robot
     _check_that_joints_move(arm)
     work = _task(arm, tip if isinstance(robot, Robot) else None, task)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..analysis import around, involutivity
 from ..errors import (
+    ArgumentError,
     EmptyRegionError,
     HolokinError,
     JobError,
@@ -89,6 +90,14 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
         raise UnknownNameError("job", name, [*beside, *packaged_jobs(), "paper", "or a path ending in .toml"])
     with as_file(files("holokin.job").joinpath("packaged", f"{name}.toml")) as path:
         return name, read_job(path), path
+
+
+def open_one_job(name: str) -> tuple[str, Job, FilePath]:
+    """As `open_job`. Raises: ArgumentError: a name that stands for several jobs."""
+    names = expand([name])
+    if names != [name]:
+        raise ArgumentError("the job", name, f"it stands for several: choose one of {', '.join(names)}")
+    return open_job(name)
 
 
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
