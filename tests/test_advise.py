@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +23,12 @@ from holokin.designing.objectives import costs_of
 from holokin.designing.reasons import reasons
 from holokin.designing.served_part import largest_part
 from holokin.designing.starts import postures_at, unwound
-from holokin.designing.tips import chain_of
+from holokin.designing.tips import chain_to_tool
 from holokin.designing.trials import Trial
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, UnknownNameError
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
+from holokin.output.advice_report import coverage_bars, figure_height
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
@@ -226,10 +229,10 @@ def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int
 
 
 def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_not(advice: Advice) -> None:
-    chain = chain_of(urdf("pr2.urdf"))
+    chain = chain_to_tool(urdf("pr2.urdf"))
     assert (chain.base, chain.tip, chain.chosen) == ("base_footprint", "r_gripper_tool_frame", True)
     assert chain.others == ("l_gripper_tool_frame",)
-    given = chain_of(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
+    given = chain_to_tool(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
     assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
     first = str(advice).splitlines()[0]
     assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
@@ -276,6 +279,8 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
         hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
     with pytest.raises(ArgumentError):
         hk.advise(panda, hk.workspaces.pose_cloud([panda.pose(PANDA_START)]))
+    with pytest.raises(ArgumentError, match=r"range of joint 'joint1' is \[0\.0, 0\.0\]; give it a range"):
+        hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
 
 
 @pytest.mark.parametrize(
@@ -283,6 +288,7 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     [
         ("box 1 2", "HALF-HEIGHT"), ("ball 1 2 3", "'ball'"), ("sphere 0 0 0 1 tilt", "1 number after tilt"),
         ("sphere 0 0 0 1 start", "give a start posture"), ("sphere 0 0 0 1 start 3", "no numbers after start"),
+        ("box 0 0 0 1 1 1 tilt 400", "give 0 to 180 degrees after tilt"), ("sphere 0 0 0 1 spin -1", "after spin"),
         ("box 0 0 0 1 1 1 box 0 0 0 1 1 1", "say box once"), ("sphere 0 0 0 nan", "'nan'"),
         ("missing.toml", "no such file"),
         ("missing.csv", "no such file"), ("box 0 0 0 0 0 0", "half sides"),
@@ -324,3 +330,18 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
         holokin("advise", "planar-3r", "--start", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks"
     )
     assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")
+
+
+def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
+    """Joints of a PR2 have long names: a name of four lines beside names of one."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
+    laws: Any = [SimpleNamespace(name=name, coverage=0.5) for name in (f"designed over {long}", "radial", *[long] * 10)]
+    figure = Figure(figsize=(12.6, figure_height(laws)))
+    axes = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
+    FigureCanvasAgg(figure).draw()
+    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+    assert len(boxes) == 12
+    assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))

@@ -183,7 +183,7 @@ def test_a_start_of_another_number_of_joints_is_refused_with_their_names(
     assert_untouched(out)
 
 
-def test_a_path_out_of_reach_is_refused_with_the_place(tmp_path: Path, out: Path) -> None:
+def test_a_path_out_of_reach_says_where_and_what_was_followed_is_written(tmp_path: Path, out: Path) -> None:
     file = write_job(
         tmp_path,
         robot='[robot]\nname = "irb140"\n',
@@ -191,8 +191,15 @@ def test_a_path_out_of_reach_is_refused_with_the_place(tmp_path: Path, out: Path
         path='[path]\nkind = "polyline"\npoints = [[0, 0, 0], [2, 0, 0]]\nrelative = true\nsamples = 50\n',
     )
     outcome = shell("run", file, "--out", out)
-    assert_refused(outcome, "out of reach", "% along the path", "move or shrink the path")
-    assert_untouched(out)
+    assert (outcome.code, outcome.err) == (1, "")
+    for word in ("out of reach", "% along the path", "move or shrink the path"):
+        assert word in " ".join(outcome.out.split())
+    (walk,) = (out / "job").glob("*cycles*.csv")
+    times = np.loadtxt(walk, delimiter=",", skiprows=1)
+    assert 3 < len(times) < 50
+    found = json.loads((out / "job" / "result.json").read_text())
+    assert found["strategies"][0]["status"] == "out_of_reach"
+    assert "out of reach" in (out / "job" / "report.html").read_text()
 
 
 def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import urdf
@@ -77,6 +78,21 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
         least.append(np.sum(pseudo**2, axis=(1, 2)).min())
     design = hk.design(task, few, READY, base=hk.lock("panda_joint3"), degree=0)
     assert design.bound_here == pytest.approx(np.mean(least), rel=1e-4)
+
+
+def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
+    """The spread of positions over that of rotation vectors; what was given stays as it was."""
+    given = Objective(1.0, length=0.5)
+    poses = TURNING.poses(16, 0)
+    turns = Rotation.from_matrix(TURNING.center[:3, :3].T @ poses[:, :3, :3]).as_rotvec()
+    own, again = (
+        hk.design(
+            task, TURNING, READY, objective=goal, base=hk.lock("panda_joint3"), degree=0, limits=False, samples=16
+        )
+        for goal in ("squared_speed", given)
+    )
+    assert own.objective.length == pytest.approx(np.sqrt(poses[:, :3, 3].var(axis=0).sum() / turns.var(axis=0).sum()))
+    assert again.objective.length == 0.5
 
 
 def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design) -> None:

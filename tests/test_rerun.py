@@ -9,12 +9,12 @@ import pytest
 
 from conftest import SOUND, Command, assert_refused, assert_untouched, write_job
 
-FAR = {
+SINGULAR = {
     "robot": '[robot]\nname = "planar-3r"\n',
-    "start": "[start]\nq = [0.1, 0.5, 0.5]\n",
-    "path": '[path]\nkind = "polyline"\npoints = [[0, 0], [9, 0]]\nrelative = true\nsamples = 20\n',
+    "start": "[start]\nq = [0.0, 0.0, 0.0]\n",
+    "path": '[path]\nkind = "polyline"\npoints = [[0, 0], [-1, 0]]\nrelative = true\nsamples = 20\n',
 }
-"""A job that is sound to read and runs out of reach."""
+"""A job that is sound to read and singular where it starts."""
 
 
 def test_jobs_of_one_name_are_refused_before_anything_runs(holokin: Command, tmp_path: Path, out: Path) -> None:
@@ -34,19 +34,19 @@ def test_one_job_named_twice_runs_once(holokin: Command, tmp_path: Path, out: Pa
     assert (outcome.code, outcome.out.count("a circle")) == (0, 1)
 
 
-def test_a_job_out_of_reach_does_not_stop_the_others(holokin: Command, tmp_path: Path, out: Path) -> None:
-    files = [write_job(tmp_path, "first.toml", **FAR), write_job(tmp_path, "second.toml")]
+def test_a_job_that_cannot_start_does_not_stop_the_others(holokin: Command, tmp_path: Path, out: Path) -> None:
+    files = [write_job(tmp_path, "first.toml", **SINGULAR), write_job(tmp_path, "second.toml")]
     outcome = holokin("run", *files, "--out", out)
     assert outcome.code == 2
     assert outcome.err.startswith("error: first: ") and outcome.err.count("\n") == 1
-    assert "out of reach" in outcome.err
+    assert "singular" in outcome.err
     assert "second" in outcome.out
     assert sorted(entry.name for entry in out.iterdir()) == ["mine.txt", "second"]
 
 
 def test_a_failed_expectation_beside_a_failed_job_is_bad_input(holokin: Command, tmp_path: Path, out: Path) -> None:
     expect = {"expect": "[expect.moore-penrose]\nholonomic = true\n"}
-    files = [write_job(tmp_path, "first.toml", **expect), write_job(tmp_path, "second.toml", **FAR)]
+    files = [write_job(tmp_path, "first.toml", **expect), write_job(tmp_path, "second.toml", **SINGULAR)]
     assert holokin("run", *files, "--out", out).code == 2
     assert holokin("run", files[0], "--out", out).code == 1
 

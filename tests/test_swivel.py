@@ -166,7 +166,7 @@ def test_the_slopes_of_both_angles_are_elias_and_wens_on_arms_with_offsets_too_T
     named = (0, (3, (0.03, -0.02, 0.05)), "panda_joint7") if arm == "named" else None
     R, V = np.array([0.6, 0.0, -0.8]), np.array([0.8, 0.0, 0.6])
     task = hk.pose(robot)
-    constraint = hk.arm_angle(definition=kind, joints=named, reference=V, pole=R)
+    constraint = hk.arm_angle(definition=kind, joints=named, reference=V, pole=R if kind == "stereographic" else None)
     q = symbol("q", 7)
     g = constraint.bind(task, robot.kinematics(q), q)
     f, places = Function("g", {"q": q}, {"g": g, "J": jacobian(g, q)}), find_arm(task, named).places(task)
@@ -227,6 +227,11 @@ def test_the_margin_is_the_angle_to_the_singular_direction_on_every_side(
         side = side if np.linalg.norm(side) > 0.1 else X
         u = np.cos(angle) * pole + np.sin(angle) * side / np.linalg.norm(side)
         assert strategy.gain(wrist_in(u))[2] == pytest.approx(angle, rel=1e-3)
+
+
+def test_a_pole_of_the_conventional_angle_is_refused_and_not_ignored() -> None:
+    with pytest.raises(ArgumentError, match="the conventional angle has none"):
+        hk.arm_angle(definition="conventional", pole=X)
 
 
 @pytest.mark.parametrize("kind", ["stereographic", "conventional"])

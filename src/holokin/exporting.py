@@ -8,20 +8,21 @@ from typing import Annotated
 
 import typer
 
-from .errors import ArgumentError
 from .export.program import LANGUAGES
 from .outcome import show
+
+OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
+Folder = Annotated[Path, typer.Option(help="The folder to write.")]
+StrategyName = Annotated[str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")]
 
 exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)
 
 
 @exporting.command("c")
 def export_c(
-    job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
-    out: Annotated[Path, typer.Option(help="The folder to write.")],
-    strategy: Annotated[
-        str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")
-    ] = None,
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
     orientation: Annotated[
         str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
     ] = None,
@@ -36,11 +37,9 @@ def export_c(
     Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
     """
     from .export import check as build_and_run
-    from .job import expand, export_job, open_job
+    from .job import export_job, open_one_job
 
-    if expand([job]) != [job]:
-        raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
-    written = export_job(*open_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
+    written = export_job(*open_one_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
     for file in written.files:
         show(f"wrote {out / file}")
     if check:
@@ -52,11 +51,9 @@ def _export_motion(language: str) -> Callable[..., None]:
     """The command that writes a job's motion in a language."""
 
     def command(
-        job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
-        out: Annotated[Path, typer.Option(help="The folder to write.")],
-        strategy: Annotated[
-            str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")
-        ] = None,
+        job: OneJob,
+        out: Folder,
+        strategy: StrategyName = None,
         name: Annotated[str | None, typer.Option(help="The program's name; by default robot and strategy.")] = None,
         acceleration: Annotated[float | None, typer.Option(help="Of all joints [rad/s^2, m/s^2].")] = None,
         jerk: Annotated[float | None, typer.Option(help="Of all joints [rad/s^3, m/s^3]; by default no limit.")] = None,
@@ -64,13 +61,11 @@ def _export_motion(language: str) -> Callable[..., None]:
         speed: Annotated[float | None, typer.Option(help="The most of the path's own speed; 1 keeps it.")] = None,
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
     ) -> None:
-        from .job import expand, open_job, program_of_job
+        from .job import open_one_job, program_of_job
 
-        if expand([job]) != [job]:
-            raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
         given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": speed, "dt": dt}
         changes = {key: value for key, value in given.items() if value is not None}
-        program, timed = program_of_job(*open_job(job), language, strategy, short=name, changes=changes)
+        program, timed = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
         for file in [*program.save(out), out / "joints.csv"]:
             if file.name == "joints.csv":
                 timed.save(file)

@@ -7,6 +7,7 @@ is left over from a process that is gone. Where there is no flock (Windows) noth
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
 import re
@@ -15,7 +16,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -76,6 +77,18 @@ def replacing(file: str | Path, *, new: bool = False) -> Iterator[Path]:
             if there:
                 shutil.copymode(target, part)
             (_appear if new else os.replace)(part, target)
+
+
+def write_csv(file: str | Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a header and rows as CSV, complete or not at all; numbers of Python in full precision.
+
+    Raises:
+        WriteError: it cannot be written.
+    """
+    with replacing(file) as part, part.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(header)
+        writer.writerows(rows)
 
 
 def _appear(part: Path, target: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -14,7 +13,7 @@ import numpy as np
 
 from .arguments import typed
 from .errors import ArgumentError
-from .files import replacing
+from .files import write_csv
 from .types import Indices, Matrix, Value, Vector, frozen
 
 
@@ -149,7 +148,4 @@ class Trajectory(Value):
         """
         header = ["t", *self.joint_names, *(f"d_{name}" for name in self.joint_names)]
         header += [f"x_{name}" for name in self.row_names]
-        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(header)
-            writer.writerows(np.column_stack([self.t, self.q, self.dq, self.x]).tolist())
+        write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.x]).tolist())

@@ -39,8 +39,8 @@ def arm_angle(
             frame, or (joint, (x, y, z)) for a point in that frame. By default they are found by geometry, see
             `find_arm`; on a Panda and an iiwa they are the origins of joints 1, 3 and 5.
         reference: the direction V (3,), e_r of [EW23], the base's z axis by default.
-        pole: the direction R (3,) of the stereographic kind, e_t of [EW23], perpendicular to V; by default a horizontal
-            one, -x.
+        pole: the direction R (3,) of the stereographic kind alone, e_t of [EW23], perpendicular to V; by default a
+            horizontal one, -x.
 
     Singular (REPRESENTATION; [EW23] call it algorithmic) where psi is not defined, and the error says at which of
     these: the arm is stretched or folded, so that the elbow is on the line from shoulder to wrist; the wrist is in the
@@ -53,11 +53,16 @@ def arm_angle(
 
     Raises:
         UnknownNameError: an unknown definition; when bound, an unknown joint. NoArmError (when bound): no such
-            joints are on the chain to the tip; it lists those there are. ArgumentError: R not perpendicular to V.
+            joints are on the chain to the tip; it lists those there are. ArgumentError: R not perpendicular to V, or
+            given for the conventional kind.
     """
     if definition not in ("stereographic", "conventional"):
         raise UnknownNameError("definition of an arm angle", definition, ("stereographic", "conventional"))
     conventional = definition == "conventional"
+    if conventional and pole is not None:
+        raise ArgumentError(
+            "pole", pole, 'leave it out, or take definition="stereographic": the conventional angle has none'
+        )
     V = _direction("reference", reference)
     R = _pole(V) if pole is None else _direction("pole", pole)
     if not conventional and abs(float(R @ V)) > 1e-9:

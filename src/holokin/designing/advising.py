@@ -32,7 +32,7 @@ from .objectives import Objective, costs_of
 from .reasons import reasons
 from .served_part import largest_part
 from .starts import comfort, fitting_task, postures_at, regular_starts
-from .tips import chain_of
+from .tips import chain_to_tool
 from .trials import Poses, Trial, posed, tried
 
 POSES, SCREENED = 256, 4
@@ -105,8 +105,9 @@ def advise(
     """
     began = time.perf_counter()
     say("the robot")
-    chain = chain_of(robot, tip, base)
+    chain = chain_to_tool(robot, tip, base)
     arm = chain.robot
+    _check_that_joints_move(arm)
     work = _task(arm, tip if isinstance(robot, Robot) else None, task)
     words = {"tip": not chain.chosen, "task": task, "start": start, "workspace": workspace}
     given = {word: value is not None and value is not False for word, value in words.items()}
@@ -125,6 +126,14 @@ def advise(
         chain, work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]),
         found, reasons(laws, found, part, case.excess(laws)), part, time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _check_that_joints_move(robot: Robot) -> None:
+    """Raises: ArgumentError: a joint whose two limits are one, as of exporters that leave them at 0."""
+    for joint in robot.coordinates:
+        if joint.lower == joint.upper:
+            cure = "give it a range in the robot description, or make it a fixed joint there"
+            raise ArgumentError(f"the range of joint {joint.name!r}", [joint.lower, joint.upper], cure)
 
 
 class _Case:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import brief
-from ..files import replacing
+from ..files import write_csv
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..workspaces import Workspace
 
@@ -197,11 +196,9 @@ class Coverage(Value):
 
         turns = Rotation.from_matrix(self.poses[:, :3, :3]).as_quat()
         rows = np.column_stack([self.poses[:, :3, 3], turns, self.q, self.rcond, self.margin]).tolist()
-        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow([*POSE_COLUMNS, "status", *self.joint_names, "rcond", "margin"])
-            for row, status in zip(rows, self.status, strict=True):
-                writer.writerow([*row[:7], PoseStatus(status).name.lower(), *row[7:]])
+        words = [PoseStatus(status).name.lower() for status in self.status]
+        header = [*POSE_COLUMNS, "status", *self.joint_names, "rcond", "margin"]
+        write_csv(path, header, ([*row[:7], word, *row[7:]] for row, word in zip(rows, words, strict=True)))
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""

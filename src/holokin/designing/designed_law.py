@@ -19,7 +19,7 @@ from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached
 from .lower_bound import Floor
-from .objectives import Objective, as_objective, costs_of, joint_weights
+from .objectives import Objective, as_objective, costs_of, joint_weights, length_of
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
@@ -41,6 +41,8 @@ class Design(Value):
 
     strategy: an ordinary one; its leaf through `start` (n,), the posture at the middle of the workspace, is the
         section phi(q) = polynomial(x).
+    objective: what was made less, with the `length` that turns counted as: a design over another base that is given
+        this objective has costs and a bound to compare with these.
     costs: the objective with the base law as it was, then after the search with each degree from 0 on. With one cost it
         has the cost's unit, with several it is 1 to begin with. Where the search reaches samples that the base law does
         not, the last one alone is of all of them.
@@ -193,6 +195,7 @@ def design(
     law, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(law, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
+    goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
     hard = hard_limits(costs, margin if limits else None, rcond)
     problem = Problem(law, center, workspace.center, coordinates, costs, goal, hard, degree, poses, others)

@@ -42,7 +42,7 @@ class Chain(Value):
 
 
 @typed
-def chain_of(robot: Robot | str | Path, tip: str | None = None, base: str | None = None) -> Chain:
+def chain_to_tool(robot: Robot | str | Path, tip: str | None = None, base: str | None = None) -> Chain:
     """A robot, a name of the catalogue or a file as a chain; the tip of a model is `choose_tip`'s where none is given.
 
     Raises:

@@ -8,6 +8,9 @@ from typing import Any, ClassVar
 
 from .base import HolokinError, posture_text
 
+KEPT = "what was computed is in .trajectory"
+"""The cure of a path that ends early, for who calls from Python."""
+
 
 class JointLimitError(HolokinError):
     """A posture outside the joint limits: the joint that is farthest outside."""
@@ -118,7 +121,7 @@ class ControllerError(PathError):
 
     def __init__(self, name: str, fact: str, trajectory: Any = None) -> None:
         self.name = name
-        cure = "a law takes (q, pose, twist, dt) and returns n finite joint rates; what was computed is in .trajectory"
+        cure = f"a law takes (q, pose, twist, dt) and returns n finite joint rates; {KEPT}"
         super().__init__(f"{name} stopped {fact}", cure, trajectory)
 
 

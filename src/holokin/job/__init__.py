@@ -3,7 +3,7 @@
 from .export import export_job, job_strategy
 from .programs import program_of_job
 from .read import read_job
-from .runner import PAPER, expand, open_job, packaged_jobs, run_job
+from .runner import PAPER, expand, open_job, open_one_job, packaged_jobs, run_job
 from .schema import Job
 from .strategies import KINDS, keys_of
 from .template import new_job, new_job_for, packaged_text
@@ -19,6 +19,7 @@ __all__ = [
     "new_job",
     "new_job_for",
     "open_job",
+    "open_one_job",
     "packaged_jobs",
     "packaged_text",
     "program_of_job",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..designing import Advice, advise
-from ..designing.tips import chain_of
+from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
 from ..task import Task
 from ..workspaces import PoseRange, Workspace
@@ -74,7 +74,7 @@ def advise_command(
     """
     path = out or FilePath(f"advice-{FilePath(robot).stem}.toml")
     check_new(path)
-    chain = chain_of(robot, tip, base)
+    chain = chain_to_tool(robot, tip, base)
     q0 = None if start is None else chain.robot.checked(_posture(start), "the start posture")
     poses = workspace if workspace is not None and workspace.lower().endswith(".csv") else None
     at_start = None if q0 is None else chain.robot.pose(q0)[:3, :3]

@@ -35,7 +35,9 @@ def program_of_job(
     table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
     table |= changes or {}
     if table.get("acceleration") is None and table.get("profile") != "quintic":
-        raise ArgumentError("acceleration", None, "give --acceleration, or a table [timing] in the job")
+        raise ArgumentError(
+            "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
+        )
     with naming(file, "path"):
         path = build_path(job, strategy.task, start, file)
     robot = strategy.task.robot
@@ -52,12 +54,13 @@ def program_of_job(
     if language == "ros":
         return to_ros(timed, about=about), timed
     common |= {"wiring": how.wiring, "tolerance": how.tolerance}
-    if language == "ls":
-        return to_fanuc(timed, coupled=how.coupled, **common), timed
-    if language == "urscript":
-        style = "servoj" if timed.dt in (0.002, 0.008) else "movej"
-        return to_urscript(timed, style=style, **common), timed
-    return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common), timed
+    with naming(file, "program"):
+        if language == "ls":
+            return to_fanuc(timed, coupled=how.coupled, **common), timed
+        if language == "urscript":
+            style = "servoj" if timed.dt in (0.002, 0.008) else "movej"
+            return to_urscript(timed, style=style, **common), timed
+        return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common), timed
 
 
 def _word(text: str, language: str) -> str:

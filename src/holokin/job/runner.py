@@ -13,17 +13,18 @@ import numpy as np
 
 from ..analysis import around, involutivity
 from ..errors import (
+    ArgumentError,
     EmptyRegionError,
     HolokinError,
     JobError,
     JointLimitError,
     NotFiniteError,
-    OutOfReachError,
     PathError,
     RoundOffError,
     SingularityError,
     UnknownNameError,
 )
+from ..errors.moving import KEPT
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path import Path
@@ -91,11 +92,20 @@ def open_job(name: str) -> tuple[str, Job, FilePath]:
         return name, read_job(path), path
 
 
+def open_one_job(name: str) -> tuple[str, Job, FilePath]:
+    """As `open_job`. Raises: ArgumentError: a name that stands for several jobs."""
+    names = expand([name])
+    if names != [name]:
+        raise ArgumentError("the job", name, f"it stands for several: choose one of {', '.join(names)}")
+    return open_job(name)
+
+
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
     """Do a job. `say` hears what is going on.
 
-    A strategy that stops at a limit or a singularity is a result; one that cannot be run at all (no posture of its leaf
-    is found, the path leaves its workspace, it is singular at the start posture) is in `not_run`; the others are done.
+    A strategy that stops at a limit, a singularity or the end of the workspace is a result, with what was followed;
+    one that cannot be run at all (no posture of its leaf is found, it is singular at the start posture) is in
+    `not_run`; the others are done.
 
     Raises:
         HolokinError: bad input; or no strategy could be run, for the first one's reason.
@@ -164,12 +174,10 @@ def _run_strategy(
     def run(part: Path, samples: int, cycles: int) -> Trajectory:
         try:
             return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
-        except OutOfReachError:
-            raise
         except PathError as problem:
             if problem.trajectory is None:
                 raise
-            troubles.append(str(problem))
+            troubles.append(str(problem).replace(KEPT, "what was computed is written"))
             return problem.trajectory
 
     cycles = run(path, job.path.samples, job.path.cycles)

@@ -33,7 +33,7 @@ not looked at.
 
 [robot]
 name = {name}
-{tip}
+{chain}
 [task]
 {kind}
 
@@ -84,20 +84,20 @@ def new_job(path: FilePath, template: str) -> None:
     write_new(path, packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1))
 
 
-def new_job_for(path: FilePath, robot: str, tip: str | None = None) -> None:
+def new_job_for(path: FilePath, robot: str, tip: str | None = None, base: str | None = None) -> None:
     """Write a job for a robot to a new file: a small circle from a regular start posture, with three strategies.
 
     Every strategy is followed round the circle before the file is written. Nothing is expected in it.
 
     Args:
-        robot: a name of the catalogue, a model or a .toml file. tip: as of `load`.
+        robot: a name of the catalogue, a model or a .toml file. tip, base: as of `load`.
 
     Raises:
         JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
         redundancy, or one for which no such circle was found. WriteError: the system refuses the file.
     """
     check_new(path)
-    arm = load(robot, tip=tip)
+    arm = load(robot, tip=tip, base=base)
     task = fitting_task(arm)
     words, kind = _kind(task)
     name = robot_name(robot, path) if FilePath(robot).suffix else robot
@@ -113,7 +113,9 @@ def new_job_for(path: FilePath, robot: str, tip: str | None = None) -> None:
                 samples=_SAMPLES,
                 task=words,
                 name=toml(name),
-                tip="" if tip is None else f"tip = {toml(tip)}\n",
+                chain="".join(
+                    f"{key} = {toml(link)}\n" for key, link in (("tip", tip), ("base", base)) if link is not None
+                ),
                 kind=kind,
                 joints=", ".join(arm.joint_names).replace("\n", " "),
                 q=start.tolist(),

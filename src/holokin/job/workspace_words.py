@@ -84,6 +84,8 @@ def _phrases(text: str) -> dict[str, list[float]]:
         if word in found and len(found[word]) != count:
             cure = f"give {count or 'no'} number{'s' * (count != 1)} after {word}" + ", in degrees" * (count > 0)
             raise ArgumentError("the workspace", text, cure)
+        if word in ("tilt", "spin") and word in found and not 0 <= found[word][0] <= 180:
+            raise ArgumentError("the workspace", text, f"give 0 to 180 degrees after {word}")
     return found
 
 

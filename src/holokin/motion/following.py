@@ -21,6 +21,7 @@ from ..errors import (
     StartError,
     TrackingError,
 )
+from ..errors.moving import KEPT
 from ..path import Path
 from ..progress import progress
 from ..robot import doubtful_unit
@@ -140,7 +141,7 @@ def _walk(
                 report(done)
         except JointLimitError as problem:
             fact = f"stopped {plan.where(done)}: {problem}"
-            raise LimitReachedError(fact, "what was computed is in .trajectory", so_far(Status.LIMIT)) from problem
+            raise LimitReachedError(fact, KEPT, so_far(Status.LIMIT)) from problem
         except (SingularityError, BranchError, TrackingError) as problem:
             where = plan.where(done)
             undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
@@ -154,7 +155,7 @@ def _walk(
             fact = f"stopped {where}: {problem.fact if isinstance(problem, PathError) else problem}"
             if isinstance(problem, SingularityError):
                 walk = so_far(Status.SINGULAR)
-                raise PathSingularityError(problem.kind, fact, "what was computed is in .trajectory", walk) from problem
+                raise PathSingularityError(problem.kind, fact, KEPT, walk) from problem
             status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
             raise type(problem)(fact, problem.cure, so_far(status)) from problem
     return so_far(Status.COMPLETE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import typed
-from ..files import replacing
+from ..files import write_csv
 from ..trajectory import Trajectory
 from ..types import Matrix, Value, Vector
 
@@ -212,7 +211,4 @@ class TimedTrajectory(Value):
         pairs = list(zip(self.joint_names, self.joint_units, strict=True))
         header = ["time [s]", *(f"{name} [{unit}]" for name, unit in pairs)]
         header += [f"d_{name} [{unit}/s]" for name, unit in pairs] + [f"dd_{name} [{unit}/s^2]" for name, unit in pairs]
-        with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(header)
-            writer.writerows(np.column_stack([self.t, self.q, self.dq, self.ddq]).tolist())
+        write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.ddq]).tolist())

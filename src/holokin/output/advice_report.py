@@ -9,6 +9,7 @@ import numpy as np
 
 from ..designing import Advice, Law
 from ..errors import brief
+from ..types import Vector
 from .coverage_plots import CAUSES, coverage_cloud
 from .plots import GREY, INK, PALETTE, frame_robot, robot_stick
 from .table import Column
@@ -64,7 +65,7 @@ def advice_figure(advice: Advice) -> Any:
     from matplotlib.figure import Figure
 
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
-    figure = Figure(figsize=(12.6, 5.4))
+    figure = Figure(figsize=(12.6, figure_height(laws)))
     bars = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
     speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
@@ -79,16 +80,40 @@ def advice_figure(advice: Advice) -> Any:
     return figure
 
 
+THICK, LEAST = 1.3, 2.2
+"""Thickness of a bar, and least distance of two, in lines of text."""
+
+FITTING = 28.0
+"""Lines of text that fit beside the bars of a figure of usual height."""
+
+
+def figure_height(laws: tuple[Law, ...]) -> float:
+    """The height of the figure [inch], greater where the names of laws are long."""
+    return 5.4 * max(1.0, _rows(laws)[1] / FITTING)
+
+
+def _label(law: Law) -> str:
+    """The name of a law in lines."""
+    return fill(on_figure(law.name, 120), 32)
+
+
+def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
+    """Where the bar of each law stands, and where the last one ends, in lines of text: names do not overlap."""
+    lines = np.array([max(LEAST, _label(law).count("\n") + 1.5) for law in laws])
+    ends = np.cumsum(lines)
+    return ends - lines / 2, float(ends[-1])
+
+
 CUT = (64.0, 67.0)
 """Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
 
 
 def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
     """The share of the workspace that each law reaches, the best law on top."""
-    rows = np.arange(len(laws))
-    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=0.66)
-    axes.set_yticks(rows, [fill(on_figure(law.name, 80), 32) for law in laws], fontsize=8)
-    axes.invert_yaxis()
+    rows, end = _rows(laws)
+    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=THICK)
+    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+    axes.set_ylim(end, 0)
     axes.set_xlim(0, 100)
     axes.tick_params(axis="x", labelsize=8)
     axes.set_xlabel("workspace reached [%]", fontsize=9)
@@ -100,9 +125,9 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
     strokes through them show it.
     """
-    rows, excess = np.arange(len(laws)), np.array([100 * (law.speed - 1) for law in laws])
+    (rows, end), excess = _rows(laws), np.array([100 * (law.speed - 1) for law in laws])
     shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
-    axes.barh(rows, shown, color=_colors(laws), height=0.66)
+    axes.barh(rows, shown, color=_colors(laws), height=THICK)
     for row, value in zip(rows, excess, strict=True):
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
         inside = np.isfinite(value) and value > 70 * (most - 1)
@@ -112,9 +137,9 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
         if np.isfinite(value) and value > 100 * (most - 1):
             for x in CUT:
                 place = np.array([x - 1.5, x + 1.5]) * (most - 1)
-                axes.plot(place, [row + 0.4, row - 0.4], color="white", linewidth=2)
+                axes.plot(place, [row + 0.6 * THICK, row - 0.6 * THICK], color="white", linewidth=2)
     axes.set_yticks(rows, [])
-    axes.invert_yaxis()
+    axes.set_ylim(end, 0)
     axes.set_xlim(0, 100 * (most - 1))
     axes.tick_params(axis="x", labelsize=8)
     axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)

@@ -8,6 +8,7 @@ from ..arguments import typed
 from ..errors import UnknownNameError
 from ..types import Array, Matrix, Vector
 from .model import Robot, Tip
+from .tree import turn_matrix
 
 _SAMPLES = 2048
 """Postures of which the farthest are improved: for the robots of the catalogue 16 times as many change no digit."""
@@ -64,10 +65,7 @@ def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
         if joint.kind == "prismatic":
             p = p + axes[-1] * value[:, None]
         else:
-            x, y, z = joint.axis
-            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            s, c = np.sin(value)[:, None, None], np.cos(value)[:, None, None]
-            R = R @ (np.eye(3) + s * K + (1 - c) * (K @ K))
+            R = R @ turn_matrix(joint.axis, value)
         frames.append((p, R))
     point = after(end.joint, end.placement)[0]
     J, index = np.zeros((len(Q), 3, robot.n)), end.joint

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import RobotFileError, UnknownNameError
-from ..types import Matrix, Value, Vector
+from ..types import Array, Matrix, Value, Vector
 from .model import Coordinate
 
 MOVING = ("revolute", "prismatic")
@@ -162,6 +162,13 @@ def motion(kind: str, axis: Vector, value: float) -> Matrix:
     if kind == "prismatic":
         T[:3, 3] = axis * value
     else:
-        K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-        T[:3, :3] = np.eye(3) + np.sin(value) * K + (1 - np.cos(value)) * (K @ K)
+        T[:3, :3] = turn_matrix(axis, value)
     return T
+
+
+def turn_matrix(axis: Vector, angle: float | Vector) -> Array:
+    """R = 1 + sin(angle) [a]x + (1 - cos(angle)) [a]x^2 for a unit axis a (3,); (..., 3, 3) for angles (...)."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+    return np.eye(3) + s * K + (1 - c) * (K @ K)
