@@ -19,7 +19,7 @@ LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 some, and so little changes nothing."""
 
 EFFORT = 1000.0
-"""Largest torque or force of a joint in a URDF [N m, N], which must name one: more than any arm of the catalogue has."""
+"""Largest torque or force of a joint in a URDF [N m, N], which must name one: more than arms of the catalogue have."""
 
 GREY, ORANGE = "0.55 0.58 0.62 1", "0.90 0.45 0.13 1"
 """Of the links, in turn [rgba]."""
@@ -160,10 +160,7 @@ def _zero(joint: Joint, follows: tuple[float, float] | None) -> Matrix:
 
 def _range(c: Coordinate, follows: tuple[float, float] | None) -> tuple[float, float]:
     gain, shift = follows or (1.0, 0.0)
-    low, high = (np.clip(bound, -FARTHEST, FARTHEST) for bound in (c.lower, c.upper))
-    low, high = (
-        sorted((gain * float(low) + shift, gain * float(high) + shift)) if follows else (float(low), float(high))
-    )
+    low, high = sorted(gain * float(np.clip(bound, -FARTHEST, FARTHEST)) + shift for bound in (c.lower, c.upper))
     return low, high
 
 

@@ -19,8 +19,8 @@ STUMP = 0.05
 """Radius [m] of the sphere that stands for a robot without any length, such as a single slider."""
 
 DENSITY = 1000.0
-"""Of capsules that stand for links [kg/m^3]: that of water, and with motors and shells about that of arms. A Panda of
-capsules weighs 14 kg, a real one 18 kg."""
+"""Of capsules that stand for links [kg/m^3]: that of water. A Panda with its hand is 21 kg of it, the real
+one weighs 18 kg."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ class Branch(Value):
 
     @property
     def coordinate(self) -> Coordinate:
-        """Its name, kind and limits; none where the number is that of none. Raises: ArgumentError: they make no sense."""
+        """Its name, kind and limits; one beyond FARTHEST is none. Raises: ArgumentError: they make no sense."""
         lower = -np.inf if self.lower <= -FARTHEST else self.lower
         upper = np.inf if self.upper >= FARTHEST else self.upper
         return Coordinate(
