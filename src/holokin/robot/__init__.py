@@ -7,7 +7,7 @@ from .drives import SERVOS, Servo, servo
 from .export import to_mjcf, to_urdf
 from .extent import reach
 from .inertia import mass_matrix_expression, potential_expression
-from .links import Capsule, capsules, knows_masses, weighed
+from .links import DENSITY, Capsule, capsules, knows_masses, weighed
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
@@ -19,6 +19,7 @@ from .units import check_metres, doubtful_unit, start_posture
 from .urdf import from_urdf, from_yourdfpy
 
 __all__ = [
+    "DENSITY",
     "FARTHEST",
     "SERVOS",
     "Body",
