@@ -51,7 +51,7 @@ LONGEST = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Push(Value):
-    """A force (3,) [N] in the base frame on the link of a joint, at its center of mass, from `start` for `duration` [s].
+    """A force (3,) [N] in the world on the link of a joint, at its center of mass, from `start` for `duration` [s].
 
     `joint` names it; None is the joint halfway along the arm, as at an elbow.
     """
@@ -130,10 +130,15 @@ def play(
     return _Loop(strategy, law, plant, plan, told, noise, push, pushed, np.random.default_rng(seed)).go(start, cycles)
 
 
+def cycle_time(path: Path) -> float:
+    """How long a cycle of a path takes in `play` [s]: the path's own time, the ramps at its ends, and the rest."""
+    return path.duration + min(RAMP, path.duration) + REST
+
+
 def _pushed(plant: Plant, push: Push) -> int:
     """The body that is pushed. Raises: UnknownNameError."""
-    names = plant.robot.joint_names
-    return int(plant.bodies[plant.robot.joint_index(names[len(names) // 2 - (len(names) > 3)] if push.joint is None else push.joint)])
+    half = (plant.robot.n - 1) // 2
+    return int(plant.bodies[half if push.joint is None else plant.robot.joint_index(push.joint)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +179,7 @@ class _Plan:
 
     def wanted(self, clock: float) -> tuple[Matrix, Vector]:
         """(pose at the end of a step that begins at a clock counted in steps, the twist that leads there)."""
-        lap, i = divmod(int(clock), self.steps)
+        i = int(clock) % self.steps
         share = clock - int(clock)
         if share == 0.0:
             return self.poses[i + 1], self.twists[i]
@@ -269,8 +274,8 @@ class _Loop:
         r = {key: np.array(values) for key, values in self.record.items()}
         window = None if self.push is None else (self.push.start, self.push.start + self.push.duration)
         return PhysicalRun(
-            self.strategy, self.plant.servo.kind, self.feedback, r["t"], r["clock"] / plan.steps, r["q"], r["m"], r["c"],
-            r["T"][:, :3, 3], r["T"][:, :3, :3], np.array(rests), cycles * plan.steps * dt,
+            self.strategy, self.plant.servo.kind, self.feedback, r["t"], r["clock"] / plan.steps, r["q"], r["m"],
+            r["c"], r["T"][:, :3, 3], r["T"][:, :3, :3], np.array(rests), cycles * plan.steps * dt,
             made / asked if asked else 1.0, window, moved.most(len(start)), slowed, status,
         )  # fmt: skip
 

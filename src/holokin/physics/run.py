@@ -104,9 +104,10 @@ class PhysicalRun(Value):
     def remark(self) -> str:
         """What is to be said of the run; empty if it went well."""
         if self.starved:
+            longer = self.duration / self.nominal
             return (
-                f"the joints made {self.followed:.0%} of the motion asked for, in {self.duration / self.nominal:.1f} times "
-                f"the path's time: {self.feedback} joints are fed back to {self.servo} servos; feed back "
+                f"the joints made {self.followed:.0%} of the motion asked for, in {longer:.1f} times the path's time: "
+                f"{self.feedback} joints are fed back to {self.servo} servos; feed back "
                 f"{'commanded' if self.servo == 'position' else 'measured'} ones"
             )
         return "" if self.status is Status.COMPLETE else f"after {self.cycles} cycles it {self.status.value}"

@@ -1,0 +1,178 @@
+"""Figures of runs on physics: rests over the cycles, a push, and the arms, as MuJoCo renders them or as sticks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..errors import HolokinError
+from ..physics import PhysicalRun, make_plant
+from ..robot import servo
+from ..types import Matrix, Vector
+from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, tool_path, write_figure
+from .words import joint_unit, on_figure
+
+AROUND = (0.3, 1.2)
+"""Seconds before and after the start of a push that its figure shows."""
+
+SIZE = (640, 720)
+"""Width and height of a rendered arm [pixels]."""
+
+RED = (0.82, 0.21, 0.17, 1.0)
+"""Of the tool's path [rgba]."""
+
+GHOST = (0.75, 0.77, 0.80, 0.35)
+"""Of the arm as it rested first [rgba]."""
+
+
+def apart_figure(runs: Mapping[str, PhysicalRun], predicted: Mapping[str, Matrix | None]) -> Any:
+    """How far the joints rest from their first rest, after each cycle: physics as points, kinematics as lines."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.4, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    for i, (label, run) in enumerate(runs.items()):
+        color, cycles = PALETTE[i % len(PALETTE)], np.arange(1, run.cycles + 1)
+        axes.semilogy(cycles, np.maximum(run.apart, 1e-9), "o", color=color, markersize=5, label=on_figure(label))
+        known = predicted.get(label)
+        if known is not None and (sizes := np.abs(known).max(axis=1)).max() > 1e-9:
+            axes.semilogy(np.arange(1, len(sizes) + 1), sizes, "-", color=color, linewidth=1.2, alpha=0.7)
+    axes.plot([], [], "-", color=GREY, label="by kinematics alone")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("cycles done")
+    unit = joint_unit(next(iter(runs.values())).strategy.task.robot)
+    axes.set_ylabel(f"largest joint, from its first rest [{unit}]")
+    axes.set_title("Where the joints rest after each cycle, on physics", loc="left", color=INK, fontsize=11)
+    axes.legend(fontsize=9)
+    return figure
+
+
+def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
+    """Each joint's distance from its command around the push, less that before it."""
+    from matplotlib.figure import Figure
+
+    shown = {label: run for label, run in runs.items() if run.push is not None and run.t[-1] > run.push[0]}
+    figure = Figure(figsize=(3.9 * max(len(shown), 1) + 0.9, 3.6), layout="constrained")
+    grid = figure.subplots(1, max(len(shown), 1), squeeze=False, sharey=True)
+    for axes, (label, run) in zip(grid.flat, shown.items(), strict=False):
+        first, last = run.push or (0.0, 0.0)
+        here = (run.t >= first - AROUND[0]) & (run.t <= first + AROUND[1])
+        off = run.q[here] - run.command[here]
+        for joint, name in enumerate(run.strategy.task.robot.joint_names):
+            color = PALETTE[joint % len(PALETTE)]
+            shift = 1e3 * (off[:, joint] - off[0, joint])
+            axes.plot(run.t[here] - first, shift, color=color, label=on_figure(name, 30))
+        axes.axvspan(0, last - first, color="#eceef1", zorder=0)
+        axes.set_title(on_figure(label), loc="left", color=INK, fontsize=10)
+        axes.set_xlabel("seconds since the push began")
+    grid[0, 0].set_ylabel(f"joint less its command [m{joint_unit(next(iter(runs.values())).strategy.task.robot)}]")
+    if shown:
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    return figure
+
+
+def write_frames(runs: Mapping[str, PhysicalRun], file: FilePath) -> None:
+    """The arms at their first rest, pale, and at their last: rendered by MuJoCo, or where no GL is there, as sticks."""
+    try:
+        pictures = {label: rendered(run) for label, run in runs.items()}
+    except HolokinError:
+        raise
+    except Exception:  # noqa: BLE001  a missing GL shows itself as any error at all
+        write_figure(lambda: sticks_figure(runs), file)
+        return
+    write_figure(lambda: pictures_figure(runs, pictures), file)
+
+
+def sticks_figure(runs: Mapping[str, PhysicalRun]) -> Any:
+    """The arms as stick figures: the first rest in grey, the last in colour, and the path of the tool."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.6 * len(runs), 4.8), layout="constrained")
+    for i, (label, run) in enumerate(runs.items()):
+        robot = run.strategy.task.robot
+        axes = figure.add_subplot(1, len(runs), i + 1, **({} if robot.planar else {"projection": "3d"}))
+        tool_path(axes, robot, run.position, color=PALETTE[1], linewidth=1.2)
+        robot_stick(axes, robot, run.rests[0], GREY, width=2.4)
+        robot_stick(axes, robot, run.rests[-1], PALETTE[0], width=2.4)
+        clouds = [line for q in (run.rests[0], run.rests[-1]) for line in robot.skeleton(q)]
+        frame_robot(axes, robot, clouds, _caption(label, run))
+    return figure
+
+
+def pictures_figure(runs: Mapping[str, PhysicalRun], pictures: Mapping[str, Any]) -> Any:
+    """Rendered arms side by side."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.2 * len(runs), 5.2), layout="constrained")
+    for i, (label, run) in enumerate(runs.items()):
+        axes = figure.add_subplot(1, len(runs), i + 1)
+        axes.imshow(pictures[label])
+        axes.set_axis_off()
+        axes.set_title(_caption(label, run), loc="left", color=INK, fontsize=11)
+    return figure
+
+
+def _caption(label: str, run: PhysicalRun) -> str:
+    unit = joint_unit(run.strategy.task.robot)
+    said = f"after {run.cycles} cycles {run.apart[-1]:.2g} {unit} away" if run.cycles else "no cycle done"
+    return f"{on_figure(label)}: {said}"
+
+
+def rendered(run: PhysicalRun) -> Any:
+    """A picture (height, width, 3) by MuJoCo: the arm at its last rest, and pale at its first, with the tool's path.
+
+    Raises: whatever a machine without GL raises.
+    """
+    import mujoco
+
+    robot = run.strategy.task.robot
+    plant = make_plant(robot, servo(robot, run.servo, run.rests[0]))
+    model = plant.model
+    width, height = SIZE
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.45, 0.55
+    data = mujoco.MjData(model)
+    points = np.vstack([line for q in run.rests[[0, -1]] for line in robot.skeleton(q)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = (low + high) / 2
+    camera.distance = 1.9 * float(np.linalg.norm(high - low)) + 0.1
+    camera.azimuth, camera.elevation = 130.0, -18.0
+    with mujoco.Renderer(model, height, width) as renderer:
+        _placed(mujoco, plant, data, run.rests[-1])
+        renderer.update_scene(data, camera)
+        scene = renderer.scene
+        first = scene.ngeom
+        _placed(mujoco, plant, data, run.rests[0])
+        mujoco.mjv_addGeoms(
+            model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_ALL.value, scene
+        )
+        for geom in scene.geoms[first : scene.ngeom]:
+            geom.rgba[:], geom.transparent = GHOST, 1
+        _draw_path(mujoco, scene, run.position[:: max(1, len(run.position) // 400)])
+        picture = renderer.render().copy()
+    empty = (picture == 0).all(axis=2)
+    picture[empty] = 255
+    return picture
+
+
+def _placed(mujoco: Any, plant: Any, data: Any, q: Vector) -> None:
+    data.qpos[plant.places] = q
+    mujoco.mj_forward(plant.model, data)
+
+
+def _draw_path(mujoco: Any, scene: Any, points: Matrix) -> None:
+    """The tool's path as a string of thin capsules."""
+    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    for a, b in pairwise(points):
+        if scene.ngeom >= scene.maxgeom or np.allclose(a, b):
+            continue
+        geom = scene.geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(RED, "f"))
+        mujoco.mjv_connector(geom, kind, 0.004, a, b)
+        scene.ngeom += 1
