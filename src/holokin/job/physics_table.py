@@ -20,7 +20,7 @@ class PhysicsTable(Table):
     """[physics]: how `holokin simulate` runs the job, as of `play`."""
 
     servo: Literal["position", "velocity", "torque"] = "position"
-    frequency: Positive = 10.0
+    frequency: Positive = 25.0
     compensated: bool | None = None
     feedback: Literal["commanded", "measured"] | None = None
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 20

@@ -13,19 +13,28 @@ from ..errors import HolokinError
 from ..physics import PhysicalRun, make_plant
 from ..robot import servo
 from ..types import Matrix, Vector
-from .plots import GREY, INK, PALETTE, frame_robot, robot_stick, tool_path, write_figure
+from .plots import ELEVATION, GREY, INK, PALETTE, frame_robot, robot_stick, tool_path, write_figure
 from .words import joint_unit, on_figure
 
-AROUND = (0.3, 1.2)
-"""Seconds before and after the start of a push that its figure shows."""
+AROUND = (0.3, 1.0)
+"""Seconds before a push and after it that its figure shows."""
 
-SIZE = (640, 720)
+SIZE = (1100, 1100)
 """Width and height of a rendered arm [pixels]."""
+
+AZIMUTH = 155.0
+"""From where arms are looked at [degrees]: nearly from the front, since elbows swing to the side."""
+
+MARGIN = 12
+"""Round the arms [pixels]."""
+
+VISIBLE = 5e-3
+"""Distance of two rests [rad, m] from which both are drawn."""
 
 RED = (0.82, 0.21, 0.17, 1.0)
 """Of the tool's path [rgba]."""
 
-GHOST = (0.75, 0.77, 0.80, 0.35)
+GHOST = (0.45, 0.60, 0.85, 0.45)
 """Of the arm as it rested first [rgba]."""
 
 
@@ -52,7 +61,7 @@ def apart_figure(runs: Mapping[str, PhysicalRun], predicted: Mapping[str, Matrix
 
 
 def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
-    """Each joint's distance from its command around the push, less that before it."""
+    """How far each joint is deflected by the push: against the cycle before."""
     from matplotlib.figure import Figure
 
     shown = {label: run for label, run in runs.items() if run.push is not None and run.t[-1] > run.push[0]}
@@ -60,16 +69,14 @@ def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
     grid = figure.subplots(1, max(len(shown), 1), squeeze=False, sharey=True)
     for axes, (label, run) in zip(grid.flat, shown.items(), strict=False):
         first, last = run.push or (0.0, 0.0)
-        here = (run.t >= first - AROUND[0]) & (run.t <= first + AROUND[1])
-        off = run.q[here] - run.command[here]
+        t, off = run.pushed(*AROUND)
         for joint, name in enumerate(run.strategy.task.robot.joint_names):
             color = PALETTE[joint % len(PALETTE)]
-            shift = 1e3 * (off[:, joint] - off[0, joint])
-            axes.plot(run.t[here] - first, shift, color=color, label=on_figure(name, 30))
+            axes.plot(t, 1e3 * off[:, joint], color=color, label=on_figure(name, 30))
         axes.axvspan(0, last - first, color="#eceef1", zorder=0)
         axes.set_title(on_figure(label), loc="left", color=INK, fontsize=10)
         axes.set_xlabel("seconds since the push began")
-    grid[0, 0].set_ylabel(f"joint less its command [m{joint_unit(next(iter(runs.values())).strategy.task.robot)}]")
+    grid[0, 0].set_ylabel(f"deflection [m{joint_unit(next(iter(runs.values())).strategy.task.robot)}]")
     if shown:
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
@@ -79,7 +86,7 @@ def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
 def write_frames(runs: Mapping[str, PhysicalRun], file: FilePath) -> None:
     """The arms at their first rest, pale, and at their last: rendered by MuJoCo, or where no GL is there, as sticks."""
     try:
-        pictures = {label: rendered(run) for label, run in runs.items()}
+        pictures = rendered(runs)
     except HolokinError:
         raise
     except Exception:  # noqa: BLE001  a missing GL shows itself as any error at all
@@ -123,42 +130,48 @@ def _caption(label: str, run: PhysicalRun) -> str:
     return f"{on_figure(label)}: {said}"
 
 
-def rendered(run: PhysicalRun) -> Any:
-    """A picture (height, width, 3) by MuJoCo: the arm at its last rest, and pale at its first, with the tool's path.
+def rendered(runs: Mapping[str, PhysicalRun]) -> dict[str, Any]:
+    """Pictures (height, width, 3) by MuJoCo, all seen alike: each arm at its last rest, and pale at its first.
 
     Raises: whatever a machine without GL raises.
     """
     import mujoco
 
-    robot = run.strategy.task.robot
-    plant = make_plant(robot, servo(robot, run.servo, run.rests[0]))
-    model = plant.model
-    width, height = SIZE
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.45, 0.55
-    data = mujoco.MjData(model)
-    points = np.vstack([line for q in run.rests[[0, -1]] for line in robot.skeleton(q)])
+    points = np.vstack([
+        line for run in runs.values() for q in run.rests[[0, -1]] for line in run.strategy.task.robot.skeleton(q)
+    ])  # fmt: skip
     low, high = points.min(axis=0), points.max(axis=0)
     camera = mujoco.MjvCamera()
     camera.lookat[:] = (low + high) / 2
-    camera.distance = 1.9 * float(np.linalg.norm(high - low)) + 0.1
-    camera.azimuth, camera.elevation = 130.0, -18.0
+    camera.distance = 1.7 * float(np.linalg.norm(high - low)) + 0.1
+    camera.azimuth, camera.elevation = AZIMUTH, -ELEVATION
+    found = {label: _rendered(mujoco, run, camera) for label, run in runs.items()}
+    full = np.any([(picture > 0).any(axis=2) for picture in found.values()], axis=0)
+    rows, columns = (np.flatnonzero(full.any(axis=k)) for k in (1, 0))
+    top, left = max(rows[0] - MARGIN, 0), max(columns[0] - MARGIN, 0)
+    cut = {label: picture[top : rows[-1] + MARGIN, left : columns[-1] + MARGIN] for label, picture in found.items()}
+    return {label: np.where((p > 0).any(axis=2, keepdims=True), p, 255) for label, p in cut.items()}
+
+
+def _rendered(mujoco: Any, run: PhysicalRun, camera: Any) -> Any:
+    """One arm on black."""
+    robot, (width, height) = run.strategy.task.robot, SIZE
+    plant = make_plant(robot, servo(robot, run.servo, run.rests[0]))
+    model, data = plant.model, mujoco.MjData(plant.model)
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.45, 0.55
     with mujoco.Renderer(model, height, width) as renderer:
         _placed(mujoco, plant, data, run.rests[-1])
         renderer.update_scene(data, camera)
-        scene = renderer.scene
-        first = scene.ngeom
-        _placed(mujoco, plant, data, run.rests[0])
-        mujoco.mjv_addGeoms(
-            model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_ALL.value, scene
-        )
+        scene, first = renderer.scene, renderer.scene.ngeom
+        if np.abs(run.rests[-1] - run.rests[0]).max() > VISIBLE:
+            _placed(mujoco, plant, data, run.rests[0])
+            kinds = mujoco.mjtCatBit.mjCAT_ALL.value
+            mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), kinds, scene)
         for geom in scene.geoms[first : scene.ngeom]:
             geom.rgba[:], geom.transparent = GHOST, 1
         _draw_path(mujoco, scene, run.position[:: max(1, len(run.position) // 400)])
-        picture = renderer.render().copy()
-    empty = (picture == 0).all(axis=2)
-    picture[empty] = 255
-    return picture
+        return renderer.render().copy()
 
 
 def _placed(mujoco: Any, plant: Any, data: Any, q: Vector) -> None:

@@ -17,7 +17,6 @@ from ..motion import has_leaf
 from ..physics import PhysicalRun
 from ..recording import read_recording
 from ..robot import Robot, servo, to_mjcf
-from ..trajectory import Status
 from ..types import Matrix
 from .folder import FACTS, renewed
 from .physics_figures import apart_figure, push_figure, write_frames
@@ -43,7 +42,7 @@ class Played:
     @property
     def holds(self) -> bool:
         """Whether it ended, and repeats if it has leaves, which is what they are for."""
-        if self.run.status is not Status.COMPLETE:
+        if self.run.stopped:
             return False
         if not has_leaf(self.run.strategy):
             return True
@@ -53,11 +52,11 @@ class Played:
         """JSON-ready facts."""
         run = self.run
         return {
-            "name": self.label, "servo": run.servo, "feedback": run.feedback, "status": run.status.name.lower(),
+            "name": self.label, "servo": run.servo, "feedback": run.feedback, "stopped": run.stopped,
             "cycles": run.cycles, "duration": run.duration, "nominal_duration": run.nominal,
             "apart_each_cycle": run.apart.tolist(), "since_start": run.since_start.tolist(),
             "predicted": None if self.predicted is None else np.abs(self.predicted).max(axis=1).tolist(),
-            "deflection": run.deflection.tolist(), "tracking_m": run.tracking_error("m"), "remark": run.remark,
+            "deflection": run.deflection, "tracking_m": run.tracking_error("m"), "remark": run.remark,
             "audit": None if self.audit is None else self.audit.summary(), "not_audited": self.not_audited,
         }  # fmt: skip
 
@@ -77,6 +76,15 @@ class PhysicsResult:
     def folder(self) -> str:
         """The name of its folder."""
         return FOLDER.format(self.name)
+
+    @property
+    def conditions(self) -> str:
+        """What the strategies were run on, in a sentence."""
+        run, had = self.played[0].run, self.settings
+        weight = "weight carried by torques of its own" if run.compensated else "weight on the servos"
+        said = f"{run.servo} servos of {had['frequency']:g} Hz, {weight}, {run.feedback} joints fed back"
+        said += f"; noise {had['noise']:g}" + (f"; a push of {np.linalg.norm(had['push']):g} N" if run.push else "")
+        return f"{said}; masses: {self.masses or 'those of the robot'}"
 
     @property
     def exit_code(self) -> int:
@@ -147,25 +155,24 @@ def print_physics(result: PhysicsResult, console: Any) -> None:
     unit = joint_unit(result.robot)
     table = Table(title=Text(f"{brief(result.title)}, on physics"), title_justify="left", title_style="bold")
     headings = (
-        "strategy", "servo,\nfeedback", "cycles", f"rests apart\n[{unit}]", f"by kinematics\n[{unit}]",
-        f"push\ndeflects [{unit}]", "tracking\n[m]", "time", "audit of the log",
+        "strategy", "cycles", f"rests apart\n[{unit}]", f"by kinematics\n[{unit}]",
+        f"push\ndeflects [{unit}]", "tracking\n[m]", "time", "audit of\nthe log",
     )  # fmt: skip
     for k, heading in enumerate(headings):
-        table.add_column(Text(heading), justify="left" if k in (0, 1, 8) else "right", no_wrap=0 < k < 8)
+        table.add_column(Text(heading), justify="left" if k in (0, 7) else "right", no_wrap=k > 0)
     for one in result.played:
         run = one.run
         verdict = "-" if one.audit is None else one.audit.verdict.name.lower().replace("_", " ")
         color = "green" if verdict == "repeats" else "red" if verdict in ("drifts", "wanders") else "yellow"
         table.add_row(
-            Text(brief(one.label)), f"{run.servo},\n{run.feedback}", str(run.cycles),
+            Text(brief(one.label)), str(run.cycles),
             number(float(run.apart.max(initial=0.0))) if run.cycles else "-",
             "-" if one.predicted is None else number(float(np.abs(one.predicted).max())),
-            number(float(np.abs(run.deflection).max())) if run.push else "-", number(run.tracking_error("m")),
+            number(run.deflection) if run.push else "-", number(run.tracking_error("m")),
             f"{run.duration:.0f} s", Text(verdict, style=color),
         )  # fmt: skip
     console.print(table)
-    if result.masses:
-        console.print(f"  masses: {result.masses}", markup=False, highlight=False)
+    console.print(f"  {result.conditions}", markup=False, highlight=False)
     for one in result.played:
         for text in (one.run.remark, one.audit.sentence() if one.audit else f"not audited: {one.not_audited}"):
             if text:

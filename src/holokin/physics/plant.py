@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, MissingExtraError
-from ..robot import DENSITY, Robot, Servo, from_mjcf, knows_masses, to_mjcf
+from ..errors import ArgumentError, MissingExtraError, RobotFileError
+from ..robot import DENSITY, Robot, Servo, knows_masses, to_mjcf
 from ..types import Indices, positive
 
 
@@ -48,7 +48,8 @@ def mujoco_module() -> Any:
 def make_plant(robot: Robot, servo: Servo, *, dt: float = 1e-3, density: float = DENSITY) -> Plant:
     """The MuJoCo model of a robot: its own MJCF file where it was read from one, else what `to_mjcf` writes.
 
-    Of an own file all actuators of the robot's joints are replaced by the servo; the rest of the file stays.
+    Of an own file all actuators of the robot's joints are replaced by the servo; the rest of the file stays. A robot
+    that got another base or tool since it was read is written anew. The weight acts along -z of the base.
 
     Args:
         dt: step of the physics [s].
@@ -62,8 +63,9 @@ def make_plant(robot: Robot, servo: Servo, *, dt: float = 1e-3, density: float =
     if len(servo.damping) != robot.n:
         raise ArgumentError("the servo's joints", len(servo.damping), f"make one for the {robot.n} of {robot.name!r}")
     file = _own_file(robot)
-    if file is not None:
-        model, origin = _driven(mujoco, robot, servo, file), f"{file.name} with {servo.kind} servos"
+    model = None if file is None else _driven(mujoco, robot, servo, file)
+    if model is not None and _is_of(mujoco, model, robot):
+        origin = str(file)
     else:
         model = mujoco.MjModel.from_xml_string(to_mjcf(robot, servo=servo, density=density))
         origin = "the masses of its description" if knows_masses(robot) else f"solid capsules of {density:g} kg/m^3"
@@ -79,21 +81,32 @@ def make_plant(robot: Robot, servo: Servo, *, dt: float = 1e-3, density: float =
 
 
 def _own_file(robot: Robot) -> Path | None:
-    """The MJCF file that a robot was read from, if it still says the same."""
+    """The MJCF file that a robot was read from; None of one that is from elsewhere, or put together of parts."""
     file = Path(robot.source)
-    if file.suffix.lower() not in (".xml", ".mjcf") or not file.is_file():
-        return None
-    q = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     try:
-        again = from_mjcf(file, tip=_frame_of(robot))
-    except (ArgumentError, OSError, ValueError):
+        if file.suffix.lower() not in (".xml", ".mjcf") or not file.is_file():
+            return None
+    except OSError:  # a source in words, too long for a name
         return None
-    same = again.joint_names == robot.joint_names and again.n == robot.n
-    return file if same and np.abs(again.pose(q)[:3, :3] - robot.pose(q)[:3, :3]).max() < 2 else None
+    return file
 
 
-def _frame_of(robot: Robot) -> str:
-    return robot.tips[0].name
+def _is_of(mujoco: Any, model: Any, robot: Robot) -> bool:
+    """Whether the tip of a robot is in a model, where the robot has it."""
+    tip, data = robot.tips[0].name, mujoco.MjData(model)
+    for name in robot.joint_names:
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
+            return False
+    q = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    for name, value in zip(robot.joint_names, q, strict=True):
+        data.joint(name).qpos[0] = value
+    mujoco.mj_kinematics(model, data)
+    for kind, word in ((mujoco.mjtObj.mjOBJ_SITE, "site"), (mujoco.mjtObj.mjOBJ_BODY, "body")):
+        index = mujoco.mj_name2id(model, kind, tip.removesuffix(" (site)"))
+        if index >= 0:
+            at = (data.site_xpos if word == "site" else data.xpos)[index]
+            return bool(np.abs(at - robot.pose(q)[:3, 3]).max() < 1e-6)
+    return False
 
 
 def _driven(mujoco: Any, robot: Robot, servo: Servo, file: Path) -> Any:
@@ -116,4 +129,8 @@ def _driven(mujoco: Any, robot: Robot, servo: Servo, file: Path) -> Any:
     if servo.compensated:
         for body in spec.bodies[1:]:
             body.gravcomp = 1.0
-    return spec.compile()
+    try:
+        return spec.compile()
+    except ValueError as problem:  # missing meshes, which kinematics do without
+        cure = "put its meshes where it says, or give the robot by URDF"
+        raise RobotFileError(file, f"is no MJCF that MuJoCo runs ({problem})", cure) from None

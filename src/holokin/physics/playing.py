@@ -9,14 +9,13 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError, StartError
-from ..motion import Controller, StepStatus, controller
+from ..motion import Controller, LoopWatch, StepStatus, controller
 from ..path import Path
 from ..progress import progress
 from ..robot import DENSITY, Servo, doubtful_unit
 from ..robot import servo as servo_of
 from ..strategies import Strategy
 from ..tolerances import TOLERANCES
-from ..trajectory import Status
 from ..types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from .plant import Plant, make_plant, mujoco_module
 from .run import PhysicalRun
@@ -31,13 +30,10 @@ RAMP = 0.5
 """Seconds in which the tool gets to the path's speed, and comes to rest, in each cycle."""
 
 REST = 0.5
-"""Seconds of rest at the end of each cycle, in which the arm calms down: 30 times that of a servo of 10 Hz."""
+"""Seconds of rest at the end of each cycle, in which the arm calms down: a dozen periods of a servo of 25 Hz."""
 
 SETTLE = 2.0
 """Seconds before the run, in which the arm sags into its servos."""
-
-AFTER = 0.5
-"""Seconds after a push in which its deflection is looked for."""
 
 LOGGED = 0.01
 """Step of the record [s]."""
@@ -236,8 +232,8 @@ class _Loop:
         plan, dt, total = self.plan, self.plan.dt, cycles * self.plan.steps
         command, clock, seen, k, done = start.copy(), 0.0, (0.0, 0), 0, 0
         every = max(1, round(LOGGED / dt))
-        rests, status, slowed = [self.q], Status.COMPLETE, 1.0
-        made, asked, moved = 0.0, 0.0, _Deflection(self.push)
+        rests, stopped, slowed = [self.q], "", 1.0
+        watch = LoopWatch(dt)
         with progress(f"playing {self.strategy.name}", total) as report:
             while clock < total:
                 q = self.q
@@ -248,14 +244,13 @@ class _Loop:
                 pose, twist = plan.wanted(clock)
                 dq = self.law.step(told, pose, twist)
                 if self.law.status >= StepStatus.SINGULAR:
-                    status = Status.SINGULAR
+                    stopped = "stopped at a singularity of the strategy"
                     break
                 scale = self.law.scale
                 slowed = min(slowed, scale)
                 command = told + dt * dq
                 self._drive(command, dq, measured - q, k * dt)
-                made, asked = made + float((self.q - q) @ dq), asked + float(dt * dq @ dq)
-                moved.see(k * dt, self.q, dt * dq)
+                watch.see(q, dq)
                 before, clock, k = int(clock) // plan.steps, min(clock + scale, total), k + 1
                 clock = round(clock) if abs(clock - round(clock)) < 1e-9 else clock
                 if int(clock) // plan.steps > before:
@@ -264,19 +259,21 @@ class _Loop:
                 report(done)
                 if (k - seen[1]) * dt >= PATIENCE:
                     if clock - seen[0] < 0.01 * (k - seen[1]):
-                        status = Status.LIMIT if self.law.status is StepStatus.LIMIT else Status.LOST
+                        at_limit = self.law.status is StepStatus.LIMIT
+                        stopped = "stopped at a joint limit" if at_limit else "stopped: the path did not go on"
                         break
                     seen = (clock, k)
                 if k > LONGEST * total:
-                    status = Status.LOST
+                    stopped = f"was given up after {LONGEST:g} times the path's time"
                     break
         self._log(k * dt, clock, self.q, self.q, command)
         r = {key: np.array(values) for key, values in self.record.items()}
         window = None if self.push is None else (self.push.start, self.push.start + self.push.duration)
+        drive, poses = self.plant.servo, r["T"]
         return PhysicalRun(
-            self.strategy, self.plant.servo.kind, self.feedback, r["t"], r["clock"] / plan.steps, r["q"], r["m"],
-            r["c"], r["T"][:, :3, 3], r["T"][:, :3, :3], np.array(rests), cycles * plan.steps * dt,
-            made / asked if asked else 1.0, window, moved.most(len(start)), slowed, status,
+            self.strategy, drive.kind, drive.compensated, self.feedback, r["t"], r["clock"] / plan.steps, r["q"],
+            r["m"], r["c"], poses[:, :3, 3], poses[:, :3, :3], np.array(rests), cycles * plan.steps * dt,
+            watch.share, watch.sentence if watch.starved else "", window, slowed, stopped,
         )  # fmt: skip
 
     @property
@@ -310,13 +307,13 @@ class _Loop:
         self.mujoco.mj_step(plant.model, data)
 
     def _computed(self, command: Vector, dq: Vector, noise: Vector) -> Vector:
-        """tau = M a + h, a = 2 w (dq - q') [+ w^2 (command - q) of commanded joints], w = 2 pi 10 Hz."""
-        plant, data, w = self.plant, self.data, 2 * np.pi * 10.0
+        """tau = M a + h, a = 2 w (dq - q') [+ w^2 (command - q) of commanded joints], w that of the servo."""
+        plant, data = self.plant, self.data
         self.mujoco.mj_forward(plant.model, data)
         a = np.zeros(plant.model.nv)
-        a[plant.dofs] = 2 * w * (dq - data.qvel[plant.dofs])
+        a[plant.dofs] = plant.servo.damping * (dq - data.qvel[plant.dofs])
         if self.feedback == "commanded":
-            a[plant.dofs] += w**2 * (command - self.q - noise)
+            a[plant.dofs] += plant.servo.stiffness * (command - self.q - noise)
         self.mujoco.mj_mulM(plant.model, data, self.torque, a)
         return (self.torque + data.qfrc_bias - data.qfrc_passive)[plant.dofs]
 
@@ -324,27 +321,3 @@ class _Loop:
         values = (t, clock, q, measured, command.copy(), self.plan.now(clock))
         for known, value in zip(self.record.values(), values, strict=True):
             known.append(value)
-
-
-class _Deflection:
-    """How far a push deflects the joints: their motion since it began, less what was asked of them."""
-
-    def __init__(self, push: Push | None) -> None:
-        self.window = (np.inf, np.inf) if push is None else (push.start, push.start + push.duration + AFTER)
-        self.way: Vector | None = None
-        self.begun = self.found = np.zeros(0)
-
-    def see(self, t: float, q: Vector, asked: Vector) -> None:
-        """A step."""
-        if not self.window[0] <= t < self.window[1]:
-            return
-        if self.way is None:
-            self.way, self.begun, self.found = np.zeros(len(q)), q - asked, np.zeros(len(q))
-        self.way = self.way + asked
-        off = q - self.begun - self.way
-        if np.abs(off).max() > np.abs(self.found).max():
-            self.found = off
-
-    def most(self, n: int) -> Vector:
-        """(n,); zero without a push."""
-        return self.found if len(self.found) else np.zeros(n)

@@ -11,13 +11,12 @@ import numpy as np
 
 from ..arguments import typed
 from ..files import replacing
-from ..motion import StepStatus, has_leaf
+from ..motion import has_leaf
 from ..strategies import Strategy
-from ..trajectory import Status
 from ..types import Array, Matrix, Value, Vector
 
-STARVED = 0.5
-"""Share of the commanded motion that the joints make, below which a law is starved: a servo that lags keeps above."""
+AFTER = 0.5
+"""Seconds after a push in which its deflection is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,19 +25,20 @@ class PhysicalRun(Value):
 
     Attributes:
         strategy, servo, feedback: the law, the kind of servo, and the joints that the law was told.
+        compensated: whether torques of its own carried the weight.
         t: (k,) [s]. clock: (k,) how far along the cycles the path is, 1 a cycle.
         q: (k, n) where the joints were. measured: the same with noise. command: the positions asked for.
         position, rotation: (k, 3), (k, 3, 3) where the tool was wanted.
         rests: (cycles + 1, n) where the joints rested at the start and after each cycle that was done to its end.
         nominal: [s] how long the cycles take when nothing slows them.
-        followed: share of the commanded motion that the joints made, over the whole run.
+        followed, warning: share of the commanded motion that the joints made, and what `LoopWatch` says of too little.
         push: (from, to) [s] when a push acted; None without one.
-        deflection: (n,) how far the joints were deflected from their command by the push.
-        slowed: least scale of a step. status: how the run ended.
+        slowed: least scale of a step. stopped: why the run ended early; empty if it did not.
     """
 
     strategy: Strategy
     servo: str
+    compensated: bool
     feedback: str
     t: Vector
     clock: Vector
@@ -50,11 +50,10 @@ class PhysicalRun(Value):
     rests: Matrix
     nominal: float
     followed: float
+    warning: str
     push: tuple[float, float] | None
-    deflection: Vector
     slowed: float
-    status: Status
-    last: StepStatus = StepStatus.OK
+    stopped: str = ""
 
     @property
     def cycles(self) -> int:
@@ -95,22 +94,39 @@ class PhysicalRun(Value):
         levels = np.array([self.strategy.g(q) for q in self.q])
         return levels - self.strategy.g(self.rests[0])
 
+    def pushed(self, before: float = 0.0, after: float = AFTER) -> tuple[Vector, Matrix]:
+        """(times since the push began (k',) [s], how far the joints are from where they were without it (k', n)).
+
+        What the joints do elsewhere in the cycle is taken from the cycle before (or the one after, in the first), and
+        of commanded joints the command is left out, so that neither drift nor lag counts.
+
+        Args:
+            before, after: seconds about the push.
+        """
+        if self.push is None or self.t[-1] <= self.push[0]:
+            return np.zeros(0), np.zeros((0, self.q.shape[1]))
+        off = self.q - self.command if self.feedback == "commanded" else self.q
+        first, last = self.push
+        here = (self.t >= first - before) & (self.t <= last + after)
+        clock = self.clock[here] + (-1.0 if self.clock[here][0] >= 1.0 else 1.0)
+        usual = np.stack([np.interp(clock, self.clock, row) for row in off.T], axis=1)
+        if clock[-1] > self.clock[-1]:  # one cycle alone
+            usual = np.zeros_like(usual)
+        shift = off[here] - usual
+        t = self.t[here] - first
+        return t, shift - shift[np.searchsorted(t, 0.0)]
+
     @property
-    def starved(self) -> bool:
-        """Whether the joints made so little of what was asked for that the law must have been fed the wrong joints."""
-        return self.followed < STARVED
+    def deflection(self) -> float:
+        """How far the push deflects the joints: the largest one, at its most [joint units]."""
+        return float(np.abs(self.pushed()[1]).max(initial=0.0))
 
     @property
     def remark(self) -> str:
         """What is to be said of the run; empty if it went well."""
-        if self.starved:
-            longer = self.duration / self.nominal
-            return (
-                f"the joints made {self.followed:.0%} of the motion asked for, in {longer:.1f} times the path's time: "
-                f"{self.feedback} joints are fed back to {self.servo} servos; feed back "
-                f"{'commanded' if self.servo == 'position' else 'measured'} ones"
-            )
-        return "" if self.status is Status.COMPLETE else f"after {self.cycles} cycles it {self.status.value}"
+        if self.warning:
+            return f"{self.warning} ({self.feedback} joints and {self.servo} servos)"
+        return f"after {self.cycles} cycles it {self.stopped}" if self.stopped else ""
 
     @typed
     def save(self, path: str | Path) -> None:

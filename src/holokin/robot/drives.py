@@ -23,13 +23,13 @@ SERVOS = ("position", "velocity", "torque")
 class Servo(Value):
     """The drives of a robot: what they are commanded, and their gains. Make one with `servo`.
 
-    position: torque = stiffness (command - q) - damping dq. velocity: torque = damping (command - dq). torque: what is
-    commanded.
+    position: torque = stiffness (command - q) - damping dq. velocity: torque = damping (command - dq). torque: what
+    is commanded; stiffness and damping are then those of a law of computed torques, per unit of inertia.
 
     Attributes:
         kind: "position", "velocity" or "torque".
-        stiffness: (n,) [N m/rad, N/m], zero but for position.
-        damping: (n,) [N m s/rad, N s/m], zero for torque.
+        stiffness: (n,) [N m/rad, N/m; torque: 1/s^2], zero for velocity.
+        damping: (n,) [N m s/rad, N s/m; torque: 1/s].
         compensated: whether the weight of the links is carried by a torque of its own, known from the model.
     """
 
@@ -41,13 +41,13 @@ class Servo(Value):
 
 @typed
 def servo(
-    robot: Robot, kind: str, q: ArrayLike, *, frequency: float = 10.0, damping_ratio: float = 1.0,
+    robot: Robot, kind: str, q: ArrayLike, *, frequency: float = 25.0, damping_ratio: float = 1.0,
     compensated: bool | None = None,
 ) -> Servo:  # fmt: skip
     """Servos whose gains fit the inertia of each joint at a posture.
 
     With M the mass matrix and w = 2 pi frequency: stiffness_i = M_ii w^2, damping_i = 2 damping_ratio M_ii w of a
-    position servo, and damping_i = M_ii w of a velocity servo.
+    position servo, damping_i = M_ii w of a velocity servo, and w^2 and 2 damping_ratio w for torques.
 
     Args:
         kind: "position", "velocity" or "torque".
@@ -66,7 +66,7 @@ def servo(
     s = symbol("q", robot.n)
     M = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(heavy, s)})(at)
     inertia = np.diag(np.reshape(M, (robot.n, robot.n)))
-    none = np.zeros(robot.n)
-    gains = {"position": (inertia * w**2, 2 * zeta * inertia * w), "velocity": (none, inertia * w)}
-    stiffness, damping = gains.get(kind, (none, none))
+    scale = np.ones(robot.n) if kind == "torque" else inertia
+    stiffness = np.zeros(robot.n) if kind == "velocity" else scale * w**2
+    damping = scale * w * (1.0 if kind == "velocity" else 2 * zeta)
     return Servo(kind, stiffness, damping, kind != "position" if compensated is None else compensated)  # type: ignore[arg-type]
