@@ -9,7 +9,7 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, constraints, designing, export, laws, motion, physics, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
@@ -45,6 +45,8 @@ from .robot import (
     from_urdf,
     from_yourdfpy,
     load,
+    to_mjcf,
+    to_urdf,
     with_base_pose,
     with_tool,
 )
@@ -121,6 +123,7 @@ __all__ = [
     "null_basis",
     "obstruction",
     "path_spread",
+    "physics",
     "polyline",
     "pose",
     "position",
@@ -134,6 +137,8 @@ __all__ = [
     "simulate",
     "stationary",
     "strategies",
+    "to_mjcf",
+    "to_urdf",
     "weighted",
     "with_base_pose",
     "with_tool",

@@ -25,7 +25,7 @@ class PhysicsTable(Table):
     feedback: Literal["commanded", "measured"] | None = None
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 20
     noise: Annotated[float, Field(ge=0, le=1.0)] = 5e-5
-    push: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(default=[0.0, 100.0, 0.0])
+    push: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(default=[0.0, 200.0, 0.0])
     push_at: Annotated[float, Field(ge=0, le=MOST_CYCLES)] | None = None
     push_duration: Positive = 0.2
     push_joint: str | None = None

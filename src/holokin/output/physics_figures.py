@@ -22,8 +22,11 @@ AROUND = (0.3, 1.0)
 SIZE = (1100, 1100)
 """Width and height of a rendered arm [pixels]."""
 
-AZIMUTH = 155.0
+AZIMUTH = 172.0
 """From where arms are looked at [degrees]: nearly from the front, since elbows swing to the side."""
+
+SLIM = 0.55
+"""Share of the thickness of capsules that is drawn, for two arms to be told apart."""
 
 MARGIN = 12
 """Round the arms [pixels]."""
@@ -34,7 +37,7 @@ VISIBLE = 5e-3
 RED = (0.82, 0.21, 0.17, 1.0)
 """Of the tool's path [rgba]."""
 
-GHOST = (0.45, 0.60, 0.85, 0.45)
+GHOST = (0.25, 0.45, 0.85, 0.55)
 """Of the arm as it rested first [rgba]."""
 
 
@@ -121,6 +124,7 @@ def pictures_figure(runs: Mapping[str, PhysicalRun], pictures: Mapping[str, Any]
         axes.imshow(pictures[label])
         axes.set_axis_off()
         axes.set_title(_caption(label, run), loc="left", color=INK, fontsize=11)
+    figure.supxlabel("orange: after the last cycle; blue, where it is elsewhere: at the start", fontsize=10)
     return figure
 
 
@@ -168,8 +172,10 @@ def _rendered(mujoco: Any, run: PhysicalRun, camera: Any) -> Any:
             _placed(mujoco, plant, data, run.rests[0])
             kinds = mujoco.mjtCatBit.mjCAT_ALL.value
             mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), kinds, scene)
-        for geom in scene.geoms[first : scene.ngeom]:
-            geom.rgba[:], geom.transparent = GHOST, 1
+        for k, geom in enumerate(scene.geoms[: scene.ngeom]):
+            geom.size[:2] *= SLIM * (1.0 if k < first else 0.93)
+            if k >= first:
+                geom.rgba[:], geom.transparent = GHOST, 1
         _draw_path(mujoco, scene, run.position[:: max(1, len(run.position) // 400)])
         return renderer.render().copy()
 

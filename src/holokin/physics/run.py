@@ -15,6 +15,9 @@ from ..motion import has_leaf
 from ..strategies import Strategy
 from ..types import Array, Matrix, Value, Vector
 
+CALM = 0.3
+"""Seconds before a push whose mean is called no deflection: noise averages out."""
+
 AFTER = 0.5
 """Seconds after a push in which its deflection is looked for."""
 
@@ -107,14 +110,15 @@ class PhysicalRun(Value):
             return np.zeros(0), np.zeros((0, self.q.shape[1]))
         off = self.q - self.command if self.feedback == "commanded" else self.q
         first, last = self.push
-        here = (self.t >= first - before) & (self.t <= last + after)
+        here = (self.t >= first - max(before, CALM)) & (self.t <= last + after)
         clock = self.clock[here] + (-1.0 if self.clock[here][0] >= 1.0 else 1.0)
         usual = np.stack([np.interp(clock, self.clock, row) for row in off.T], axis=1)
         if clock[-1] > self.clock[-1]:  # one cycle alone
             usual = np.zeros_like(usual)
         shift = off[here] - usual
         t = self.t[here] - first
-        return t, shift - shift[np.searchsorted(t, 0.0)]
+        shift = shift - shift[t < 0].mean(axis=0) if (t < 0).any() else shift - shift[0]
+        return t[t >= -before], shift[t >= -before]
 
     @property
     def deflection(self) -> float:

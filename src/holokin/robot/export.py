@@ -21,8 +21,8 @@ some, and so little changes nothing."""
 EFFORT = 1000.0
 """Largest torque or force of a joint in a URDF [N m, N], which must name one: more than arms of the catalogue have."""
 
-GREY, ORANGE = "0.55 0.58 0.62 1", "0.90 0.45 0.13 1"
-"""Of the links, in turn [rgba]."""
+COLOR = "0.90 0.45 0.13 1"
+"""Of the links [rgba]."""
 
 
 @typed
@@ -234,8 +234,7 @@ def _urdf_visual(shape: Capsule) -> str:
 
 def _mjcf_geom(shape: Capsule) -> str:
     form = f'type="capsule" fromto="{_numbers([*shape.start, *shape.end])}"' if shape.length else 'type="sphere"'
-    color = ORANGE if shape.joint % 2 else GREY
-    return f'<geom {form} size="{shape.radius!r}" mass="0" contype="0" conaffinity="0" rgba="{color}"/>'
+    return f'<geom {form} size="{shape.radius!r}" mass="0" contype="0" conaffinity="0" rgba="{COLOR}"/>'
 
 
 def _mjcf_inertial(body: Body | None) -> str:
