@@ -88,10 +88,10 @@ def to_mjcf(robot: Robot, *, servo: Servo | None = None, density: float = DENSIT
         effort: largest torque or force of each actuator [N m, N], a number, or (n,); None for no limit.
 
     Raises:
-        ArgumentError: as of `to_urdf`. ShapeError: a servo of another number of joints.
+        ArgumentError: as of `to_urdf`; a servo of another number of joints. ShapeError.
     """
-    if servo is not None:
-        numbers("the servo's damping", servo.damping).reshape(robot.n)
+    if servo is not None and len(servo.damping) != robot.n:
+        raise ArgumentError("the servo's joints", len(servo.damping), f"make one for the {robot.n} of {robot.name!r}")
     heavy, names = weighed(robot, density), _link_names(robot)
     masses, shapes, compensated = merged(heavy.bodies), capsules(robot), servo is not None and servo.compensated
     children: dict[int, list[int]] = {}
