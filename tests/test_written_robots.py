@@ -24,7 +24,7 @@ def dynamics(robot: hk.Robot, q: np.ndarray) -> tuple[np.ndarray, float]:
     s = symbol("q", robot.n)
     outputs = {"M": mass_matrix_expression(robot, s), "U": potential_expression(robot, s, WEIGHT)}
     M, U = Function("dynamics", {"q": s}, outputs)(q)
-    return np.asarray(M), float(np.ravel(U)[0])
+    return np.reshape(M, (robot.n, robot.n)), float(np.ravel(U)[0])
 
 
 def again(robot: hk.Robot, form: str, folder: Path) -> hk.Robot:
@@ -59,8 +59,7 @@ def test_a_robot_of_the_catalogue_is_itself_after_it_was_written(name: str, form
 
 ARMS = [
     ("panda.urdf", ["panda_leftfinger", "panda_rightfinger"]),  # of which one follows the other
-    ("xarm7.urdf", ["link_eef"]),
-    ("tiago.urdf", ["arm_7_link"]),
+    ("tiago.urdf", ["arm_7_link"]),  # with its head and fingers, and rotations a hair from pitch = 90 degrees
 ]
 
 
@@ -89,13 +88,13 @@ def test_pinocchio_and_mujoco_find_the_source_s_mass_matrix_and_gravity_torque(t
     robot = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
     written = pin.buildModelFromXML(hk.to_urdf(robot))
     model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot))
-    data = mujoco.MjData(model)
+    data, extra = mujoco.MjData(model), written.createData()
     for q in (PANDA_START, np.zeros(7), -PANDA_START):
         M, g = pin.crba(source, source.createData(), q), pin.computeGeneralizedGravity(source, source.createData(), q)
         M = np.triu(M) + np.triu(M, 1).T
         N, h = (
-            pin.crba(written, written.createData(), q),
-            pin.computeGeneralizedGravity(written, written.createData(), q),
+            pin.crba(written, extra, q),
+            pin.computeGeneralizedGravity(written, extra, q),
         )
         assert np.abs(np.triu(N) - np.triu(M)).max() < 1e-12
         assert np.abs(h - g).max() < 1e-11
@@ -136,7 +135,7 @@ def test_a_capsule_weighs_what_mujoco_says(start: list[float], end: list[float])
     capsule = Capsule(0, np.array(start), np.array(end), 0.07)
     ends = " ".join(map(str, start + end))
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler exactmeshinertia="true"/><worldbody><body><freejoint/><geom type="capsule" fromto="{ends}" '
+        f'<mujoco><worldbody><body><freejoint/><geom type="capsule" fromto="{ends}" '
         'size="0.07" density="850"/></body></worldbody></mujoco>'
     )
     solid = capsule.solid(850.0)
@@ -149,20 +148,17 @@ def test_a_capsule_weighs_what_mujoco_says(start: list[float], end: list[float])
 
 def test_the_arm_is_drawn_from_joint_to_joint(panda: hk.Robot) -> None:
     drawn = [shape for shape in capsules(panda) if shape.length]
-    assert sum(shape.length for shape in drawn) == pytest.approx(
-        np.linalg.norm(np.diff(panda.skeleton(PANDA_START)[0], axis=0), axis=1).sum(), abs=0.02
-    )
+    line = panda.skeleton(PANDA_START)[0]
+    assert sum(shape.length for shape in drawn) == pytest.approx(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     assert hk.to_mjcf(panda).count('type="capsule"') == len(drawn) == hk.to_urdf(panda).count("<cylinder")
 
 
 def test_a_servo_alone_settles_as_a_critically_damped_oscillator() -> None:
     """x(t) = x0 (1 + w t) exp(-w t) of one joint with its weight compensated, w = 2 pi f."""
-    robot = hk.from_dh(
-        [{"a": 0.6, "joint": "q"}], base=np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-    )
-    model = mujoco.MjModel.from_xml_string(
-        hk.to_mjcf(robot, servo=servo(robot, "position", [0.0], frequency=2.0, compensated=True))
-    )
+    upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    robot = hk.from_dh([{"a": 0.6, "joint": "q"}], base=upright)
+    drive = servo(robot, "position", [0.0], frequency=2.0, compensated=True)
+    model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot, servo=drive))
     model.opt.timestep, data = 1e-4, mujoco.MjData(model)
     data.qpos[0], w = 0.4, 2 * np.pi * 2.0
     for t in np.arange(1, 5001) * 1e-4:

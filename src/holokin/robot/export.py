@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -251,12 +250,12 @@ def _numbers(values: object) -> str:
 
 
 def _origin(T: Matrix) -> str:
-    from scipy.spatial.transform import Rotation
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the equal triples serves
-        rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
-    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers(rpy)}"/>'
+    """R = Rz(yaw) Ry(pitch) Rx(roll). Near pitch = 90 degrees the yaw is poorly known, and the roll makes up for it."""
+    R = T[:3, :3]
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    side = np.cos(yaw) * R[1] - np.sin(yaw) * R[0]  # (0, cos roll, -sin roll)
+    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers([np.arctan2(-side[2], side[1]), pitch, yaw])}"/>'
 
 
 def _pose(T: Matrix) -> str:
