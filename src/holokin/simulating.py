@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -37,8 +35,6 @@ def simulating(check: Callable[[], None]) -> Callable[..., None]:
         Writes logs, figures and the model to OUT/<job>-physics/. Exits 0 when every run ends and the log of every
         strategy with leaves repeats, 1 when one does not, 2 on bad input.
         """
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported: it would look for a display
         from rich.console import Console
         from rich.markup import escape
 

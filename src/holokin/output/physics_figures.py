@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -27,6 +29,9 @@ AZIMUTH = 172.0
 
 SLIM = 0.55
 """Share of the thickness of capsules that is drawn, for two arms to be told apart."""
+
+MOST_GEOMS = 2000
+"""Shapes of a scene: those of an arm, and a few hundred of the path of its tool."""
 
 MARGIN = 12
 """Round the arms [pixels]."""
@@ -159,25 +164,46 @@ def rendered(runs: Mapping[str, PhysicalRun]) -> dict[str, Any]:
 
 def _rendered(mujoco: Any, run: PhysicalRun, camera: Any) -> Any:
     """One arm on black."""
-    robot, (width, height) = run.strategy.task.robot, SIZE
+    robot = run.strategy.task.robot
     plant = make_plant(robot, servo(robot, run.servo, run.rests[0]))
     model, data = plant.model, mujoco.MjData(plant.model)
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.45, 0.55
-    with mujoco.Renderer(model, height, width) as renderer:
-        _placed(mujoco, plant, data, run.rests[-1])
-        renderer.update_scene(data, camera)
-        scene, first = renderer.scene, renderer.scene.ngeom
-        if np.abs(run.rests[-1] - run.rests[0]).max() > VISIBLE:
-            _placed(mujoco, plant, data, run.rests[0])
-            kinds = mujoco.mjtCatBit.mjCAT_ALL.value
-            mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), kinds, scene)
-        for k, geom in enumerate(scene.geoms[: scene.ngeom]):
-            geom.size[:2] *= SLIM * (1.0 if k < first else 0.93)
-            if k >= first:
-                geom.rgba[:], geom.transparent = GHOST, 1
-        _draw_path(mujoco, scene, run.position[:: max(1, len(run.position) // 400)])
-        return renderer.render().copy()
+    scene, option, nothing = mujoco.MjvScene(model, maxgeom=MOST_GEOMS), mujoco.MjvOption(), mujoco.MjvPerturb()
+    kinds = mujoco.mjtCatBit.mjCAT_ALL.value
+    _placed(mujoco, plant, data, run.rests[-1])
+    mujoco.mjv_updateScene(model, data, option, nothing, camera, kinds, scene)
+    first = scene.ngeom
+    if np.abs(run.rests[-1] - run.rests[0]).max() > VISIBLE:
+        _placed(mujoco, plant, data, run.rests[0])
+        mujoco.mjv_addGeoms(model, data, option, nothing, kinds, scene)
+    for k, geom in enumerate(scene.geoms[: scene.ngeom]):
+        geom.size[:2] *= SLIM * (1.0 if k < first else 0.93)
+        if k >= first:
+            geom.rgba[:], geom.transparent = GHOST, 1
+    _draw_path(mujoco, scene, run.position[:: max(1, len(run.position) // 400)])
+    return _pixels(mujoco, model, scene)
+
+
+def _pixels(mujoco: Any, model: Any, scene: Any) -> Any:
+    """A scene off-screen. On Linux without a display by EGL: the window library would end the process there."""
+    place: Any = mujoco
+    shown = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"))
+    if sys.platform == "linux" and not shown:
+        import mujoco.egl as place
+    width, height = SIZE
+    gl = place.GLContext(width, height)
+    gl.make_current()
+    try:
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
+        rectangle, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_render(rectangle, scene, context)
+        mujoco.mjr_readPixels(pixels, None, rectangle, context)
+        context.free()
+    finally:
+        gl.free()
+    return pixels[::-1]
 
 
 def _placed(mujoco: Any, plant: Any, data: Any, q: Vector) -> None:
