@@ -38,7 +38,8 @@ def test_after_20_cycles_the_holonomic_law_rests_at_servo_accuracy_and_the_pseud
     arm: hk.Robot,
 ) -> None:
     """With noise and a push. Once measured: 4e-5 rad apart, and 0.660 rad against 0.660 predicted."""
-    loop = circle(arm)
+    start = arm.pose(PANDA_START)[:3, 3]
+    loop = hk.circle(start, start - [0.05, 0, 0], speed=0.2)
     push = Push(np.array([0.0, 200.0, 0.0]), 10.4 * cycle_time(loop))
     common = {"cycles": 20, "dt": 2e-3, "noise": 5e-5, "push": push}
     held = play(tied(arm), loop, PANDA_START, **common)
@@ -51,13 +52,13 @@ def test_after_20_cycles_the_holonomic_law_rests_at_servo_accuracy_and_the_pseud
     assert predicted[-1] == pytest.approx(0.660, abs=1e-3)
     assert np.abs(lost.apart / predicted - 1).max() < 0.05
     for run in (held, lost):
-        assert run.tracking_error() < 3e-3
+        assert run.tracking_error() < 6e-3
         assert not run.remark
 
 
 def pushed(strategy: hk.Strategy) -> PhysicalRun:
     loop = circle(strategy.task.robot)
-    push = Push(np.array([0.0, 60.0, 0.0]), 0.3 * cycle_time(loop), joint="panda_joint4")
+    push = Push(np.array([0.0, 150.0, 0.0]), 0.3 * cycle_time(loop), joint="panda_joint4")
     return play(strategy, loop, PANDA_START, servo="velocity", push=push, dt=2e-3)
 
 
@@ -208,7 +209,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_job_is_simulated_and_its_logs_are_judged(done: Path, holokin: Command) -> None:
-    outcome = holokin("simulate", done / "laws.toml", "--cycles", "6", "--push", "0 100 0", "--out", done / "out")
+    outcome = holokin("simulate", done / "laws.toml", "--cycles", "4", "--push", "0 100 0", "--out", done / "out")
     assert outcome.code == 0, outcome.err
     rows = {line.split("│")[1].strip(): line for line in outcome.out.splitlines() if line.startswith("│")}
     assert "drifts" in rows["moore-penrose"]

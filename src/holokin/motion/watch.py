@@ -23,14 +23,15 @@ class LoopWatch:
 
     Args:
         dt: the loop's step [s].
+        log: whether to warn.
     """
 
     @typed
-    def __init__(self, dt: float) -> None:
+    def __init__(self, dt: float, log: bool = True) -> None:
         self.dt = positive("dt", dt, "give the step in seconds")
         self._made = self._asked = 0.0
         self._last: tuple[Vector, Vector] | None = None
-        self._told = False
+        self._told = not log
 
     def see(self, q: ArrayLike, dq: ArrayLike) -> None:
         """One step: where the joints are (n,), and the rates (n,) that they are commanded from there."""

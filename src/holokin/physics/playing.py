@@ -233,7 +233,7 @@ class _Loop:
         command, clock, seen, k, done = start.copy(), 0.0, (0.0, 0), 0, 0
         every = max(1, round(LOGGED / dt))
         rests, stopped, slowed = [self.q], "", 1.0
-        watch = LoopWatch(dt)
+        watch = LoopWatch(dt, log=self.feedback == "measured")
         with progress(f"playing {self.strategy.name}", total) as report:
             while clock < total:
                 q = self.q
@@ -270,10 +270,11 @@ class _Loop:
         r = {key: np.array(values) for key, values in self.record.items()}
         window = None if self.push is None else (self.push.start, self.push.start + self.push.duration)
         drive, poses = self.plant.servo, r["T"]
+        warning = watch.sentence if watch.starved and self.feedback == "measured" else ""
         return PhysicalRun(
             self.strategy, drive.kind, drive.compensated, self.feedback, r["t"], r["clock"] / plan.steps, r["q"],
             r["m"], r["c"], poses[:, :3, 3], poses[:, :3, :3], np.array(rests), cycles * plan.steps * dt,
-            watch.share, watch.sentence if watch.starved else "", window, slowed, stopped,
+            watch.share, warning, window, slowed, stopped,
         )  # fmt: skip
 
     @property

@@ -128,9 +128,8 @@ class PhysicalRun(Value):
     @property
     def remark(self) -> str:
         """What is to be said of the run; empty if it went well."""
-        if self.warning:
-            return f"{self.warning} ({self.feedback} joints and {self.servo} servos)"
-        return f"after {self.cycles} cycles it {self.stopped}" if self.stopped else ""
+        fed = f"{self.warning} ({self.feedback} joints and {self.servo} servos)" if self.warning else ""
+        return "; ".join(filter(None, [f"after {self.cycles} cycles it {self.stopped}" if self.stopped else "", fed]))
 
     @typed
     def save(self, path: str | Path) -> None:
