@@ -61,6 +61,6 @@ class LoopWatch:
         if not self.starved:
             return f"the joints make {self.share:.0%} of the motion that is commanded"
         return (
-            f"the joints make {self.share:.0%} of the motion that is commanded: with position servos feed back the "
+            f"the joints make {max(self.share, 0.0):.0%} of the motion that is commanded: with position servos feed back the "
             "commanded joints, not the measured ones; with others, look whether the drives are on"
         )

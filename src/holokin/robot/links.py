@@ -48,7 +48,7 @@ class Capsule(Value):
         z = (self.end - self.start) / self.length
         x = np.cross(z, np.eye(3)[int(np.abs(z).argmin())])
         x /= np.linalg.norm(x)
-        return np.column_stack([x, np.cross(z, x), z])
+        return np.array([x, np.cross(z, x), z], dtype=np.float64).T
 
     def solid(self, density: float) -> Body:
         """Its mass and inertia as a solid of even density [kg/m^3]."""
