@@ -37,7 +37,7 @@ def simulate_job(
         path = build_path(job, task, start, file)
     cycles = table.cycles if path.closed else 1
     with naming(file, "physics"):
-        push = table.force(path, cycles)
+        push = table.force(robot, path, cycles)
     played: list[Played] = []
     for label, its in job.strategies.items():
         say(label)
@@ -60,4 +60,5 @@ def simulate_job(
     masses = (
         "" if knows_masses(robot) else f"solid capsules of {table.density:g} kg/m^3, since {robot.name} has no masses"
     )
-    return PhysicsResult(name, job.title, robot, tuple(played), masses, table.model_dump())
+    settings = table.model_dump() | {"push": [0.0, 0.0, 0.0] if push is None else push.force.tolist()}
+    return PhysicsResult(name, job.title, robot, tuple(played), masses, settings)

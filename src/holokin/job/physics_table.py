@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 from ..errors import ArgumentError
 from ..path import Path
 from ..physics import Push, cycle_time
-from ..robot import DENSITY
+from ..robot import DENSITY, Robot, weighed
 from .table import Length, Positive, Table
 
 MOST_CYCLES = 1000
@@ -25,7 +25,7 @@ class PhysicsTable(Table):
     feedback: Literal["commanded", "measured"] | None = None
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 20
     noise: Annotated[float, Field(ge=0, le=1.0)] = 5e-5
-    push: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(default=[0.0, 200.0, 0.0])
+    push: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = None
     push_at: Annotated[float, Field(ge=0, le=MOST_CYCLES)] | None = None
     push_duration: Positive = 0.2
     push_joint: str | None = None
@@ -33,12 +33,14 @@ class PhysicsTable(Table):
     density: Positive = DENSITY
     dt: Annotated[float, Field(ge=1e-5, le=0.02)] = 1e-3
 
-    def force(self, path: Path, cycles: int) -> Push | None:
-        """The push, by default in the motion of the middle cycle. Raises: ArgumentError."""
-        if not any(self.push):
+    def force(self, robot: Robot, path: Path, cycles: int) -> Push | None:
+        """The push; by default in the middle cycle, as strong as the arm's weight. Raises: ArgumentError."""
+        weight = 9.81 * sum(body.mass for body in weighed(robot, self.density).bodies if body.joint >= 0)
+        force = [0.0, weight, 0.0] if self.push is None else self.push
+        if not any(force):
             return None
         at = cycles // 2 + 0.4 if self.push_at is None else self.push_at
-        return Push(self.push, at * cycle_time(path), self.push_duration, self.push_joint)  # type: ignore[arg-type]
+        return Push(force, at * cycle_time(path), self.push_duration, self.push_joint)  # type: ignore[arg-type]
 
     def changed(self, changes: dict[str, Any]) -> PhysicsTable:
         """With other values of some keys. Raises: ArgumentError: one makes no sense."""

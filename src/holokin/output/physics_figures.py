@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import HolokinError
 from ..physics import PhysicalRun, make_plant
+from ..physics.plant import mujoco_module
 from ..robot import servo
 from ..types import Matrix, Vector
 from .plots import ELEVATION, GREY, INK, PALETTE, frame_robot, robot_stick, tool_path, write_figure
@@ -51,7 +52,7 @@ def apart_figure(runs: Mapping[str, PhysicalRun], predicted: Mapping[str, Matrix
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.4, 4.2), layout="constrained")
-    axes = figure.add_subplot()
+    axes: Any = figure.add_subplot()
     for i, (label, run) in enumerate(runs.items()):
         color, cycles = PALETTE[i % len(PALETTE)], np.arange(1, run.cycles + 1)
         axes.semilogy(cycles, np.maximum(run.apart, 1e-9), "o", color=color, markersize=5, label=on_figure(label))
@@ -144,8 +145,7 @@ def rendered(runs: Mapping[str, PhysicalRun]) -> dict[str, Any]:
 
     Raises: whatever a machine without GL raises.
     """
-    import mujoco
-
+    mujoco = mujoco_module()
     points = np.vstack([
         line for run in runs.values() for q in run.rests[[0, -1]] for line in run.strategy.task.robot.skeleton(q)
     ])  # fmt: skip

@@ -83,7 +83,7 @@ class PhysicsResult:
         run, had = self.played[0].run, self.settings
         weight = "weight carried by torques of its own" if run.compensated else "weight on the servos"
         said = f"{run.servo} servos of {had['frequency']:g} Hz, {weight}, {run.feedback} joints fed back"
-        said += f"; noise {had['noise']:g}" + (f"; a push of {np.linalg.norm(had['push']):g} N" if run.push else "")
+        said += f"; noise {had['noise']:g}" + (f"; a push of {np.linalg.norm(had['push']):.3g} N" if run.push else "")
         return f"{said}; masses: {self.masses or 'those of the robot'}"
 
     @property
