@@ -21,7 +21,7 @@ mujoco = pytest.importorskip("mujoco")
 
 @pytest.fixture(scope="module")
 def arm() -> hk.Robot:
-    """A Panda with the masses of its URDF, 18 kg."""
+    """A Panda with the masses of its URDF."""
     return hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
 
 
@@ -272,3 +272,11 @@ def test_without_gl_the_arms_are_drawn_as_sticks(
     physics_figures.write_frames({"tied": run}, tmp_path / "arms.png")
     assert drawn
     assert (tmp_path / "arms.png").stat().st_size > 10_000
+
+
+def test_in_one_cycle_of_measured_joints_the_deflection_is_not_known(arm: hk.Robot) -> None:
+    push = Push(np.array([0.0, 150.0, 0.0]), 1.0)
+    alone = play(tied(arm), circle(arm), PANDA_START, servo="velocity", push=push, dt=4e-3)
+    assert np.isnan(alone.deflection)
+    two = play(tied(arm), circle(arm), PANDA_START, servo="velocity", push=push, dt=4e-3, cycles=2)
+    assert 0.003 < two.deflection < 0.03

@@ -62,6 +62,6 @@ class LoopWatch:
             return f"the joints make {self.share:.0%} of the motion that is commanded"
         share = max(self.share, 0.0)
         return (
-            f"the joints make {share:.0%} of the motion that is commanded: with position servos feed back the commanded "
-            "joints, not the measured ones; with others, look whether the drives are on"
+            f"the joints make {share:.0%} of the motion that is commanded: with position servos feed back the "
+            "commanded joints, not the measured ones; with others, look whether the drives are on"
         )

@@ -56,7 +56,8 @@ class Played:
             "cycles": run.cycles, "duration": run.duration, "nominal_duration": run.nominal,
             "apart_each_cycle": run.apart.tolist(), "since_start": run.since_start.tolist(),
             "predicted": None if self.predicted is None else np.abs(self.predicted).max(axis=1).tolist(),
-            "deflection": run.deflection, "tracking_m": run.tracking_error("m"), "remark": run.remark,
+            "deflection": run.deflection if np.isfinite(run.deflection) else None,
+            "tracking_m": run.tracking_error("m"), "remark": run.remark,
             "audit": None if self.audit is None else self.audit.summary(), "not_audited": self.not_audited,
         }  # fmt: skip
 

@@ -113,8 +113,8 @@ class PhysicalRun(Value):
         here = (self.t >= first - max(before, CALM)) & (self.t <= last + after)
         clock = self.clock[here] + (-1.0 if self.clock[here][0] >= 1.0 else 1.0)
         usual = np.stack([np.interp(clock, self.clock, row) for row in off.T], axis=1)
-        if clock[-1] > self.clock[-1]:  # one cycle alone
-            usual = np.zeros_like(usual)
+        if clock[-1] > self.clock[-1]:  # one cycle alone: of measured joints nothing tells the push from the motion
+            usual = np.full_like(usual, 0.0 if self.feedback == "commanded" else np.nan)
         shift = off[here] - usual
         t = self.t[here] - first
         shift = shift - shift[t < 0].mean(axis=0) if (t < 0).any() else shift - shift[0]
@@ -122,7 +122,7 @@ class PhysicalRun(Value):
 
     @property
     def deflection(self) -> float:
-        """How far the push deflects the joints: the largest one, at its most [joint units]."""
+        """How far the push deflects the joints: the largest one, at its most [joint units]; NaN if not known."""
         return float(np.abs(self.pushed()[1]).max(initial=0.0))
 
     @property

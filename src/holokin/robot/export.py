@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError
-from ..types import Matrix, numbers, positive
+from ..types import ArrayLike, Matrix, numbers, positive
 from .drives import Servo
 from .links import DENSITY, Capsule, capsules, knows_masses, merged, rest, weighed
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
@@ -25,7 +25,7 @@ COLOR = "0.90 0.45 0.13 1"
 
 
 @typed
-def to_urdf(robot: Robot, *, density: float = DENSITY, effort: object = EFFORT) -> str:
+def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFORT) -> str:
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
     Joints that follow others are written as <mimic>. No limit of position, speed or both is written as 1e6, which
@@ -74,7 +74,9 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: object = EFFORT) 
 
 
 @typed
-def to_mjcf(robot: Robot, *, servo: Servo | None = None, density: float = DENSITY, effort: object = None) -> str:
+def to_mjcf(
+    robot: Robot, *, servo: Servo | None = None, density: float = DENSITY, effort: ArrayLike | None = None
+) -> str:
     """The MJCF of a robot for MuJoCo: a body for each joint, a site for each tip, named as the tip.
 
     Joints that follow others are tied by <equality>. MuJoCo has no speed limits. The geoms are capsules along the links
@@ -178,7 +180,7 @@ def _mjcf_range(c: Coordinate, follows: tuple[float, float] | None) -> str:
     return f'limited="true" range="{low!r} {high!r}"'
 
 
-def _actuators(robot: Robot, servo: Servo, effort: object) -> list[str]:
+def _actuators(robot: Robot, servo: Servo, effort: ArrayLike | None) -> list[str]:
     lines = []
     efforts = None if effort is None else _efforts(robot, effort)
     gains = zip(servo.stiffness.tolist(), servo.damping.tolist(), strict=True)
@@ -191,7 +193,7 @@ def _actuators(robot: Robot, servo: Servo, effort: object) -> list[str]:
     return lines
 
 
-def _efforts(robot: Robot, effort: object) -> list[float]:
+def _efforts(robot: Robot, effort: ArrayLike) -> list[float]:
     given = numbers("effort", effort)
     if given.ndim:
         robot.checked(given, "effort")
