@@ -32,7 +32,7 @@ RAMP = 0.5
 REST = 0.5
 """Seconds of rest at the end of each cycle, in which the arm calms down: a dozen periods of a servo of 25 Hz."""
 
-SETTLE = 2.0
+SAG = 2.0
 """Seconds before the run, in which the arm sags into its servos."""
 
 LOGGED = 0.01
@@ -227,8 +227,8 @@ class _Loop:
         self.torque = np.zeros(self.plant.model.nv)
 
     def go(self, start: Vector, cycles: int) -> PhysicalRun:
-        """Settle, then run the cycles."""
-        self._settle(start)
+        """Let the arm sag into its servos, then run the cycles."""
+        self._rest(start)
         plan, dt, total = self.plan, self.plan.dt, cycles * self.plan.steps
         command, clock, seen, k, done = start.copy(), 0.0, (0.0, 0), 0, 0
         every = max(1, round(LOGGED / dt))
@@ -282,14 +282,14 @@ class _Loop:
         """Where the joints are."""
         return self.data.qpos[self.plant.places]
 
-    def _settle(self, start: Vector) -> None:
+    def _rest(self, start: Vector) -> None:
         self.data.qpos[self.plant.places] = start
         for joint in self.plant.robot.joints:  # followers too
             value = joint.multiplier * start[joint.coordinate] + joint.offset
             if joint.name not in self.plant.robot.joint_names:
                 self.data.joint(joint.name).qpos[0] = value
         none = np.zeros(len(start))
-        for _ in range(round(SETTLE / self.plan.dt)):
+        for _ in range(round(SAG / self.plan.dt)):
             rates = none if self.plant.servo.kind == "position" else 5.0 * (start - self.q)
             self._drive(start, rates, none, -1.0)
 
