@@ -108,7 +108,7 @@ def sticks_figure(runs: Mapping[str, PhysicalRun]) -> Any:
     """The arms as stick figures: the first rest in grey, the last in colour, and the path of the tool."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.6 * len(runs), 4.8), layout="constrained")
+    figure = Figure(figsize=(5.0 * len(runs), 5.0), layout="constrained")
     for i, (label, run) in enumerate(runs.items()):
         robot = run.strategy.task.robot
         axes = figure.add_subplot(1, len(runs), i + 1, **({} if robot.planar else {"projection": "3d"}))
@@ -116,7 +116,7 @@ def sticks_figure(runs: Mapping[str, PhysicalRun]) -> Any:
         robot_stick(axes, robot, run.rests[0], GREY, width=2.4)
         robot_stick(axes, robot, run.rests[-1], PALETTE[0], width=2.4)
         clouds = [line for q in (run.rests[0], run.rests[-1]) for line in robot.skeleton(q)]
-        frame_robot(axes, robot, clouds, _caption(label, run))
+        frame_robot(axes, robot, clouds, _caption(label, run), azimuth=-20.0, zoom=1.2)
     return figure
 
 
