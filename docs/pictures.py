@@ -18,6 +18,7 @@ from holokin.motion.elbow_field import LeafField, sphere_of
 from holokin.motion.sphere_index import spread
 from holokin.output.coverage_plots import coverage_figure
 from holokin.output.figures import cycles_figure, robot_figure, ways_figure
+from holokin.output.physics_figures import pictures_figure, rendered
 from holokin.output.plots import PALETTE, style
 
 HERE = Path(__file__).parent
@@ -330,9 +331,23 @@ def jobs() -> None:
     save(robot_figure(result), "job-panda-strategies")
 
 
+def physics() -> None:
+    """Pseudo-inverse and a holonomic law on MuJoCo: the arms after 20 circles, as `holokin simulate` shows them."""
+    robot = hk.load("panda")
+    start, task = robot.pose(PANDA)[:3, 3], hk.pose(robot)
+    circle = hk.circle(start, start - [0.05, 0, 0])
+    laws = {
+        "pseudo-inverse": hk.moore_penrose(task),
+        "q1 - q3 kept": hk.holonomic(task, hk.linear([1, 0, -1] + [0] * 4)),
+    }
+    runs = {name: hk.physics.play(law, circle, PANDA, cycles=20, noise=5e-5) for name, law in laws.items()}
+    save(pictures_figure(runs, rendered(runs)), "physics")
+
+
 if __name__ == "__main__":
     every = (
         self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, jobs,
+        physics,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -11,7 +11,6 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.errors import ArgumentError
 from holokin.laws import PostureTask, mink_law, pink_law, placo_law
 from holokin.robot import to_mjcf, to_urdf
 
@@ -67,15 +66,6 @@ def test_a_robot_written_as_mjcf_is_the_same_robot_to_mujoco(name: str) -> None:
         assert np.abs(site.xmat.reshape(3, 3) - robot.pose(q)[:3, :3]).max() < 1e-12
         mujoco.mj_jacSite(model, data, linear, angular, model.site(robot.tips[0].name).id)
         assert np.abs(np.vstack([linear, angular]) - robot.jacobian(q)).max() < 1e-12
-
-
-def test_what_mimics_is_not_written(tmp_path) -> None:
-    from conftest import urdf
-
-    hand = hk.from_urdf(urdf("panda.urdf"), tip=["panda_leftfinger", "panda_rightfinger"])
-    for write in (to_urdf, to_mjcf):
-        with pytest.raises(ArgumentError, match="mimic"):
-            write(hand)
 
 
 @every

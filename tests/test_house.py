@@ -35,6 +35,7 @@ LAYERS = [
     {"sampling"},
     {"analysis", "motion"},
     {"laws"},
+    {"physics"},
     {"recording"},
     {"auditing"},
     {"designing"},
@@ -43,6 +44,7 @@ LAYERS = [
     {"studio"},
     {"outcome"},
     {"exporting"},
+    {"simulating"},
     {"cli"},
     {"__main__"},
 ]

@@ -22,14 +22,13 @@ PLAIN = {
     r"\bleaf.gains?\b": "constraint gain",
     r"\bwalkers?\b": "follower",
     r"\bblurred\b": "undecided, hidden by round-off",
-    r"\bservo\b": "controller",
+    r"\bservo (law|step|loop)s?\b": "controller; a servo is the drive of a joint",
     r"\bprice(s|d)?\b": "distance to a repeatable law; cost",
 }
 """What is not said -> what is said instead."""
 
 ALLOWED = {
     "holonomy": re.compile(r"holonomic|anholonomy|Holonomy (group|of)|\[[A-Z][A-Za-z]*\d\d\]", re.IGNORECASE),
-    "servo": re.compile(r"position servo|servo motor|servoj", re.IGNORECASE),
 }
 """Words of text books that look alike."""
 

@@ -55,6 +55,16 @@ def calls() -> dict[str, Call]:
             "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
         "with_tool": (hk.with_tool, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None, "name": "t"}),
         "with_base_pose": (hk.with_base_pose, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
+        "to_urdf": (hk.to_urdf, (robot,), {"density": 1000.0, "effort": 100.0}),
+        "to_mjcf": (hk.to_mjcf, (robot,), {"servo": hk.robot.servo(robot, "position", q), "density": 1000.0,
+                                           "effort": [9.0, 9.0, 9.0]}),
+        "servo": (hk.robot.servo, (robot, "position", q), {
+            "frequency": 10.0, "damping_ratio": 1.0, "compensated": True}),
+        "play": (hk.physics.play, (held, loop, q), {
+            "servo": "velocity", "feedback": "measured", "cycles": 1, "dt": 0.02, "gain": 5.0, "noise": 1e-5,
+            "push": hk.physics.Push([1.0, 0.0, 0.0], 0.1), "density": 1000.0, "seed": 0}),
+        "Push": (lambda *a, **n: hk.physics.play(held, loop, q, dt=0.02, push=hk.physics.Push(*a, **n)),
+            ([1.0, 0.0, 0.0], 0.1), {"duration": 0.1, "joint": None}),
         "reach": (hk.robot.reach, (robot,), {"tip": None}),
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),

@@ -9,7 +9,7 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, constraints, designing, export, laws, motion, physics, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
@@ -46,6 +46,8 @@ from .robot import (
     from_urdf,
     from_yourdfpy,
     load,
+    to_mjcf,
+    to_urdf,
     with_base_pose,
     with_tool,
 )
@@ -124,6 +126,7 @@ __all__ = [
     "obstruction",
     "path_spread",
     "pink_task",
+    "physics",
     "polyline",
     "pose",
     "position",
@@ -137,6 +140,8 @@ __all__ = [
     "simulate",
     "stationary",
     "strategies",
+    "to_mjcf",
+    "to_urdf",
     "weighted",
     "with_base_pose",
     "with_tool",

@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 from .errors import ArgumentError
 from .exporting import exporting
 from .outcome import Ending, finish, prepare_streams, show, show_rich
+from .simulating import simulating
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -311,6 +312,7 @@ def advise(
 
 
 app.add_typer(exporting, name="export")
+app.command("simulate")(simulating(lambda: _ending.check()))
 
 
 def main() -> None:

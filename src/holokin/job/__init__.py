@@ -1,6 +1,7 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
 from .export import export_job, job_strategy
+from .physics import simulate_job
 from .programs import program_of_job
 from .read import read_job
 from .runner import PAPER, expand, open_job, open_one_job, packaged_jobs, run_job
@@ -25,4 +26,5 @@ __all__ = [
     "program_of_job",
     "read_job",
     "run_job",
+    "simulate_job",
 ]

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
 from .motion_tables import ProgramTable, TimingTable
+from .physics_table import PhysicsTable
 from .robot_tables import FrameTable, PartTable, RobotTable
 from .schema import (
     Bound,
@@ -33,6 +34,7 @@ Key = tuple[str, ...]
 _TABLES: dict[str, type[BaseModel]] = {
     "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
     "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable,
+    "physics": PhysicsTable,
     "bound": Bound,
 }  # fmt: skip
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from ..errors import brief, closest
 from ..robot import FARTHEST
 from .motion_tables import ProgramTable, TimingTable
+from .physics_table import PhysicsTable
 from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
@@ -230,6 +231,7 @@ class Job(Table):
     path: PathTable
     timing: TimingTable | None = None
     program: ProgramTable | None = None
+    physics: PhysicsTable | None = None
     workspace: WorkspaceTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})

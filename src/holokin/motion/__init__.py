@@ -14,6 +14,7 @@ from .simulation import simulate
 from .solutions import InverseStatus, Solutions
 from .timed import JointLoad, Limits, Slowdown, TimedTrajectory
 from .timing import retime
+from .watch import LoopWatch
 
 __all__ = [
     "Cause",
@@ -25,6 +26,7 @@ __all__ = [
     "InverseStatus",
     "JointLoad",
     "Limits",
+    "LoopWatch",
     "Nearest",
     "Obstruction",
     "Postures",

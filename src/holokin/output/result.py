@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -153,15 +154,20 @@ class JobResult:
 
         Numbered where two strategies would write one file, also on disks that do not tell A from a.
         """
-        stems: dict[str, str] = {}
-        taken: set[str] = set()
-        for strategy in self.strategies:
-            word = re.sub(r"[\W_]+", "-", strategy.name).strip("-")
-            base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
-            stem, number = base, 1
-            while taken & (files := {f"{stem}-{key}".casefold() for key in strategy.trajectories()}):
-                number += 1
-                stem = f"{base}-{number}"
-            stems[strategy.name] = stem
-            taken |= files
-        return stems
+        return file_stems({strategy.name: strategy.trajectories() for strategy in self.strategies})
+
+
+def file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
+    """Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files."""
+    stems: dict[str, str] = {}
+    taken: set[str] = set()
+    for name, keys in named.items():
+        word = re.sub(r"[\W_]+", "-", name).strip("-")
+        base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
+        stem, number = base, 1
+        while taken & (files := {f"{stem}-{key}".casefold() for key in keys}):
+            number += 1
+            stem = f"{base}-{number}"
+        stems[name] = stem
+        taken |= files
+    return stems

@@ -3,9 +3,11 @@
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
+from .drives import SERVOS, Servo, servo
 from .export import to_mjcf, to_urdf
 from .extent import reach
 from .inertia import mass_matrix_expression, potential_expression
+from .links import DENSITY, Capsule, capsules, knows_masses, weighed
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
@@ -17,17 +19,22 @@ from .units import check_metres, doubtful_unit, start_posture
 from .urdf import from_urdf, from_yourdfpy
 
 __all__ = [
+    "DENSITY",
     "FARTHEST",
+    "SERVOS",
     "Body",
+    "Capsule",
     "Coordinate",
     "DHRow",
     "Joint",
     "Kinematics",
     "Part",
     "Robot",
+    "Servo",
     "Tip",
     "assembled",
     "beside",
+    "capsules",
     "catalogue",
     "check_metres",
     "compose",
@@ -40,6 +47,7 @@ __all__ = [
     "from_yourdfpy",
     "hessian_expression",
     "is_model",
+    "knows_masses",
     "load",
     "mass_matrix_expression",
     "model_links",
@@ -48,9 +56,11 @@ __all__ = [
     "ordered",
     "potential_expression",
     "reach",
+    "servo",
     "start_posture",
     "to_mjcf",
     "to_urdf",
+    "weighed",
     "with_base_pose",
     "with_tool",
 ]

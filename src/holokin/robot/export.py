@@ -1,98 +1,250 @@
-"""A robot written down for other libraries: URDF and MJCF texts with the same kinematics, and no meshes."""
+"""A robot written down for other libraries: URDF and MJCF texts with its kinematics, limits, masses and servos."""
 
 from __future__ import annotations
 
-import warnings
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from ..arguments import typed
 from ..errors import ArgumentError
-from ..types import Matrix
-from .model import Joint, Robot
-from .tree import motion
+from ..types import ArrayLike, Matrix, numbers, positive
+from .drives import Servo
+from .links import DENSITY, Capsule, capsules, knows_masses, merged, rest, weighed
+from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
-LINK_MASS, LINK_INERTIA = 1.0, 0.01
-"""Of every link [kg, kg m^2]: placeholders, since some readers refuse links without; never used for dynamics."""
+LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+"""What a moving link without mass gets in MJCF [kg, kg m^2], of a robot whose other links have theirs: MuJoCo wants
+some, and so little changes nothing."""
+
+EFFORT = 1000.0
+"""Largest torque or force of a joint in a URDF [N m, N], which must name one: more than arms of the catalogue have."""
+
+COLOR = "0.90 0.45 0.13 1"
+"""Of the links [rgba]."""
 
 
-def to_urdf(robot: Robot) -> str:
+@typed
+def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFORT) -> str:
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
+    Joints that follow others are written as <mimic>. No limit of position, speed or both is written as 1e6, which
+    `from_urdf` reads as none. The visuals are capsules along the links.
+
+    Args:
+        density: of the solid capsules whose masses stand in for those of a robot that does not know its own
+            [kg/m^3]; a comment in the file says so.
+        effort: largest torque or force of each joint [N m, N], which a URDF must name: a number, or (n,).
+
     Raises:
-        ArgumentError: joints that move together (mimics), which this does not write.
+        ArgumentError: a joint that follows one which the robot does not have; a density or an effort that is not
+            positive. ShapeError.
     """
-    inertia = " ".join(f'{axis}="{LINK_INERTIA}"' for axis in ("ixx", "iyy", "izz")) + ' ixy="0" ixz="0" iyz="0"'
-    links = ["base", *(f"{joint.name}_link" for joint in robot.joints), *(tip.name for tip in robot.tips)]
-    lines = [f'<robot name="{robot.name}">']
-    for link in links:
-        lines.append(
-            f'  <link name="{link}"><inertial><mass value="{LINK_MASS}"/><inertia {inertia}/></inertial></link>'
-        )
-    for joint in robot.joints:
-        c = _coordinate(robot, joint)
-        bounded = np.isfinite([c.lower, c.upper]).all()
-        kind = "prismatic" if joint.kind == "prismatic" else "revolute" if bounded else "continuous"
-        speed = c.max_velocity if np.isfinite(c.max_velocity) else 100.0
-        span = f'lower="{c.lower!r}" upper="{c.upper!r}" ' if bounded else ""
-        span = span or ('lower="-100" upper="100" ' if kind == "prismatic" else "")
+    efforts = _efforts(robot, effort)
+    heavy, names = weighed(robot, density), _link_names(robot)
+    masses, shapes = merged(heavy.bodies), capsules(robot)
+    lines = ['<?xml version="1.0"?>', *_remarks(robot, density), f"<robot name={quoteattr(robot.name)}>"]
+    for k, link in enumerate(names, -1):
+        mass = masses.get(k)
+        inner = [_urdf_inertial(mass)] if mass is not None else []
+        inner += [_urdf_visual(shape) for shape in shapes if shape.joint == k]
+        lines += [f"  <link name={quoteattr(link)}>", *inner, "  </link>"]
+    lines += [f"  <link name={quoteattr(tip.name)}/>" for tip in robot.tips]
+    for k, joint in enumerate(robot.joints):
+        c, follows = _law(robot, joint)
+        kind, span = _urdf_range(joint, c, follows)
+        mimic = ""
+        if follows is not None:
+            mimic = f'<mimic joint={quoteattr(c.name)} multiplier="{follows[0]!r}" offset="{follows[1]!r}"/>'
+        speed = min(c.max_velocity * abs(follows[0] if follows else 1.0), FARTHEST)
         lines += [
-            f'  <joint name="{joint.name}" type="{kind}">',
-            f"    {_origin(_rest(joint))}",
-            f'    <parent link="{links[joint.parent + 1]}"/><child link="{joint.name}_link"/>',
-            f'    <axis xyz="{_numbers(joint.axis)}"/><limit {span}effort="1000" velocity="{speed!r}"/>',
+            f'  <joint name={quoteattr(joint.name)} type="{kind}">',
+            f"    {_origin(_zero(joint, follows))}",
+            f"    <parent link={quoteattr(names[joint.parent + 1])}/><child link={quoteattr(names[k + 1])}/>",
+            f'    <axis xyz="{_numbers(joint.axis)}"/>{mimic}',
+            f'    <limit {span}effort="{efforts[joint.coordinate]!r}" velocity="{float(speed)!r}"/>',
             "  </joint>",
         ]
     for tip in robot.tips:
         lines += [
-            f'  <joint name="{tip.name}_fixed" type="fixed">{_origin(tip.placement)}',
-            f'    <parent link="{links[tip.joint + 1]}"/><child link="{tip.name}"/></joint>',
+            f'  <joint name={quoteattr(tip.name + "_fixed")} type="fixed">{_origin(tip.placement)}',
+            f"    <parent link={quoteattr(names[tip.joint + 1])}/><child link={quoteattr(tip.name)}/></joint>",
         ]
     return "\n".join([*lines, "</robot>", ""])
 
 
-def to_mjcf(robot: Robot) -> str:
+@typed
+def to_mjcf(
+    robot: Robot, *, servo: Servo | None = None, density: float = DENSITY, effort: ArrayLike | None = None
+) -> str:
     """The MJCF of a robot for MuJoCo: a body for each joint, a site for each tip, named as the tip.
 
+    Joints that follow others are tied by <equality>. MuJoCo has no speed limits. The geoms are capsules along the links
+    that touch nothing. With a servo each coordinate has an actuator, named as its joint, in the order of q.
+
+    Args:
+        servo: what drives the joints, see `servo`; None for no actuators.
+        density: of the solid capsules whose masses stand in for those of a robot that does not know its own
+            [kg/m^3]; a comment in the file says so.
+        effort: largest torque or force of each actuator [N m, N], a number, or (n,); None for no limit.
+
     Raises:
-        ArgumentError: joints that move together (mimics), which this does not write.
+        ArgumentError: as of `to_urdf`; a servo of another number of joints. ShapeError.
     """
+    if servo is not None and len(servo.damping) != robot.n:
+        raise ArgumentError("the servo's joints", len(servo.damping), f"make one for the {robot.n} of {robot.name!r}")
+    heavy, names = weighed(robot, density), _link_names(robot)
+    masses, shapes, compensated = merged(heavy.bodies), capsules(robot), servo is not None and servo.compensated
     children: dict[int, list[int]] = {}
     for k, joint in enumerate(robot.joints):
         children.setdefault(joint.parent, []).append(k)
+    ties: list[str] = []
 
     def inside(index: int, depth: int) -> list[str]:
         pad = "  " * depth
-        lines = [f'{pad}<site name="{tip.name}" {_pose(tip.placement)}/>' for tip in robot.tips if tip.joint == index]
+        lines = [f"{pad}{_mjcf_geom(shape)}" for shape in shapes if shape.joint == index]
+        sites = [tip for tip in robot.tips if tip.joint == index]
+        lines += [f'{pad}<site name={quoteattr(tip.name)} {_pose(tip.placement)} size="0.005"/>' for tip in sites]
         for k in children.get(index, []):
             joint = robot.joints[k]
-            c = _coordinate(robot, joint)
+            c, follows = _law(robot, joint)
             kind = "slide" if joint.kind == "prismatic" else "hinge"
-            bounded = np.isfinite([c.lower, c.upper]).all()
-            span = f'limited="true" range="{c.lower!r} {c.upper!r}"' if bounded else 'limited="false"'
-            diagonal = _numbers([LINK_INERTIA] * 3)
+            span, carried = _mjcf_range(c, follows), ' gravcomp="1"' if compensated else ""
+            if follows is not None:
+                law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
+                ties.append(f"    <joint joint1={quoteattr(joint.name)} joint2={quoteattr(c.name)} {law}/>")
             lines += [
-                f'{pad}<body name="{joint.name}_link" {_pose(_rest(joint))}>',
-                f'{pad}  <inertial pos="0 0 0" mass="{LINK_MASS}" diaginertia="{diagonal}"/>',
-                f'{pad}  <joint name="{joint.name}" type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
+                f"{pad}<body name={quoteattr(names[k + 1])} {_pose(_zero(joint, follows))}{carried}>",
+                f"{pad}  {_mjcf_inertial(masses.get(k))}",
+                f'{pad}  <joint name={quoteattr(joint.name)} type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
                 *inside(k, depth + 1),
                 f"{pad}</body>",
             ]
         return lines
 
-    head = [f'<mujoco model="{robot.name}">', '  <compiler angle="radian" autolimits="false"/>', "  <worldbody>"]
-    return "\n".join([*head, *inside(-1, 2), "  </worldbody>", "</mujoco>", ""])
+    body = [f"    <body name={quoteattr(names[0])}>", *inside(-1, 3), "    </body>"]
+    if -1 in masses:
+        body.insert(1, f"      {_mjcf_inertial(masses[-1])}")
+    lines = [*_remarks(robot, density), f"<mujoco model={quoteattr(robot.name)}>"]
+    lines += ['  <compiler angle="radian" autolimits="false"/>', "  <worldbody>", *body, "  </worldbody>"]
+    lines += ["  <equality>", *ties, "  </equality>"] if ties else []
+    lines += ["  <actuator>", *_actuators(robot, servo, effort), "  </actuator>"] if servo is not None else []
+    return "\n".join([*lines, "</mujoco>", ""])
 
 
-def _coordinate(robot: Robot, joint: Joint):
+def _remarks(robot: Robot, density: float) -> list[str]:
+    """Comments: whether the masses are the robot's own."""
+    if knows_masses(robot):
+        return ["<!-- Masses and inertias are those of the robot's description. The shapes are drawings. -->"]
+    return [
+        f"<!-- Placeholders: this robot's description has no masses. Those here are of solid capsules of "
+        f"{density:g} kg/m^3 along its links. -->"
+    ]
+
+
+def _law(robot: Robot, joint: Joint) -> tuple[Coordinate, tuple[float, float] | None]:
+    """The coordinate of a joint, and (multiplier, offset) if it follows another one's joint. Raises: ArgumentError."""
     c = robot.coordinates[joint.coordinate]
-    if joint.multiplier != 1.0 or c.name != joint.name:
-        raise ArgumentError(f"joint {joint.name!r}", f"a mimic of {c.name!r}", "lock it, or use the robot's own file")
-    return c
+    if joint.name == c.name and joint.multiplier == 1.0:
+        return c, None
+    for leader in robot.joints:
+        if leader.name == c.name and leader.multiplier == 1.0:
+            return c, (joint.multiplier, joint.offset)
+    cure = "choose base and tip so that the chain has that joint, or lock it"
+    raise ArgumentError(f"joint {joint.name!r}", f"a follower of {c.name!r}, which the robot does not have", cure)
 
 
-def _rest(joint: Joint) -> Matrix:
-    """The placement with the joint's offset in it."""
-    return joint.placement @ motion(joint.kind, joint.axis, joint.offset)
+def _zero(joint: Joint, follows: tuple[float, float] | None) -> Matrix:
+    """Where a joint is at 0: a leader's offset goes into its placement, a follower's into its law."""
+    return rest(joint) if follows is None else joint.placement
+
+
+def _range(c: Coordinate, follows: tuple[float, float] | None) -> tuple[float, float]:
+    gain, shift = follows or (1.0, 0.0)
+    low, high = sorted(gain * float(np.clip(bound, -FARTHEST, FARTHEST)) + shift for bound in (c.lower, c.upper))
+    return low, high
+
+
+def _urdf_range(joint: Joint, c: Coordinate, follows: tuple[float, float] | None) -> tuple[str, str]:
+    """(type, limits) of a joint."""
+    if joint.kind != "prismatic" and not np.isfinite([c.lower, c.upper]).any():
+        return "continuous", ""
+    low, high = _range(c, follows)
+    return "prismatic" if joint.kind == "prismatic" else "revolute", f'lower="{low!r}" upper="{high!r}" '
+
+
+def _mjcf_range(c: Coordinate, follows: tuple[float, float] | None) -> str:
+    if follows is not None or not np.isfinite([c.lower, c.upper]).any():
+        return 'limited="false"'
+    low, high = _range(c, None)
+    return f'limited="true" range="{low!r} {high!r}"'
+
+
+def _actuators(robot: Robot, servo: Servo, effort: ArrayLike | None) -> list[str]:
+    lines = []
+    efforts = None if effort is None else _efforts(robot, effort)
+    gains = zip(servo.stiffness.tolist(), servo.damping.tolist(), strict=True)
+    for i, (c, (stiffness, damping)) in enumerate(zip(robot.coordinates, gains, strict=True)):
+        drive = f"joint={quoteattr(c.name)} name={quoteattr(c.name)}"
+        drive += f' kp="{stiffness!r}"' if servo.kind == "position" else ""
+        drive += f' kv="{damping!r}"' if servo.kind != "torque" else ""
+        drive += "" if efforts is None else f' forcelimited="true" forcerange="{-efforts[i]!r} {efforts[i]!r}"'
+        lines.append(f"    <{'motor' if servo.kind == 'torque' else servo.kind} {drive}/>")
+    return lines
+
+
+def _efforts(robot: Robot, effort: ArrayLike) -> list[float]:
+    given = numbers("effort", effort)
+    if given.ndim:
+        robot.checked(given, "effort")
+    return [positive("effort", float(v)) for v in np.broadcast_to(given, (robot.n,))]
+
+
+def _link_names(robot: Robot) -> list[str]:
+    """Names of the base and of each joint's link, all of them unlike the tips'."""
+    taken = {tip.name for tip in robot.tips}
+    found = []
+    for name in ("base", *(f"{joint.name}_link" for joint in robot.joints)):
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        found.append(name)
+    return found
+
+
+def _urdf_inertial(body: Body) -> str:
+    entries = zip(("xx", "xy", "xz", "yy", "yz", "zz"), body.inertia[np.triu_indices(3)], strict=True)
+    inertia = " ".join(f'i{name}="{float(value)!r}"' for name, value in entries)
+    at = f'<origin xyz="{_numbers(body.center)}" rpy="0 0 0"/>'
+    return f'    <inertial>{at}<mass value="{float(body.mass)!r}"/><inertia {inertia}/></inertial>'
+
+
+def _urdf_visual(shape: Capsule) -> str:
+    T = np.eye(4)
+    T[:3, :3] = shape.rotation
+    parts = []
+    for at in (shape.start, shape.end) if shape.length else (shape.start,):
+        place = f'<origin xyz="{_numbers(at)}" rpy="0 0 0"/>'
+        parts.append(f'{place}<geometry><sphere radius="{shape.radius!r}"/></geometry>')
+    if shape.length:
+        T[:3, 3] = (shape.start + shape.end) / 2
+        cylinder = f'<cylinder radius="{shape.radius!r}" length="{shape.length!r}"/>'
+        parts.append(f"{_origin(T)}<geometry>{cylinder}</geometry>")
+    return "\n".join(f"    <visual>{part}</visual>" for part in parts)
+
+
+def _mjcf_geom(shape: Capsule) -> str:
+    form = f'type="capsule" fromto="{_numbers([*shape.start, *shape.end])}"' if shape.length else 'type="sphere"'
+    return f'<geom {form} size="{shape.radius!r}" mass="0" contype="0" conaffinity="0" rgba="{COLOR}"/>'
+
+
+def _mjcf_inertial(body: Body | None) -> str:
+    if body is None or not body.mass:
+        return f'<inertial pos="0 0 0" mass="{LEAST_MASS!r}" diaginertia="{_numbers([LEAST_INERTIA] * 3)}"/>'
+    moments, axes = np.linalg.eigh(body.inertia)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = axes * np.linalg.det(axes), body.center
+    return f'<inertial {_pose(T)} mass="{float(body.mass)!r}" diaginertia="{_numbers(moments)}"/>'
 
 
 def _numbers(values: object) -> str:
@@ -100,12 +252,12 @@ def _numbers(values: object) -> str:
 
 
 def _origin(T: Matrix) -> str:
-    from scipy.spatial.transform import Rotation
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the equal triples serves
-        rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
-    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers(rpy)}"/>'
+    """R = Rz(yaw) Ry(pitch) Rx(roll). Near pitch = 90 degrees the yaw is poorly known, and the roll makes up for it."""
+    R = T[:3, :3]
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    side = np.cos(yaw) * R[1] - np.sin(yaw) * R[0]  # (0, cos roll, -sin roll)
+    return f'<origin xyz="{_numbers(T[:3, 3])}" rpy="{_numbers([np.arctan2(-side[2], side[1]), pitch, yaw])}"/>'
 
 
 def _pose(T: Matrix) -> str:

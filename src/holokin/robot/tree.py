@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import RobotFileError, UnknownNameError
 from ..types import Array, Matrix, Value, Vector
-from .model import Coordinate
+from .model import FARTHEST, Coordinate
 
 MOVING = ("revolute", "prismatic")
 """The kinds of joints that move here; "fixed" ones do not, and all others are refused where a chain needs them."""
@@ -45,8 +45,12 @@ class Branch(Value):
 
     @property
     def coordinate(self) -> Coordinate:
-        """Its name, kind and limits. Raises: ArgumentError when the limits make no sense."""
-        return Coordinate(self.name, self.kind, self.lower, self.upper, self.max_velocity)
+        """Its name, kind and limits; one beyond FARTHEST is none. Raises: ArgumentError: they make no sense."""
+        lower = -np.inf if self.lower <= -FARTHEST else self.lower
+        upper = np.inf if self.upper >= FARTHEST else self.upper
+        return Coordinate(
+            self.name, self.kind, lower, upper, np.inf if self.max_velocity >= FARTHEST else self.max_velocity
+        )
 
 
 @dataclass(frozen=True, eq=False)
