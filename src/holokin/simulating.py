@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from .errors import ArgumentError
+from .exporting import OneJob
 from .outcome import show, show_rich
 from .version import __version__
 
@@ -18,7 +19,7 @@ def simulating(check: Callable[[], None]) -> Callable[..., None]:
     """The command; `check` raises where Ctrl-C was heard."""
 
     def simulate(
-        job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+        job: OneJob,
         cycles: Annotated[int | None, typer.Option(help="Runs of a closed path; by default 20.")] = None,
         servo: Annotated[str | None, typer.Option(help="position (by default), velocity or torque.")] = None,
         feedback: Annotated[
@@ -38,13 +39,11 @@ def simulating(check: Callable[[], None]) -> Callable[..., None]:
         from rich.console import Console
         from rich.markup import escape
 
-        from .job import expand, open_job, simulate_job
+        from .job import open_one_job, simulate_job
         from .output.folder import check_folder
         from .output.physics_report import FOLDER, print_physics, write_physics
 
-        if expand([job]) != [job]:
-            raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
-        name, opened, file = open_job(job)
+        name, opened, file = open_one_job(job)
         check_folder(out, FOLDER.format(name))
         given = {"cycles": cycles, "servo": servo, "feedback": feedback, "noise": noise, "push": _force(push)}
         changes = {key: value for key, value in given.items() if value is not None}
