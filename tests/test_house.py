@@ -36,6 +36,7 @@ LAYERS = [
     {"analysis", "motion"},
     {"laws"},
     {"recording"},
+    {"checking"},
     {"auditing"},
     {"designing"},
     {"output", "export"},

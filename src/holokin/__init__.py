@@ -9,9 +9,10 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, checking, constraints, designing, export, laws, motion, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
+from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
@@ -45,7 +46,9 @@ from .robot import (
     from_urdf,
     from_yourdfpy,
     load,
+    obstacle,
     with_base_pose,
+    with_capsules,
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
@@ -56,6 +59,7 @@ from .workspaces import Workspace, workspace
 
 __all__ = [
     "Advice",
+    "CheckReport",
     "Constraint",
     "ControlLaw",
     "Coverage",
@@ -83,6 +87,8 @@ __all__ = [
     "audit_recording",
     "auditing",
     "catalogue",
+    "check",
+    "checking",
     "circle",
     "compose",
     "constraints",
@@ -119,6 +125,7 @@ __all__ = [
     "move_to_leaf",
     "nearest",
     "null_basis",
+    "obstacle",
     "obstruction",
     "path_spread",
     "polyline",
@@ -136,6 +143,7 @@ __all__ = [
     "strategies",
     "weighted",
     "with_base_pose",
+    "with_capsules",
     "with_tool",
     "workspace",
 ]

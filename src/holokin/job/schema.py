@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
+from .check_tables import ChecksTable
 from .motion_tables import ProgramTable, TimingTable
 from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
@@ -167,6 +168,7 @@ class ExpectTable(Table):
     coverage_rcond: Bound | None = None
     time: Bound | None = None
     limit_distance: Bound | None = None
+    clearance: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -230,6 +232,7 @@ class Job(Table):
     path: PathTable
     timing: TimingTable | None = None
     program: ProgramTable | None = None
+    checks: ChecksTable | None = None
     workspace: WorkspaceTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})

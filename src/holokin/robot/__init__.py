@@ -1,10 +1,12 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
+from .capsules import chain_length, obstacle, with_capsules
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
 from .extent import reach
+from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
@@ -19,16 +21,26 @@ from .urdf import from_urdf, from_yourdfpy
 __all__ = [
     "FARTHEST",
     "Body",
+    "Box",
+    "Capsule",
     "Coordinate",
+    "Cylinder",
     "DHRow",
+    "Ellipsoid",
+    "Hull",
     "Joint",
     "Kinematics",
+    "LinkShape",
+    "Mesh",
     "Part",
     "Robot",
+    "Shape",
     "Tip",
+    "Unread",
     "assembled",
     "beside",
     "catalogue",
+    "chain_length",
     "check_metres",
     "compose",
     "doubtful_unit",
@@ -45,6 +57,7 @@ __all__ = [
     "model_links",
     "model_root",
     "model_tips",
+    "obstacle",
     "ordered",
     "potential_expression",
     "reach",
@@ -52,5 +65,6 @@ __all__ = [
     "to_mjcf",
     "to_urdf",
     "with_base_pose",
+    "with_capsules",
     "with_tool",
 ]

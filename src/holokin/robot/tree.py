@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import RobotFileError, UnknownNameError
 from ..types import Matrix, Value, Vector
+from .geometry import Placed
 from .model import Coordinate
 
 MOVING = ("revolute", "prismatic")
@@ -68,7 +69,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links (each with what it weighs, or None) and joints. Errors name `source`, and call a link by `word`."""
+    """Links (each with what it weighs, or None), joints, shapes. Errors name `source`, and call a link by `word`."""
 
     source: str
     name: str
@@ -76,6 +77,7 @@ class Tree:
     joints: tuple[Branch, ...]
     loops: tuple[Loop, ...] = ()
     word: str = "link"
+    shapes: Mapping[str, tuple[Placed, ...]] = field(default_factory=dict)
 
     def problem(self, fact: str, cure: str) -> RobotFileError:
         """The error of what was read."""

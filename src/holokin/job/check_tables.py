@@ -1,0 +1,80 @@
+"""[checks] of a job file: what is looked at in the motion of every strategy."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ..checking import CheckReport, check
+from ..motion import TimedTrajectory
+from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules
+from ..task import Task
+from ..trajectory import Trajectory
+from .robot_tables import FrameTable, Three
+from .table import Length, Positive, Table
+
+MOST_OBSTACLES = 100
+"""Shapes round a robot; each is looked at with each link."""
+
+MOST_IGNORED = 1000
+"""Pairs of links that may touch."""
+
+NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
+Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+_USES = {"box": ("sides",), "sphere": ("radius",), "capsule": ("radius", "length"), "cylinder": ("radius", "length")}
+"""The keys that a kind of obstacle needs."""
+
+
+class ObstacleTable(FrameTable):
+    """[[checks.obstacles]]: a box, ball, capsule or cylinder that stands still at xyz, rpy in the frame of the base."""
+
+    name: str
+    kind: Literal["box", "sphere", "capsule", "cylinder"]
+    sides: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
+    radius: Positive | None = None
+    length: Positive | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> ObstacleTable:
+        for key in ("sides", "radius", "length"):
+            needed, given = key in _USES[self.kind], getattr(self, key) is not None
+            if needed and not given:
+                raise ValueError(f"kind = {self.kind!r} needs {key}; add it")
+            if given and not needed:
+                raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
+        return self
+
+    def shape(self) -> LinkShape:
+        """The same as a value."""
+        return obstacle(self.name, self._solid(), *self.pose())
+
+    def _solid(self) -> Shape:
+        if self.kind == "box":
+            return Box(self.sides)  # type: ignore[arg-type]  the shape makes an array of it
+        radius, length = self.radius or 0.0, self.length or 0.0
+        return Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length)
+
+
+class ChecksTable(Table):
+    """[checks]: what every motion is looked at for, as of `check`."""
+
+    floor: Length | None = None
+    clearance: NotNegative = 0.01
+    self_collision: bool = True
+    limits: bool = True
+    margin: NotNegative = 0.0
+    rcond: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    radius: Positive | dict[str, Positive] | None = None
+    ignore: Annotated[list[Pair], Field(max_length=MOST_IGNORED)] = Field(default=[])
+    obstacles: Annotated[list[ObstacleTable], Field(max_length=MOST_OBSTACLES)] = Field(default=[])
+
+    def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
+        """What is found of a motion. Raises: as `check` and `with_capsules`."""
+        shaped = robot if self.radius is None else with_capsules(robot, self.radius)
+        return check(
+            motion, shaped, task=task, floor=self.floor, clearance=self.clearance, self_collision=self.self_collision,
+            obstacles=[table.shape() for table in self.obstacles], ignore=[(a, b) for a, b in self.ignore],
+            limits=self.limits, margin=self.margin, rcond=self.rcond,
+        )  # fmt: skip
