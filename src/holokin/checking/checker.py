@@ -12,7 +12,7 @@ from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length, with_capsules
 from ..robot.capsules import SLENDER
 from ..task import Task
-from ..types import ArrayLike, not_negative, number
+from ..types import not_negative, number
 from .joints import limit_findings, singular_findings
 from .motions import Motion, motion_of
 from .pairs import Pairs, pairs_of
@@ -60,8 +60,8 @@ def check(
         self_collision: whether links are held against each other.
         obstacles: shapes that stand still, see `obstacle`.
         ignore: pairs of names of links, or of a link and an obstacle, that may touch.
-        limits: whether limits of the joints are looked at: those of the position; of the speed; and of a TimedTrajectory
-            those of acceleration and jerk, too.
+        limits: whether limits of the joints are looked at: of position and speed, and of a TimedTrajectory those of
+            acceleration and jerk.
         margin: how far joints must keep from limits of their positions [joint units].
         rcond: the least that the smallest singular value of J over the largest may be.
 

@@ -80,7 +80,7 @@ class LinkGap(Gap):
     other: Link
 
     def distances(self, frames: Frames, rows: Indices) -> Vector:
-        """The least over pairs of their shapes; a pair is left out where balls round it are farther apart than another."""
+        """The least over pairs of their shapes; those whose balls are farther apart than another pair are left out."""
         sides = [[(s.shape, *_pose(frames, s, rows)) for s in link.shapes] for link in (self.one, self.other)]
         pairs = [(a, b) for a in sides[0] for b in sides[1]]
         least = np.full(len(rows), np.inf)

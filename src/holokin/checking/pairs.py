@@ -11,7 +11,7 @@ from ..errors import RobotFileError, UnknownNameError
 from ..robot import Capsule, LinkShape, Robot
 from ..robot.numeric import joint_frames
 from ..types import Matrix, Value, Vector
-from .gaps import Gap, Link, floor_gap, link_gap, links_of
+from .gaps import Gap, floor_gap, link_gap, links_of
 from .report import LeftOut, Unseen
 
 POSTURES = 200
@@ -122,5 +122,3 @@ def _at_random(robot: Robot, gaps: Sequence[Gap]) -> list[Vector]:
     Q = np.random.default_rng(0).uniform(lower, upper, (POSTURES, robot.n))
     frames = joint_frames(robot, Q)
     return [gap.distances(frames, np.arange(POSTURES)) for gap in gaps]
-
-

@@ -11,7 +11,7 @@ from ..motion import TimedTrajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules
 from ..task import Task
 from ..trajectory import Trajectory
-from .robot_tables import FrameTable, Three
+from .robot_tables import FrameTable
 from .table import Length, Positive, Table
 
 MOST_OBSTACLES = 100

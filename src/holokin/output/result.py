@@ -57,7 +57,7 @@ class StrategyResult:
     """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
     coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
-    job's [timing] has them, where it has one and they were followed to their end. motion_check: what its [checks] found.
+    job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """

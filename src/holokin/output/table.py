@@ -20,16 +20,17 @@ def columns(result: JobResult) -> tuple[Column, ...]:
     """Heading, with its unit, and alignment of each column."""
     joints = joint_unit(result.robot)
     task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
+    narrow = result.workspace or looked_at(result)
     return (
         ("strategy", "left"),
         ("verdict", "left"),
         (f"drift / cycle\n[{joints}]", "right"),
-        (f"two ways\napart [{joints}]" if result.workspace or looked_at(result) else f"two ways apart\n[{joints}]", "right"),
+        (f"two ways\napart [{joints}]" if narrow else f"two ways apart\n[{joints}]", "right"),
         (f"tracking\n[{task}]", "right"),
         ("sigma\nmin", "right"),
         ("speed\n/ MP", "right"),
         ("peak\nspeed", "right"),
-        *((("clear-\nance [m]", "right"),) if looked_at(result) else ()),
+        *((("clear.\n[m]", "right"),) if looked_at(result) else ()),
         *((("work-\nspace", "right"),) if result.workspace else ()),
         ("expected", "left"),
     )

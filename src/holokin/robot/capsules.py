@@ -26,7 +26,7 @@ _SHORTEST = 1e-6
 
 @typed
 def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = None) -> Robot:
-    """The robot with capsules for links, along the straight lines from each joint's frame to the next ones and the tips.
+    """The robot with capsules for links, along the lines from each joint's frame to the next ones and to the tips.
 
     The capsule of a link has the name of the joint that moves it, "base" for the one that stands still. Links that
     have shapes already keep them. What is between a slider and the joint before it has no capsule.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, final
 
@@ -183,12 +184,16 @@ class Hull(Shape):
         except QhullError:
             low, high = self.points.min(axis=0), self.points.max(axis=0)
             grown = np.maximum(high - low, FLAT) - (high - low)
-            low, high = low - grown / 2, high + grown / 2
-            return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+            ends = np.array([low - grown / 2, high + grown / 2])
+            return np.array(list(product(*ends.T)))
 
-    @cached_property
+    @property
     def ball(self) -> tuple[Vector, float]:
         """About the middle of the box round the points."""
+        return self._ball
+
+    @cached_property
+    def _ball(self) -> tuple[Vector, float]:
         center = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
@@ -223,7 +228,7 @@ class Mesh(Shape):
         try:
             mesh = trimesh.load(self.file, force="mesh")
             return Hull(np.asarray(mesh.vertices, dtype=float) * self.scale)  # type: ignore[union-attr]
-        except Exception as problem:  # noqa: BLE001  its readers raise whatever they like, of packages that are missing too
+        except Exception as problem:  # its readers raise what they like, of packages that are missing, too
             raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
 
     @property

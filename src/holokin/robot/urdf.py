@@ -21,7 +21,6 @@ from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
 from .urdf_xml import essentials, read_model
 
-
 _FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
 """What yourdfpy raises of files that it cannot read."""
 
