@@ -90,7 +90,7 @@ def check(
     swept: list[Swept] = []
     pairs = Pairs((), (), (), ())
     if self_collision or level is not None or obstacles:
-        if not robot.shapes:
+        if all(shape.obstacle for shape in robot.shapes):
             robot = with_capsules(robot)
             remarks.append(_CAPSULES.format(robot.name, chain_length(robot) / SLENDER))
         pairs = pairs_of(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import RobotFileError, UnknownNameError
+from ..errors import UnknownNameError
 from ..robot import Capsule, LinkShape, Robot
 from ..robot.numeric import joint_frames
 from ..types import Matrix, Value, Vector
@@ -35,14 +35,8 @@ class Pairs(Value):
 
 def readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[Unseen]]:
     """The shapes that can be looked at, and the links of the others."""
-    good, bad = [], []
-    for shape in shapes:
-        try:
-            shape.shape.check()
-            good.append(shape)
-        except RobotFileError as problem:
-            bad.append(Unseen(shape.link, f"{problem.path}: {problem.fact}"))
-    return good, bad
+    faults = [(shape, shape.shape.fault) for shape in shapes]
+    return [s for s, fault in faults if not fault], [Unseen(s.link, fault) for s, fault in faults if fault]
 
 
 def pairs_of(
@@ -51,7 +45,10 @@ def pairs_of(
 ) -> Pairs:  # fmt: skip
     """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link."""
     good, unseen = readable(robot.shapes)
-    links, things = links_of(good), links_of(readable(obstacles)[0])
+    others, hidden = readable(obstacles)
+    links = links_of([shape for shape in good if not shape.obstacle])
+    things = links_of([*(shape for shape in good if shape.obstacle), *others])
+    unseen += hidden
     _known(ignore, [link.name for link in (*links, *things)] + [one.link for one in unseen])
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
@@ -61,18 +58,19 @@ def pairs_of(
     left_out, gaps, tested = [], [], []
     skipped = {frozenset(pair) for pair in ignore}
     for i, one in enumerate(links):
-        for other in (*(links[:i] if self_collision else ()), *things):
+        for thing in things if one.joint >= 0 else ():
+            if frozenset((one.name, thing.name)) in skipped:
+                left_out.append(LeftOut((one.name, thing.name), ASKED))
+            else:
+                gaps.append(link_gap(robot, one, thing, travel))
+        for other in links[:i] if self_collision else ():
+            pair = (other.name, one.name)
             if one.joint == other.joint:
                 continue  # they never move against each other
-            pair = (other.name, one.name)
-            if other in things:
-                pair = (one.name, other.name)
             if frozenset(pair) in skipped:
                 left_out.append(LeftOut(pair, ASKED))
-            elif other not in things and frozenset((one.joint, other.joint)) in joined:
+            elif frozenset((one.joint, other.joint)) in joined:
                 left_out.append(LeftOut(pair, ADJACENT))
-            elif other in things:
-                gaps.append(link_gap(robot, one, other, travel))
             else:
                 tested.append(link_gap(robot, other, one, travel))
     limits = [clearance] * len(gaps)

@@ -11,7 +11,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, UnknownNameError
 from ..types import ArrayLike, Matrix, Vector, finite, positive
 from .composing import pose_matrix
-from .geometry import Capsule, LinkShape, Placed, Shape
+from .geometry import Capsule, LinkShape, Shape
 from .model import Robot
 
 SLENDER = 20.0
@@ -46,7 +46,7 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
             raise UnknownNameError("link", name, tuple(names.values()))
         positive(f"the radius of {name}", value)
     rest = positive("radius", radius) if isinstance(radius, float | int) else chain_length(robot) / SLENDER
-    shaped = {shape.joint for shape in robot.shapes}
+    shaped = {shape.joint for shape in robot.shapes if not shape.obstacle}
     added = []
     for index, step in steps:
         r = given.get(names[index], rest)
@@ -69,7 +69,7 @@ def chain_length(robot: Robot) -> float:
     return total
 
 
-def between(start: Vector, end: Vector, radius: float) -> Placed:
+def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]:
     """A capsule from one point to another, and where it is."""
     step = end - start
     length = float(np.linalg.norm(step))
@@ -95,4 +95,4 @@ def obstacle(name: str, shape: Shape, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike
         ArgumentError, ShapeError, NotFiniteError.
     """
     T: Matrix = pose_matrix(finite("xyz of an obstacle", xyz, (3,)), finite("rpy of an obstacle", rpy, (3,)))
-    return LinkShape(name, -1, T, shape)
+    return LinkShape(name, -1, T, shape, obstacle=True)

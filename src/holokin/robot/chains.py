@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -109,8 +110,8 @@ class _Builder:
                 with np.errstate(all="ignore"):  # senseless masses are told by what needs them
                     center, inertia = R @ weight.center + placement[:3, 3], R @ weight.inertia @ R.T
                 bodies.append(Body(index, weight.mass, center, inertia))
-            for T, shape in self.tree.shapes.get(name, ()):
-                shapes.append(LinkShape(name, index, placement @ T, shape))
+            for shape in self.tree.shapes.get(name, ()):
+                shapes.append(replace(shape, joint=index, placement=placement @ shape.placement))
             for joint in below.get(name, []):
                 waiting.append((joint.child, *self._carried(joint, index, placement)))
         return tuple(bodies), tuple(shapes)

@@ -94,7 +94,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
         for shape in part.robot.shapes:
             index, T = placed(shape.joint, shape.placement)
-            shapes.append(LinkShape(part.prefix + shape.link, index, T, shape.shape))
+            shapes.append(replace(shape, link=part.prefix + shape.link, joint=index, placement=T))
         ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])

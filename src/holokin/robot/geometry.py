@@ -48,8 +48,10 @@ class Shape(Value, ABC):
     def made_by(self, coal: Any) -> Any:
         """The same as a shape of the module coal."""
 
-    def check(self) -> None:
-        """Raises: RobotFileError when the shape is not there, such as a mesh whose file is missing."""
+    @property
+    def fault(self) -> str:
+        """Why the shape cannot be looked at, such as a mesh whose file is missing; empty where it can."""
+        return ""
 
 
 @final
@@ -244,9 +246,14 @@ class Mesh(Shape):
         """Of the hull."""
         return self.hull.made_by(coal)
 
-    def check(self) -> None:
-        """Raises: RobotFileError: the file cannot be read."""
-        _ = self.hull
+    @property
+    def fault(self) -> str:
+        """What is wrong with the file; empty where it can be read."""
+        try:
+            _ = self.hull
+            return ""
+        except RobotFileError as problem:
+            return f"{problem.fact}: {problem.path}"
 
 
 @final
@@ -270,26 +277,27 @@ class Unread(Shape):
         """Raises: RobotFileError."""
         raise self._problem()
 
-    def check(self) -> None:
-        """Raises: RobotFileError."""
-        raise self._problem()
+    @property
+    def fault(self) -> str:
+        """The reason."""
+        return self.reason
 
     def _problem(self) -> RobotFileError:
         return RobotFileError(self.source, self.reason, "check without it")
 
 
-Placed = tuple[Matrix, Shape]
-"""A shape and where it is (4, 4) in the frame of its link."""
-
-
 @dataclass(frozen=True, eq=False)
 class LinkShape(Value):
-    """A shape of a link, at `placement` (4, 4) on the moving side of a joint (by its index; joint -1: the base)."""
+    """A shape of a link, at `placement` (4, 4) on the moving side of a joint (by its index; joint -1: the base).
+
+    `obstacle`: it stands around the robot and is no part of it, so that even the link next to the base may hit it.
+    """
 
     link: str
     joint: int
     placement: Matrix
     shape: Shape
+    obstacle: bool = False
 
 
 def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Vector:

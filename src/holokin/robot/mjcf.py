@@ -13,7 +13,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from .chains import robot_of
-from .geometry import Unread
+from .geometry import LinkShape, Unread
 from .mjcf_shapes import shapes_of, transform
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
@@ -98,7 +98,7 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
             raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
     tree = model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
     if bare:
-        lost = {link: ((np.eye(4), Unread(source, "its meshes are not there")),) for link in bare}
+        lost = {link: (LinkShape(link, -1, np.eye(4), Unread(source, "its meshes are not there")),) for link in bare}
         tree = replace(tree, shapes=lost)
     return tree if weighed else replace(tree, links=dict.fromkeys(tree.links))
 
@@ -172,10 +172,9 @@ class _Reader:
             parent, origin = self.bodies[m.site_bodyid[site]], transform(m.site_pos[site], m.site_quat[site])
             self.branches.append(Branch(f"to {label}", "fixed", parent, label, origin))
         loops = tuple(Loop(text, joints) for text, joints in self._loops() if joints)
-        shapes = shapes_of(m, self.enums, self.source)
-        named = {self.bodies[body]: tuple(shapes[body]) for body in shapes}
+        shapes = shapes_of(m, self.enums, self.source, self.bodies, self._names("geom", m.ngeom))
         branches = tuple(self.branches)
-        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", named))
+        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", shapes))
 
     def _body(self, body: int, name: str, follows: Mapping, fixed: Mapping, bent: Mapping) -> None:
         """T_parent_child = T(pos, quat), then for each joint T(anchor) M(q - ref) T(-anchor), as MuJoCo does."""

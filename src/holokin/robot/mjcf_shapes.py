@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..types import Matrix, Vector
-from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, Placed, Shape, Unread
+from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, Unread
 
 
-def shapes_of(model: Any, enums: Any, source: str) -> dict[int, list[Placed]]:
-    """Body -> its shapes. Geoms whose contype and conaffinity are both 0, which touch nothing, are left out."""
-    found: dict[int, list[Placed]] = {}
+def shapes_of(
+    model: Any, enums: Any, source: str, bodies: Sequence[str], geoms: Sequence[str]
+) -> dict[str, tuple[LinkShape, ...]]:
+    """Body -> its shapes. Geoms whose contype and conaffinity are both 0, which touch nothing, are left out.
+
+    Those of the world are obstacles, with names of their own.
+    """
+    found: dict[str, tuple[LinkShape, ...]] = {}
     for geom in range(model.ngeom):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
-            T = transform(model.geom_pos[geom], model.geom_quat[geom])
-            found.setdefault(int(model.geom_bodyid[geom]), []).append((T, _shape(model, geom, enums, source)))
+            body = int(model.geom_bodyid[geom])
+            name = bodies[body] if body else geoms[geom]
+            T, shape = transform(model.geom_pos[geom], model.geom_quat[geom]), _shape(model, geom, enums, source)
+            found[bodies[body]] = (*found.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
     return found
 
 
@@ -34,7 +42,7 @@ def _shape(model: Any, geom: int, enums: Any, source: str) -> Shape:
     }  # fmt: skip
     if kind not in makers:
         cure = ", give its height as floor" if kind == "plane" else ""
-        return Unread(source, f"has a shape of type {kind!r}, which is not read{cure}")
+        return Unread(source, f"shapes of type {kind!r} are not read{cure}")
     return makers[kind]()
 
 

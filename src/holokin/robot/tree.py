@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import RobotFileError, UnknownNameError
 from ..types import Matrix, Value, Vector
-from .geometry import Placed
+from .geometry import LinkShape
 from .model import Coordinate
 
 MOVING = ("revolute", "prismatic")
@@ -69,7 +69,10 @@ class Loop:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links (each with what it weighs, or None), joints, shapes. Errors name `source`, and call a link by `word`."""
+    """Links (each with what it weighs, or None), joints, and shapes in the frames of links.
+
+    Errors name `source`, and call a link by `word`.
+    """
 
     source: str
     name: str
@@ -77,7 +80,7 @@ class Tree:
     joints: tuple[Branch, ...]
     loops: tuple[Loop, ...] = ()
     word: str = "link"
-    shapes: Mapping[str, tuple[Placed, ...]] = field(default_factory=dict)
+    shapes: Mapping[str, tuple[LinkShape, ...]] = field(default_factory=dict)
 
     def problem(self, fact: str, cure: str) -> RobotFileError:
         """The error of what was read."""

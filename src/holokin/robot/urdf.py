@@ -15,7 +15,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, RobotFileError
 from ..types import Matrix
 from .chains import robot_of
-from .geometry import Unread
+from .geometry import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
@@ -94,7 +94,9 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
     tree = _tree(str(path), model, Path(path).stem, mesh_finder(path))
-    return replace(tree, shapes={link: ((np.eye(4), Unread(str(path), BROKEN)),) for link in tree.links})
+    return replace(
+        tree, shapes={link: (LinkShape(link, -1, np.eye(4), Unread(str(path), BROKEN)),) for link in tree.links}
+    )
 
 
 def _parsed(content: bytes) -> Any:

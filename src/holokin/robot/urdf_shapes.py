@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..types import Matrix
-from .geometry import Box, Capsule, Cylinder, Mesh, Placed, Shape, Unread
+from .geometry import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
 
 BROKEN = "its <collision> elements cannot be read"
 """Why nothing is known of the shapes of a URDF."""
@@ -23,9 +22,13 @@ Finder = Callable[[str], Path]
 """From the name of a mesh in a URDF to its file."""
 
 
-def shapes_of(links: list[Any], source: str, find: Finder) -> Mapping[str, tuple[Placed, ...]]:
+def shapes_of(links: list[Any], source: str, find: Finder) -> Mapping[str, tuple[LinkShape, ...]]:
     """Link name -> its shapes, of the links of a yourdfpy robot."""
-    return {link.name: tuple(_placed(c, source, find) for c in link.collisions) for link in links if link.collisions}
+    return {
+        link.name: tuple(_placed(link.name, c, source, find) for c in link.collisions)
+        for link in links
+        if link.collisions
+    }
 
 
 def mesh_finder(file: str | Path) -> Finder:
@@ -52,17 +55,13 @@ def _packaged(name: Path, file: Path) -> Iterator[Path]:
         yield from (Path(root) / name, Path(root) / "share" / name)
 
 
-def _placed(collision: Any, source: str, find: Finder) -> Placed:
+def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
     T = np.eye(4) if collision.origin is None else np.asarray(collision.origin, dtype=float)
     try:
         shape: Shape = _shape(collision.geometry, find) if np.isfinite(T).all() else Unread(source, BROKEN)
     except HolokinError as problem:
         shape = Unread(source, str(problem).partition(";")[0])
-    return _pose(T), shape
-
-
-def _pose(T: Matrix) -> Matrix:
-    return T if np.isfinite(T).all() else np.eye(4)
+    return LinkShape(link, -1, T if np.isfinite(T).all() else np.eye(4), shape)
 
 
 def _shape(geometry: Any, find: Finder) -> Shape:
