@@ -43,7 +43,7 @@ LAYERS = [
     {"job"},
     {"studio"},
     {"outcome"},
-    {"exporting"},
+    {"exporting", "inspecting"},
     {"cli"},
     {"__main__"},
 ]

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from ..arguments import typed
+from ..files import replacing
 
 
 class FindingKind(Enum):
@@ -144,3 +149,9 @@ class CheckReport:
             "pairs": [vars(one) for one in self.pairs], "left_out": [vars(one) for one in self.left_out],
             "unseen": [vars(one) for one in self.unseen], "remarks": list(self.remarks),
         }  # fmt: skip
+
+    @typed
+    def save(self, path: str | Path) -> None:
+        """Write `summary` as JSON, complete or not at all. Raises: WriteError."""
+        with replacing(path) as part:
+            part.write_text(json.dumps(self.summary(), indent=2, allow_nan=False) + "\n", "utf-8")

@@ -12,10 +12,10 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
-from ..types import Array, Matrix, Value, Vector, finite, not_negative, positive
+from ..types import Array, Indices, Matrix, Value, Vector, finite, not_negative, positive
 
-FLAT = 1e-9
-"""Thickness [m] below which points have no volume; a hull gets that much at least."""
+FLAT = 1e-4
+"""Thickness [m] that a hull gets at least: one of points in a plane has none, and no hull."""
 
 
 def coal_package() -> Any:
@@ -177,17 +177,26 @@ class Hull(Shape):
         super().__post_init__()
 
     @cached_property
-    def corners(self) -> Matrix:
-        """The points that are corners of the hull (c, 3); of points in a plane, the corners of their box."""
+    def _outside(self) -> tuple[Matrix, Indices]:
+        """Corners (c, 3) and the triangles (f, 3) between them; of points in a plane those of the box round them."""
         from scipy.spatial import ConvexHull, QhullError
 
+        points = self.points
         try:
-            return self.points[ConvexHull(self.points).vertices]
+            hull = ConvexHull(points)
         except QhullError:
-            low, high = self.points.min(axis=0), self.points.max(axis=0)
-            grown = np.maximum(high - low, FLAT) - (high - low)
-            ends = np.array([low - grown / 2, high + grown / 2])
-            return np.array(list(product(*ends.T)))
+            low, high = points.min(axis=0), points.max(axis=0)
+            grown = np.maximum(FLAT - (high - low), 0.0) / 2
+            points = np.array(list(product(*np.array([low - grown, high + grown]).T)))
+            hull = ConvexHull(points)
+        place = np.full(len(points), -1)
+        place[hull.vertices] = np.arange(len(hull.vertices))
+        return points[hull.vertices], place[hull.simplices]
+
+    @property
+    def corners(self) -> Matrix:
+        """The points that are corners of the hull (c, 3)."""
+        return self._outside[0]
 
     @property
     def ball(self) -> tuple[Vector, float]:
@@ -205,10 +214,12 @@ class Hull(Shape):
 
     def made_by(self, coal: Any) -> Any:
         """A coal.Convex."""
-        points = coal.StdVec_Vec3s()
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         for corner in self.corners:
             points.append(corner)
-        return coal.Convex.convexHull(points, True, "Qt")
+        for face in self._outside[1].tolist():
+            faces.append(coal.Triangle(*face))
+        return coal.Convex(points, faces)
 
 
 @final
