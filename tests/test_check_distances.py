@@ -211,7 +211,7 @@ def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), few=st.integers(2, 9))
 def test_nowhere_on_a_motion_are_links_nearer_than_the_bound(seed: int, few: int) -> None:
-    """Coarse samples, looked at 400 times as closely: never below the bound, and the least found is nearly the least."""
+    """Coarse samples, looked at 400 times as closely: never below the bound; the least found is nearly the least."""
     robot = hk.with_capsules(hk.load("panda"))
     rng = np.random.default_rng(seed)
     q = rng.uniform(robot.lower, robot.upper, (few, robot.n))
