@@ -47,9 +47,10 @@ def check(
 
     Distances are those of the robot's shapes: the <collision> elements of a URDF, the geoms of MJCF that collide, or
     capsules between the frames of the joints for a robot without any, see `with_capsules`. Meshes are their convex
-    hulls. What is found of distances holds for the whole motion, with the joints going straight from one sample to the
-    next: between two postures with distances d and e, over which points move by S at most, the distance is at least
-    (d + e - S) / 2, and the interval is halved until that tells. Limits and singularities are looked at at the samples.
+    hulls, and where these are nearer than the clearance, themselves. What is found of distances holds for the whole
+    motion, with the joints going straight from one sample to the next: between two postures with distances d and e,
+    over which points move by S at most, the distance is at least (d + e - S) / 2, and the interval is halved until that
+    tells. Limits and singularities are looked at at the samples.
 
     Args:
         motion: a Trajectory, a TimedTrajectory, a Recording, or postures (k, n).

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -53,8 +53,11 @@ class Gap(Value, ABC):
     weights: Vector
 
     @abstractmethod
-    def distances(self, frames: Frames, rows: Indices) -> Vector:
-        """Distance [m] at some rows of frames, negative for how deep one is in the other."""
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
+        """Distance [m] at some rows of frames, negative for how deep one is in the other; 0 for meshes that meet.
+
+        That of meshes is the distance of their convex hulls, which is no larger; where this is below `near`, their own.
+        """
 
 
 @final
@@ -65,7 +68,7 @@ class FloorGap(Gap):
     link: Link
     height: float
 
-    def distances(self, frames: Frames, rows: Indices) -> Vector:
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
         """Height of the lowest point over the floor."""
         found = [lowest(s.shape, *_pose(frames, s, rows)) for s in self.link.shapes]
         return np.min(found, axis=0) - self.height
@@ -79,7 +82,7 @@ class LinkGap(Gap):
     one: Link
     other: Link
 
-    def distances(self, frames: Frames, rows: Indices) -> Vector:
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
         """The least over pairs of their shapes; those whose balls are farther apart than another pair are left out."""
         sides = [[(s.shape, *_pose(frames, s, rows)) for s in link.shapes] for link in (self.one, self.other)]
         pairs = [(a, b) for a in sides[0] for b in sides[1]]
@@ -88,7 +91,7 @@ class LinkGap(Gap):
         for i in np.argsort([bound.min() for bound in bounds]):
             open_rows = np.flatnonzero(bounds[i] < least)
             if len(open_rows):
-                found = _distance(pairs[i][0], pairs[i][1], open_rows)
+                found = _distance(pairs[i][0], pairs[i][1], open_rows, near)
                 least[open_rows] = np.minimum(least[open_rows], found)
         return least
 
@@ -149,19 +152,30 @@ def _ball_gap(one: Posed, other: Posed) -> Vector:
     return np.linalg.norm(centers[0] - centers[1], axis=1) - a.ball[1] - b.ball[1]
 
 
-def _distance(one: Posed, other: Posed, rows: Indices) -> Vector:
+def _distance(one: Posed, other: Posed, rows: Indices, near: float) -> Vector:
     (a, p, R), (b, x, S) = one, other
     if isinstance(a, Capsule) and isinstance(b, Capsule):
         steps = [R[rows, :, 2] * a.length / 2, S[rows, :, 2] * b.length / 2]
         return segment_distance(p[rows], steps[0], x[rows], steps[1]) - a.radius - b.radius
+    found = _coal_distance(a.solid, b.solid, one, other, rows)
+    if a.surface is not None or b.surface is not None:
+        close = np.flatnonzero(found < near)
+        sides = [shape.solid if shape.surface is None else shape.surface for shape in (a, b)]
+        found[close] = np.maximum(_coal_distance(*sides, one, other, rows[close]), 0.0)
+    return found
+
+
+def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices) -> Vector:
+    """What coal finds of its shapes a and b, which are where `one` and `other` are."""
     coal = coal_package()
+    (_, p, R), (_, x, S) = one, other
     asked, answer = coal.DistanceRequest(), coal.DistanceResult()
     asked.enable_signed_distance = True
     found = np.empty(len(rows))
     for k, row in enumerate(rows):
         answer.clear()
         ends = coal.Transform3s(R[row], p[row]), coal.Transform3s(S[row], x[row])
-        found[k] = coal.distance(a.solid, ends[0], b.solid, ends[1], asked, answer)
+        found[k] = coal.distance(a, ends[0], b, ends[1], asked, answer)
     return found
 
 

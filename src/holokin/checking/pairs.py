@@ -74,7 +74,7 @@ def pairs_of(
             else:
                 tested.append(link_gap(robot, other, one, travel))
     limits = [clearance] * len(gaps)
-    for gap, values in zip(tested, _at_random(robot, tested), strict=True):
+    for gap, values in zip(tested, _at_random(robot, tested, clearance), strict=True):
         if values.max(initial=-np.inf) <= 0:
             left_out.append(LeftOut(gap.names, ALWAYS))
             continue
@@ -112,11 +112,11 @@ def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
     return found
 
 
-def _at_random(robot: Robot, gaps: Sequence[Gap]) -> list[Vector]:
+def _at_random(robot: Robot, gaps: Sequence[Gap], near: float) -> list[Vector]:
     """Distances of each gap at random postures; a hinge without limits turns once round, a slider stays in 1 m."""
     free = np.where(robot.hinges, np.pi, 0.5)
     lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(robot.upper - 2 * free, -free))
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(robot.lower + 2 * free, free))
     Q = np.random.default_rng(0).uniform(lower, upper, (POSTURES, robot.n))
     frames = joint_frames(robot, Q)
-    return [gap.distances(frames, np.arange(POSTURES)) for gap in gaps]
+    return [gap.distances(frames, np.arange(POSTURES), near) for gap in gaps]

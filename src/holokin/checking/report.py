@@ -60,7 +60,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Clearance:
-    """How near two things come: `least` found [m] at `time` [s], and `bound`, what it is at least all the way [m]."""
+    """How near two things come: `least` found [m] at `time` [s], and `bound`, what it is at least all the way [m].
+
+    Of meshes these are distances of their convex hulls, which are no larger than theirs, as long as they are above the
+    clearance that was wanted; below it they are their own. A bound below 0 says nothing of how deep meshes are.
+    """
 
     pair: tuple[str, str]
     least: float
@@ -125,9 +129,10 @@ class CheckReport:
         lines = [str(finding) for finding in self.findings] or ["nothing found"]
         if self.pairs:
             near = self.pairs[0]
+            told = f"; on the whole motion at least {self.bound:.4f} m" if self.bound > 0 else ""
             lines.append(
-                f"least distance {near.least:.4f} m, {' and '.join(near.pair)} at {near.time:.3f} s; on the whole "
-                f"motion at least {self.bound:.4f} m; {len(self.pairs)} pairs"
+                f"least distance {near.least:.4f} m, {' and '.join(near.pair)} at {near.time:.3f} s{told}; "
+                f"{len(self.pairs)} pairs"
             )
         lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
         reasons = dict.fromkeys(one.reason for one in self.left_out)

@@ -64,10 +64,11 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
     """
     if not gaps:
         return []
+    near = max(limits)
     walks = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
     starts = np.unique(np.linspace(0, len(q) - 1, FIRST + 1).astype(int)).astype(float)
     known = [dict.fromkeys(starts.tolist(), 0.0) for _ in gaps]
-    _look(robot, gaps, q, known, [starts for _ in gaps])
+    _look(robot, gaps, q, known, [starts for _ in gaps], near)
     bounds = np.full(len(gaps), np.inf)
     waiting = [(starts[:-1], starts[1:]) for _ in gaps]
     if len(q) == 1:
@@ -88,7 +89,7 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
             middle = np.where(b[split] - a[split] > 1, np.floor(middle), middle)
             asked.append(middle)
             waiting[i] = (np.concatenate([a[split], middle]), np.concatenate([middle, b[split]]))
-        _look(robot, gaps, q, known, asked)
+        _look(robot, gaps, q, known, asked, near)
     found = []
     for gap, distances, bound in zip(gaps, known, bounds, strict=True):
         s = np.array(sorted(distances))
@@ -105,7 +106,10 @@ def postures_at(q: Matrix, s: Vector) -> Matrix:
     return (1 - share) * q[low] + share * q[high]
 
 
-def _look(robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, float]], asked: list[Vector]) -> None:
+def _look(
+    robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, float]], asked: list[Vector],
+    near: float,
+) -> None:  # fmt: skip
     """Find the distances of each gap at its places, and note them."""
     places = np.unique(np.concatenate(asked))
     if not len(places):
@@ -114,7 +118,7 @@ def _look(robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, 
     for gap, distances, s in zip(gaps, known, asked, strict=True):
         if len(s):
             rows: Indices = np.searchsorted(places, s)
-            distances.update(zip(s.tolist(), gap.distances(frames, rows).tolist(), strict=True))
+            distances.update(zip(s.tolist(), gap.distances(frames, rows, near).tolist(), strict=True))
 
 
 def _at(walk: Vector, s: Vector) -> Vector:

@@ -49,6 +49,11 @@ class Shape(Value, ABC):
         """The same as a shape of the module coal."""
 
     @property
+    def surface(self) -> Any:
+        """The triangles of a mesh, as a shape of coal, where `solid` is but their hull; None for all other shapes."""
+        return None
+
+    @property
     def fault(self) -> str:
         """Why the shape cannot be looked at, such as a mesh whose file is missing; empty where it can."""
         return ""
@@ -225,14 +230,14 @@ class Hull(Shape):
 @final
 @dataclass(frozen=True, eq=False)
 class Mesh(Shape):
-    """The convex hull of a mesh in a file, times `scale` (3,). The file is read when it is needed."""
+    """A mesh in a file, times `scale` (3,), which is read when it is needed; as a solid it is its convex hull."""
 
     file: Path
     scale: Vector = field(default_factory=lambda: np.ones(3))
 
     @cached_property
-    def hull(self) -> Hull:
-        """The hull. Raises: RobotFileError: no such file, or one that cannot be read."""
+    def triangles(self) -> tuple[Matrix, Indices]:
+        """Points (k, 3) [m] and triangles (f, 3). Raises: RobotFileError: no such file, or one that cannot be read."""
         cure = "put it where the robot's file says, or check without it"
         if not self.file.is_file():
             raise RobotFileError(self.file, "there is no such mesh", cure)
@@ -240,9 +245,31 @@ class Mesh(Shape):
 
         try:
             mesh = trimesh.load(self.file, force="mesh")
-            return Hull(np.asarray(mesh.vertices, dtype=float) * self.scale)  # type: ignore[union-attr]
+            points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)  # type: ignore[union-attr]
+            return points, np.asarray(mesh.faces, dtype=np.int64)  # type: ignore[union-attr]
         except Exception as problem:  # its readers raise what they like, of packages that are missing, too
             raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
+
+    @cached_property
+    def hull(self) -> Hull:
+        """The convex hull. Raises: RobotFileError."""
+        return Hull(self.triangles[0])
+
+    @property
+    def surface(self) -> Any:
+        """A coal.BVHModelOBBRSS."""
+        return self._surface
+
+    @cached_property
+    def _surface(self) -> Any:
+        points, faces = self.triangles
+        model = coal_package().BVHModelOBBRSS()
+        model.beginModel(len(faces), len(points))
+        model.addVertices(points)
+        model.addTriangles(faces)
+        model.endModel()
+        model.computeLocalAABB()
+        return model
 
     @property
     def ball(self) -> tuple[Vector, float]:
