@@ -141,6 +141,18 @@ def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> N
     assert hk.check(PANDA_START[None], panda, self_collision=False).pairs == ()
 
 
+def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
+    """A pin of 0.2 m beyond the tip of a stretched arm of 2 m meets a ball at 2.3 m, which the arm does not."""
+    ball = hk.obstacle("ball", Capsule(0.05), [2.3, 0, 0])
+    pin = hk.with_shape(hk.with_capsules(arm, 0.05), "pin", Capsule(0.01, 0.2), [0.1, 0, 0], [0, np.pi / 2, 0])
+    report = hk.check(np.zeros((1, 2)), pin, obstacles=[ball])
+    assert report.passed and report.pairs[0].pair == ("pin", "ball")
+    assert report.clearance == pytest.approx(2.3 - 2.2 - 0.01 - 0.05)
+    assert hk.check(np.zeros((1, 2)), hk.with_shape(arm, "pin", Capsule(0.01)), floor=-1.0).unseen == ()
+    with pytest.raises(UnknownNameError):
+        hk.with_shape(arm, "pin", Capsule(0.01), tip="nose")
+
+
 def test_a_missing_mesh_costs_its_link_and_nothing_else(tmp_path: Path) -> None:
     text = urdf("panda.urdf").read_text("utf-8")
     (tmp_path / "panda.urdf").write_text(text, "utf-8")
@@ -239,6 +251,11 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     file = write_job(tmp_path, **PANDA, checks="[checks]\nfloor = 0.0\n" + BALL.replace("0.1, 0.3", "0.6, 0.3"))
     outcome = holokin("run", file, "--out", out)
     assert outcome.code == 0 and "nothing found" in outcome.out
+    torch = '[[checks.obstacles]]\nname = "torch"\non = "panda_link8"\nkind = "cylinder"\nradius = 0.01\nlength = 0.8\n'
+    low = holokin(
+        "run", write_job(tmp_path, "low.toml", **PANDA, checks="[checks]\nfloor = 0.0\n" + torch), "--out", out
+    )
+    assert low.code == 1 and "torch and floor" in low.out
     hit = write_job(tmp_path, "hit.toml", **PANDA, checks="[checks]\n" + BALL)
     assert holokin("run", hit, "--out", out).code == 1
 

@@ -53,6 +53,7 @@ EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
     "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
+    "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 

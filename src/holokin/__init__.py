@@ -49,6 +49,7 @@ from .robot import (
     obstacle,
     with_base_pose,
     with_capsules,
+    with_shape,
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
@@ -144,6 +145,7 @@ __all__ = [
     "weighted",
     "with_base_pose",
     "with_capsules",
+    "with_shape",
     "with_tool",
     "workspace",
 ]

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from ..checking import CheckReport, check
 from ..motion import TimedTrajectory
-from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules
+from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
 from ..task import Task
 from ..trajectory import Trajectory
 from .robot_tables import FrameTable
@@ -28,9 +28,10 @@ _USES = {"box": ("sides",), "sphere": ("radius",), "capsule": ("radius", "length
 
 
 class ObstacleTable(FrameTable):
-    """[[checks.obstacles]]: a box, ball, capsule or cylinder that stands still at xyz, rpy in the frame of the base."""
+    """[[checks.obstacles]]: a box, ball, capsule or cylinder at xyz, rpy in the frame of the base, or `on` a tip."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    on: str | None = None
     kind: Literal["box", "sphere", "capsule", "cylinder"]
     sides: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
     radius: Positive | None = None
@@ -46,9 +47,13 @@ class ObstacleTable(FrameTable):
                 raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
         return self
 
-    def shape(self) -> LinkShape:
-        """The same as a value."""
+    def standing(self) -> LinkShape:
+        """The same as a value, where it stands."""
         return obstacle(self.name, self._solid(), *self.pose())
+
+    def carried(self, robot: Robot) -> Robot:
+        """The robot that carries it. Raises: UnknownNameError: no such tip."""
+        return with_shape(robot, self.name, self._solid(), *self.pose(), tip=self.on)
 
     def _solid(self) -> Shape:
         if self.kind == "box":
@@ -73,8 +78,10 @@ class ChecksTable(Table):
     def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
         """What is found of a motion. Raises: as `check` and `with_capsules`."""
         shaped = robot if self.radius is None else with_capsules(robot, self.radius)
+        for table in self.obstacles:
+            shaped = shaped if table.on is None else table.carried(shaped)
         return check(
             motion, shaped, task=task, floor=self.floor, clearance=self.clearance, self_collision=self.self_collision,
-            obstacles=[table.shape() for table in self.obstacles], ignore=[(a, b) for a, b in self.ignore],
+            obstacles=[table.standing() for table in self.obstacles if table.on is None], ignore=[(a, b) for a, b in self.ignore],
             limits=self.limits, margin=self.margin, rcond=self.rcond,
         )  # fmt: skip

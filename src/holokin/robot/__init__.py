@@ -1,6 +1,6 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
-from .capsules import chain_length, obstacle, with_capsules
+from .capsules import chain_length, obstacle, with_capsules, with_shape
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
@@ -66,5 +66,6 @@ __all__ = [
     "to_urdf",
     "with_base_pose",
     "with_capsules",
+    "with_shape",
     "with_tool",
 ]

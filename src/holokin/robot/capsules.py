@@ -88,6 +88,31 @@ def _steps(robot: Robot) -> list[tuple[int, Vector]]:
 
 
 @typed
+def with_shape(
+    robot: Robot, name: str, shape: Shape, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *,
+    tip: str | None = None,
+) -> Robot:  # fmt: skip
+    """The robot with a shape on a tip, such as that of its tool, at xyz (3,) [m], rpy (3,) [rad] in the tip's frame.
+
+    A robot whose links have no shapes gets capsules first, as of `with_capsules`.
+
+    Args:
+        name: what the shape is called in findings.
+        tip: the tip that carries it, by default the first.
+
+    Raises:
+        UnknownNameError: no such tip. ArgumentError, ShapeError, NotFiniteError.
+    """
+    tips = {end.name: end for end in robot.tips}
+    if tip is not None and tip not in tips:
+        raise UnknownNameError("tip", tip, tuple(tips))
+    end = robot.tips[0] if tip is None else tips[tip]
+    placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
+    clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
+    return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape)))
+
+
+@typed
 def obstacle(name: str, shape: Shape, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> LinkShape:
     """A shape that stands still at xyz (3,) [m], rpy (3,) [rad] in the frame of a robot's base.
 
