@@ -251,10 +251,9 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     file = write_job(tmp_path, **PANDA, checks="[checks]\nfloor = 0.0\n" + BALL.replace("0.1, 0.3", "0.6, 0.3"))
     outcome = holokin("run", file, "--out", out)
     assert outcome.code == 0 and "nothing found" in outcome.out
-    torch = '[[checks.obstacles]]\nname = "torch"\non = "panda_link8"\nkind = "cylinder"\nradius = 0.01\nlength = 0.8\n'
-    low = holokin(
-        "run", write_job(tmp_path, "low.toml", **PANDA, checks="[checks]\nfloor = 0.0\n" + torch), "--out", out
-    )
+    torch = BALL.replace('"ball"', '"torch"\non = "panda_hand_tcp"').replace("0.45, 0.1, 0.3", "0, 0, 0.35")
+    torch = "[checks]\nfloor = 0.0\n" + torch
+    low = holokin("run", write_job(tmp_path, "low.toml", **PANDA, checks=torch), "--out", out)
     assert low.code == 1 and "torch and floor" in low.out
     hit = write_job(tmp_path, "hit.toml", **PANDA, checks="[checks]\n" + BALL)
     assert holokin("run", hit, "--out", out).code == 1
@@ -265,8 +264,8 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     [
         ("[checks]\nflor = 0.0\n", ("checks.flor", "floor")),
         ('[checks]\nignore = [["base"]]\n', ("checks.ignore.0", "at least 2")),
-        ('[checks]\nignore = [["base", "nose"]]\n', ("nose", "checks")),
-        ("[checks]\nradius = { nose = 0.1 }\n", ("nose", "checks")),
+        ('[checks]\nignore = [["base", "nose"]]\n', ("nose", "[checks]")),
+        ("[checks]\nradius = { nose = 0.1 }\n", ("nose", "[checks]")),
         (BALL.replace("radius", "sides"), ("checks.obstacles.0",)),
         (BALL.replace("sphere", "spere"), ("checks.obstacles.0.kind", "sphere")),
     ],

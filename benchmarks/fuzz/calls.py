@@ -67,7 +67,8 @@ def calls() -> dict[str, Call]:
         "CheckReport.save": (hk.check(walk, robot).save, ("check.json",), {}),
         **{kind.__name__: (lambda *a, make=kind, **n: hk.obstacle("it", make(*a, **n)), sizes, {}) for kind, sizes in (
             (hk.robot.Box, ([0.1, 0.2, 0.3],)), (hk.robot.Capsule, (0.1, 0.2)), (hk.robot.Cylinder, (0.1, 0.2)),
-            (hk.robot.Ellipsoid, ([0.1, 0.2, 0.3],)), (hk.robot.Hull, ([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]],)))},
+            (hk.robot.Ellipsoid, ([0.1, 0.2, 0.3],)),
+            (hk.robot.Hull, ([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]],)))},
         "reach": (hk.robot.reach, (robot,), {"tip": None}),
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),

@@ -129,7 +129,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
                     if job.checks is not None:
-                        found = _looked_at(found, job.checks, robot, task)
+                        with naming(file, "checks"):
+                            found = _looked_at(found, job.checks, robot, task)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
                     variants.append(found)

@@ -58,6 +58,7 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     return replace(robot, shapes=(*robot.shapes, *added))
 
 
+@typed
 def chain_length(robot: Robot) -> float:
     """Sum of the distances [m] from frame to frame on the way from the base to the first tip, sliders at zero."""
     tip = robot.tips[0]
