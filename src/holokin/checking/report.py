@@ -14,6 +14,10 @@ from ..arguments import typed
 from ..files import replacing
 
 
+MOST_TOLD = 20
+"""Findings in a table; a cyclic motion may have one in every cycle."""
+
+
 class FindingKind(Enum):
     """What is wrong with a motion; the text is what a table calls it."""
 
@@ -50,11 +54,15 @@ class Finding:
     limit: float
     unit: str
 
+    @property
+    def is_least(self) -> bool:
+        """True where the limit is a least value, and not a largest one."""
+        return self.kind in (FindingKind.COLLISION, FindingKind.CLEARANCE, FindingKind.SINGULARITY)
+
     def __str__(self) -> str:
         when = f"{self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"{self.start:.3f} s"
-        least = self.kind in (FindingKind.COLLISION, FindingKind.CLEARANCE, FindingKind.SINGULARITY)
-        worst = f"{'least' if least else 'worst'} {self.value:.4g} {self.unit}".rstrip()
-        wanted = f"{'at least' if least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
+        worst = f"{'least' if self.is_least else 'worst'} {self.value:.4g} {self.unit}".rstrip()
+        wanted = f"{'at least' if self.is_least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
         return f"{self.kind.value}: {' and '.join(self.what)}, {when}, {worst} at {self.time:.3f} s ({wanted})"
 
 
@@ -126,7 +134,13 @@ class CheckReport:
 
     def table(self) -> str:
         """Lines of text: the findings, the least distance, and what was not looked at."""
-        lines = [str(finding) for finding in self.findings] or ["nothing found"]
+        told = [str(finding) for finding in self.findings[:MOST_TOLD]] or ["nothing found"]
+        more = len(self.findings) - len(told)
+        return "\n".join([*told, *([f"and {more} more"] if more > 0 else []), *self.notes()])
+
+    def notes(self) -> list[str]:
+        """Sentences: the least distance, what was not looked at, and what was assumed."""
+        lines: list[str] = []
         if self.pairs:
             near = self.pairs[0]
             told = f"; on the whole motion at least {self.bound:.4f} m" if self.bound > 0 else ""
@@ -139,7 +153,7 @@ class CheckReport:
         for reason in reasons:
             pairs = [" and ".join(one.pair) for one in self.left_out if one.reason == reason]
             lines.append(f"left out, {reason}: {', '.join(pairs)}")
-        return "\n".join([*lines, *self.remarks])
+        return [*lines, *self.remarks]
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
