@@ -160,8 +160,8 @@ def _distance(one: Posed, other: Posed, rows: Indices, near: float) -> Vector:
     found = _coal_distance(a.solid, b.solid, one, other, rows)
     if a.surface is not None or b.surface is not None:
         close = np.flatnonzero(found < near)
-        sides = [shape.solid if shape.surface is None else shape.surface for shape in (a, b)]
-        found[close] = np.maximum(_coal_distance(*sides, one, other, rows[close]), 0.0)
+        c, d = (shape.solid if shape.surface is None else shape.surface for shape in (a, b))
+        found[close] = np.maximum(_coal_distance(c, d, one, other, rows[close]), 0.0)
     return found
 
 
