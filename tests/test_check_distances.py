@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START, urdf
-from holokin.checking.gaps import LinkGap, link_gap, links_of, segment_distance
+from holokin.checking.gaps import LinkGap, floor_gap, link_gap, links_of, segment_distance
 from holokin.checking.sweep import ACCURACY, sweep
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape
 from holokin.robot.numeric import joint_frames
@@ -205,6 +205,29 @@ def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:
     assert {pair for pair, value in exact.items() if value <= 0} == set(told)
     clear = hk.check(PANDA_START[None], robot, limits=False)
     assert clear.passed and clear.clearance > 0.01
+
+
+@pytest.mark.parametrize("name", ["panda", "irb140", "rail-ur10e", "yumi", "ppr"])
+def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
+    """|d(q) - d(q')| <= weights . |q - q'|, of links from each other, of two arms, from a ball and from the floor."""
+    robot = hk.with_capsules(hk.load(name), 0.05)
+    rng = np.random.default_rng(1)
+    lower, upper = np.maximum(robot.lower, -3), np.minimum(robot.upper, 3)
+    Q = rng.uniform(lower, upper, (400, robot.n))
+    steps = 0.02 * rng.normal(size=Q.shape) * (rng.random(Q.shape) < 0.4)
+    travel = np.full(len(robot.joints), 3.5)
+    ball = links_of([hk.obstacle("ball", Capsule(0.05), [0.4, 0.3, 0.2])])[0]
+    links = links_of(robot.shapes)
+    gaps = [link_gap(robot, one, other, travel) for i, one in enumerate(links) for other in (*links[:i], ball)]
+    gaps += [floor_gap(robot, link, 0.0, travel) for link in links]
+    frames, others, rows = joint_frames(robot, Q), joint_frames(robot, Q + steps), np.arange(len(Q))
+    used = []
+    for gap in gaps:
+        change = np.abs(gap.distances(others, rows, 0.0) - gap.distances(frames, rows, 0.0))
+        most = np.abs(steps) @ gap.weights
+        assert (change <= most + 1e-9).all(), gap.names
+        used.append(np.max(change[most > 0] / most[most > 0], initial=0.0))
+    assert max(used) > 0.7  # weights much smaller would not do
 
 
 @settings(max_examples=15, deadline=None)
