@@ -13,7 +13,6 @@ import numpy as np
 from ..arguments import typed
 from ..files import replacing
 
-
 MOST_TOLD = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""
 
