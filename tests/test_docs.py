@@ -57,6 +57,7 @@ EXAMPLES = {
     "mink_leaf.py": "our leaf: 0.000003 rad off after two circles, two ways 0.000000 rad apart",
     "teleoperation.py": "ours: tool 0.000000 m, joints 0.000000 rad apart, below 1e-12: True",
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
+    "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 

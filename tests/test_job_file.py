@@ -204,7 +204,20 @@ def section(heading: str) -> dict[str, list[str]]:
 
 @pytest.mark.parametrize(
     "name",
-    ["robot", "task", "start", "path", "timing", "program", "physics", "workspace", "strategies", "expect", "verdict"],
+    [
+        "robot",
+        "task",
+        "start",
+        "path",
+        "timing",
+        "program",
+        "physics",
+        "checks",
+        "workspace",
+        "strategies",
+        "expect",
+        "verdict",
+    ],
 )
 def test_the_reference_has_every_key_and_no_other(name: str) -> None:
     heading = f"`[{name}.NAME]`" if name in ("strategies", "expect") else f"`[{name}]`"

@@ -65,6 +65,20 @@ def calls() -> dict[str, Call]:
             "push": hk.physics.Push([1.0, 0.0, 0.0], 0.1), "density": 1000.0, "seed": 0}),
         "Push": (lambda *a, **n: hk.physics.play(held, loop, q, dt=0.02, push=hk.physics.Push(*a, **n)),
             ([1.0, 0.0, 0.0], 0.1), {"duration": 0.1, "joint": None}),
+        "with_capsules": (hk.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
+        "with_shape": (hk.with_shape, (robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {
+            "tip": None}),
+        "obstacle": (hk.obstacle, ("ball", hk.robot.Capsule(0.1), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
+        "chain_length": (hk.robot.chain_length, (robot,), {}),
+        "check": (hk.check, (walk, robot), {
+            "task": task, "floor": -1.0, "clearance": 0.01, "self_collision": True,
+            "obstacles": [hk.obstacle("ball", hk.robot.Capsule(0.1))], "ignore": [("ball", robot.joint_names[0])],
+            "limits": True, "margin": 0.1, "rcond": 0.01}),
+        "CheckReport.save": (hk.check(walk, robot).save, ("check.json",), {}),
+        **{kind.__name__: (lambda *a, make=kind, **n: hk.obstacle("it", make(*a, **n)), sizes, {}) for kind, sizes in (
+            (hk.robot.Box, ([0.1, 0.2, 0.3],)), (hk.robot.Capsule, (0.1, 0.2)), (hk.robot.Cylinder, (0.1, 0.2)),
+            (hk.robot.Ellipsoid, ([0.1, 0.2, 0.3],)),
+            (hk.robot.Hull, ([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]],)))},
         "reach": (hk.robot.reach, (robot,), {"tip": None}),
         "from_dh": (hk.from_dh, ([dict(row), dict(row, joint="k")],), {
             "convention": "standard", "name": "r", "base": np.eye(4), "tool": np.eye(4), "tip": "t", "source": "s"}),

@@ -9,9 +9,23 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, designing, export, laws, motion, physics, recording, robot, strategies
+from . import (
+    analysis,
+    auditing,
+    checking,
+    constraints,
+    designing,
+    export,
+    laws,
+    motion,
+    physics,
+    recording,
+    robot,
+    strategies,
+)
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
+from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
@@ -46,9 +60,12 @@ from .robot import (
     from_urdf,
     from_yourdfpy,
     load,
+    obstacle,
     to_mjcf,
     to_urdf,
     with_base_pose,
+    with_capsules,
+    with_shape,
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
@@ -59,6 +76,7 @@ from .workspaces import Workspace, workspace
 
 __all__ = [
     "Advice",
+    "CheckReport",
     "Constraint",
     "ControlLaw",
     "Coverage",
@@ -86,6 +104,8 @@ __all__ = [
     "audit_recording",
     "auditing",
     "catalogue",
+    "check",
+    "checking",
     "circle",
     "compose",
     "constraints",
@@ -123,6 +143,7 @@ __all__ = [
     "move_to_leaf",
     "nearest",
     "null_basis",
+    "obstacle",
     "obstruction",
     "path_spread",
     "physics",
@@ -144,6 +165,8 @@ __all__ = [
     "to_urdf",
     "weighted",
     "with_base_pose",
+    "with_capsules",
+    "with_shape",
     "with_tool",
     "workspace",
 ]

@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 
 from .errors import ArgumentError
 from .exporting import exporting
+from .inspecting import check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .simulating import simulating
 from .version import __version__
@@ -313,6 +314,7 @@ def advise(
 
 app.add_typer(exporting, name="export")
 app.command("simulate")(simulating(lambda: _ending.check()))
+app.command()(check)
 
 
 def main() -> None:

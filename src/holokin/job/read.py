@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
+from .check_tables import ChecksTable, ObstacleTable
 from .motion_tables import ProgramTable, TimingTable
 from .physics_table import PhysicsTable
 from .robot_tables import FrameTable, PartTable, RobotTable
@@ -35,6 +36,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
     "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable,
     "physics": PhysicsTable,
+    "checks": ChecksTable,
     "bound": Bound,
 }  # fmt: skip
 
@@ -173,6 +175,8 @@ def _known_keys(key: Key, kind: str) -> list[str]:
     if top == "robot" and len(rest) > 1:
         last = next(part for part in reversed(rest[:-1]) if not part.isdigit())
         return list((PartTable if last == "parts" else FrameTable).model_fields)
+    if top == "checks" and len(rest) > 1:
+        return list(ObstacleTable.model_fields)
     return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from ..robot import Robot, assembled, beside, load
@@ -30,6 +31,11 @@ class FrameTable(Table):
         if self.rpy is not None and self.rpy_deg is not None:
             raise ValueError("rpy and rpy_deg both say how it is turned; leave out one")
         return self
+
+    def pose(self) -> tuple[list[float], list[float]]:
+        """(xyz [m], rpy [rad])."""
+        turned = np.deg2rad(self.rpy_deg).tolist() if self.rpy_deg is not None else self.rpy
+        return self.xyz, turned or [0.0, 0.0, 0.0]
 
 
 class ModelTable(Table):

@@ -31,6 +31,7 @@ from ..path import Path
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
+from ..task import Task
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
@@ -41,6 +42,7 @@ from .build import (
     build_strategy,
     naming,
 )
+from .check_tables import ChecksTable
 from .covering import build_covering
 from .motion_tables import TimingTable
 from .read import read_job
@@ -60,7 +62,7 @@ _UNKNOWN = {
     "residual": "the strategy has no leaves", "invariant": "the strategy names none",
     "spread": "not both ways were gone to their end",
     "same_joints": "there is one representation", "speed": "the path has no length",
-    "peak_speed": "the joints have no speed limits",
+    "peak_speed": "the joints have no speed limits", "clearance": "no distances are looked at in [checks]",
 }  # fmt: skip
 """Why a figure that is expected is not known; of the others, drifts, because no cycle was done to its end."""
 
@@ -136,6 +138,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
+                    if job.checks is not None:
+                        with naming(file, "checks"):
+                            found = _looked_at(found, job.checks, robot, task)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
                     variants.append(found)
@@ -226,6 +231,7 @@ def _metrics(
         "residual": max(float(w.residual.max()) for w in walks) if isinstance(strategy, HolonomicStrategy) else np.nan,
         "invariant": kept,
         "coverage": np.nan, "coverage_rcond": np.nan, "time": np.nan, "limit_distance": np.nan,
+        "clearance": np.nan,
     }  # fmt: skip
 
 
@@ -237,6 +243,12 @@ def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyR
     if table.endless and timed.loop is None:
         trouble = trouble or "its cycles do not end where they started: they are timed one after the other, not endless"
     return replace(found, timed=timed, metrics=found.metrics | more, trouble=trouble)
+
+
+def _looked_at(found: StrategyResult, table: ChecksTable, robot: Robot, task: Task) -> StrategyResult:
+    """With what is found of its motion: timed, where it is. Raises: as `check`."""
+    report = table.checked(found.timed or found.cycles, robot, task)
+    return replace(found, motion_check=report, metrics=found.metrics | {"clearance": report.clearance})
 
 
 def _apart(variants: list[StrategyResult]) -> float:

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
+from .check_tables import ChecksTable
 from .motion_tables import ProgramTable, TimingTable
 from .physics_table import PhysicsTable
 from .robot_tables import RobotTable
@@ -168,6 +169,7 @@ class ExpectTable(Table):
     coverage_rcond: Bound | None = None
     time: Bound | None = None
     limit_distance: Bound | None = None
+    clearance: Bound | None = None
 
 
 class VerdictTable(Table):
@@ -232,6 +234,7 @@ class Job(Table):
     timing: TimingTable | None = None
     program: ProgramTable | None = None
     physics: PhysicsTable | None = None
+    checks: ChecksTable | None = None
     workspace: WorkspaceTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import posture_text
 from ..files import writing
+from .check_section import check_section
 from .figures import figures
 from .folder import FACTS, renewed
 from .result import METRICS, JobResult
@@ -126,6 +127,7 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
         f"<p class='small'>{escape(_TERMS)}</p>",
         *_coverage(result),
         *_timing(result),
+        *check_section(result, _html_table),
         "<h2>Figures</h2>",
         *(_figure(folder, stem, caption) for stem, caption in shown),
         "<h2>Everything measured</h2>",

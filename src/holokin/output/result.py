@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis import Verdict
+from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
 from ..path import Path
@@ -36,6 +37,7 @@ METRICS: dict[str, str] = {
     "coverage": "share of the workspace that the leaf reaches",
     "coverage_rcond": "least rcond of [J; J_g] over the poses of the workspace that it reaches",
     "time": "seconds that the cycles take within the limits of [timing]",
+    "clearance": "least distance of two links, or of a link and the floor or an obstacle [m]",
     "limit_distance": "least distance of a joint to a limit of its position, in the timed motion [joint]",
 }
 """Every metric of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
@@ -56,7 +58,7 @@ class StrategyResult:
     """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
     coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
-    job's [timing] has them, where it has one and they were followed to their end.
+    job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """
@@ -73,11 +75,13 @@ class StrategyResult:
     coverage: Coverage | None = None
     slices: tuple[Slice, ...] = ()
     timed: TimedTrajectory | None = None
+    motion_check: CheckReport | None = None
 
     @property
     def passed(self) -> bool:
-        """True when every expectation holds."""
-        return all(check.passed for check in self.checks)
+        """True when every expectation holds, and the checks of its motion found nothing."""
+        looked_at = self.motion_check is None or self.motion_check.passed
+        return looked_at and all(check.passed for check in self.checks)
 
     def trajectories(self) -> dict[str, Trajectory]:
         """All trajectories by a short name."""
@@ -103,6 +107,7 @@ class StrategyResult:
             "drift_each_cycle": self.cycles.drift().tolist(),
             "coverage": self.coverage.summary() if self.coverage is not None else None,
             "timing": self.timed.summary() if self.timed is not None else None,
+            "motion_check": self.motion_check.summary() if self.motion_check is not None else None,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,
         }

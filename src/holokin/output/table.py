@@ -20,22 +20,29 @@ def columns(result: JobResult) -> tuple[Column, ...]:
     """Heading, with its unit, and alignment of each column."""
     joints = joint_unit(result.robot)
     task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
+    narrow = result.workspace or looked_at(result)
     return (
         ("strategy", "left"),
         ("verdict", "left"),
         (f"drift / cycle\n[{joints}]", "right"),
-        (f"two ways\napart [{joints}]" if result.workspace else f"two ways apart\n[{joints}]", "right"),
+        (f"two ways\napart [{joints}]" if narrow else f"two ways apart\n[{joints}]", "right"),
         (f"tracking\n[{task}]", "right"),
         ("sigma\nmin", "right"),
         ("speed\n/ MP", "right"),
         ("peak\nspeed", "right"),
+        *((("clear.\n[m]", "right"),) if looked_at(result) else ()),
         *((("work-\nspace", "right"),) if result.workspace else ()),
         ("expected", "left"),
     )
 
 
-def row(result: StrategyResult, workspace: bool = False) -> list[str]:
-    """The cells of one strategy; with its share of the workspace in a job that has one."""
+def looked_at(result: JobResult) -> bool:
+    """Whether distances are known: those that [checks] asks for."""
+    return any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
+
+
+def row(result: StrategyResult, workspace: bool = False, clearance: bool = False) -> list[str]:
+    """The cells of one strategy; with clearance and share of the workspace in a job that has them."""
     f = result.metrics
     covers = f"{f['coverage']:.1%}" if np.isfinite(f["coverage"]) else "-"
     return [
@@ -47,8 +54,9 @@ def row(result: StrategyResult, workspace: bool = False) -> list[str]:
         number(f["sigma"]),
         f"{f['speed']:.3f}" if np.isfinite(f["speed"]) else "-",
         number(f["peak_speed"]),
+        *([number(f["clearance"])] if clearance else []),
         *([covers] if workspace else []),
-        "FAILED" if not result.passed else "ok" if result.checks else "-",
+        "FAILED" if not result.passed else "ok" if result.checks or result.motion_check else "-",
     ]
 
 
@@ -56,7 +64,7 @@ def rows(result: JobResult) -> list[list[str]]:
     """The cells of every strategy: those that could not be run last."""
     width = len(columns(result))
     failed = [[one.name, "NOT run", *["-"] * (width - 3), "FAILED"] for one in result.not_run]
-    return [*(row(s, bool(result.workspace)) for s in result.strategies), *failed]
+    return [*(row(s, bool(result.workspace), looked_at(result)) for s in result.strategies), *failed]
 
 
 def remarks(result: JobResult) -> list[tuple[str, str]]:
@@ -93,6 +101,10 @@ def print_result(result: JobResult, console: Any) -> None:
         if strategy.timed is not None:
             console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
             for line in strategy.timed.table().splitlines():
+                console.print(f"    {brief(line)}", markup=False, highlight=False)
+        if strategy.motion_check is not None:
+            console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
+            for line in strategy.motion_check.table().splitlines():
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:

@@ -1,13 +1,15 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
+from .capsules import chain_length, obstacle, with_capsules, with_shape
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .drives import SERVOS, Servo, servo
 from .export import to_mjcf, to_urdf
 from .extent import reach
+from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
-from .links import DENSITY, Capsule, capsules, knows_masses, weighed
+from .links import DENSITY, capsules, knows_masses, weighed
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
@@ -23,19 +25,28 @@ __all__ = [
     "FARTHEST",
     "SERVOS",
     "Body",
+    "Box",
     "Capsule",
     "Coordinate",
+    "Cylinder",
     "DHRow",
+    "Ellipsoid",
+    "Hull",
     "Joint",
     "Kinematics",
+    "LinkShape",
+    "Mesh",
     "Part",
     "Robot",
     "Servo",
+    "Shape",
     "Tip",
+    "Unread",
     "assembled",
     "beside",
     "capsules",
     "catalogue",
+    "chain_length",
     "check_metres",
     "compose",
     "doubtful_unit",
@@ -53,6 +64,7 @@ __all__ = [
     "model_links",
     "model_root",
     "model_tips",
+    "obstacle",
     "ordered",
     "potential_expression",
     "reach",
@@ -62,5 +74,7 @@ __all__ = [
     "to_urdf",
     "weighed",
     "with_base_pose",
+    "with_capsules",
+    "with_shape",
     "with_tool",
 ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
+from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
@@ -61,9 +63,9 @@ class _Builder:
                 ends.append(self._add(tip, chain))
             except ArgumentError as problem:  # of a joint's limits
                 raise self.tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
-        bodies = tuple(self._bodies())
-        tree = self.tree
-        return Robot(tree.name, tuple(self.coordinates.values()), tuple(self.joints), tuple(ends), tree.source, bodies)
+        bodies, shapes = self._carried_things()
+        tree, coordinates = self.tree, tuple(self.coordinates.values())
+        return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes)
 
     def _add(self, tip: str, chain: Sequence[Branch]) -> Tip:
         parent, placement = -1, np.eye(4)
@@ -92,9 +94,10 @@ class _Builder:
         self.index[joint.name] = len(self.joints)
         self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset))
 
-    def _bodies(self) -> list[Body]:
-        """Masses below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+    def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...]]:
+        """Masses and shapes below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
         bodies: list[Body] = []
+        shapes: list[LinkShape] = []
         waiting = [(self.root, -1, np.eye(4))]
         below: dict[str, list[Branch]] = {}
         for joint in self.by_name.values():
@@ -107,9 +110,11 @@ class _Builder:
                 with np.errstate(all="ignore"):  # senseless masses are told by what needs them
                     center, inertia = R @ weight.center + placement[:3, 3], R @ weight.inertia @ R.T
                 bodies.append(Body(index, weight.mass, center, inertia))
+            for shape in self.tree.shapes.get(name, ()):
+                shapes.append(replace(shape, joint=index, placement=placement @ shape.placement))
             for joint in below.get(name, []):
                 waiting.append((joint.child, *self._carried(joint, index, placement)))
-        return bodies
+        return tuple(bodies), tuple(shapes)
 
     def _carried(self, joint: Branch, parent: int, placement: Matrix) -> tuple[int, Matrix]:
         """(index of the joint that moves a joint's child link, placement there)."""

@@ -11,6 +11,7 @@ from ..arguments import check, typed
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.geometry import rotation_from_rpy
 from ..types import ArrayLike, Matrix, Value, Vector, finite
+from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 
 BASE = "base"
@@ -62,6 +63,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     coordinates: list[Coordinate] = []
     joints: list[Joint] = []
     bodies: list[Body] = []
+    shapes: list[LinkShape] = []
     tips: list[Tip] = []
     carrying: set[str] = set()
     on = BASE
@@ -90,6 +92,9 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             index, T = placed(body.joint, T)
             R = T[:3, :3]
             bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
+        for shape in part.robot.shapes:
+            index, T = placed(shape.joint, shape.placement)
+            shapes.append(replace(shape, link=part.prefix + shape.link, joint=index, placement=T))
         ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])
@@ -102,6 +107,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         tuple(tip for tip in tips if tip.name not in carrying),
         "; ".join(dict.fromkeys(part.robot.source for part in given if part.robot.source)),
         tuple(bodies),
+        tuple(shapes),
     )
     return robot if order is None else ordered(robot, order)
 

@@ -10,7 +10,8 @@ from ..arguments import typed
 from ..errors import ArgumentError
 from ..types import ArrayLike, Matrix, numbers, positive
 from .drives import Servo
-from .links import DENSITY, Capsule, capsules, knows_masses, merged, rest, weighed
+from .geometry import LinkShape
+from .links import DENSITY, capsules, knows_masses, merged, rest, weighed
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
@@ -219,23 +220,25 @@ def _urdf_inertial(body: Body) -> str:
     return f'    <inertial>{at}<mass value="{float(body.mass)!r}"/><inertia {inertia}/></inertial>'
 
 
-def _urdf_visual(shape: Capsule) -> str:
-    T = np.eye(4)
-    T[:3, :3] = shape.rotation
+def _urdf_visual(part: LinkShape) -> str:
+    """A cylinder and two balls: a URDF has no capsules."""
+    radius, half = part.shape.radius, part.shape.length / 2
     parts = []
-    for at in (shape.start, shape.end) if shape.length else (shape.start,):
+    for z in (-half, half) if half else (0.0,):
+        at = part.placement[:3, :3] @ [0, 0, z] + part.placement[:3, 3]
         place = f'<origin xyz="{_numbers(at)}" rpy="0 0 0"/>'
-        parts.append(f'{place}<geometry><sphere radius="{shape.radius!r}"/></geometry>')
-    if shape.length:
-        T[:3, 3] = (shape.start + shape.end) / 2
-        cylinder = f'<cylinder radius="{shape.radius!r}" length="{shape.length!r}"/>'
-        parts.append(f"{_origin(T)}<geometry>{cylinder}</geometry>")
-    return "\n".join(f"    <visual>{part}</visual>" for part in parts)
+        parts.append(f'{place}<geometry><sphere radius="{radius!r}"/></geometry>')
+    if half:
+        cylinder = f'<cylinder radius="{radius!r}" length="{2 * half!r}"/>'
+        parts.append(f"{_origin(part.placement)}<geometry>{cylinder}</geometry>")
+    return "\n".join(f"    <visual>{text}</visual>" for text in parts)
 
 
-def _mjcf_geom(shape: Capsule) -> str:
-    form = f'type="capsule" fromto="{_numbers([*shape.start, *shape.end])}"' if shape.length else 'type="sphere"'
-    return f'<geom {form} size="{shape.radius!r}" mass="0" contype="0" conaffinity="0" rgba="{COLOR}"/>'
+def _mjcf_geom(part: LinkShape) -> str:
+    radius, half = part.shape.radius, part.shape.length / 2
+    form = f'type="capsule" {_pose(part.placement)} size="{radius!r} {half!r}"'
+    form = form if half else f'type="sphere" {_pose(part.placement)} size="{radius!r}"'
+    return f'<geom {form} mass="0" contype="0" conaffinity="0" rgba="{COLOR}"/>'
 
 
 def _mjcf_inertial(body: Body | None) -> str:

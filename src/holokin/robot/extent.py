@@ -8,7 +8,7 @@ from ..arguments import typed
 from ..errors import UnknownNameError
 from ..types import Array, Matrix, Vector
 from .model import Robot, Tip
-from .tree import turn_matrix
+from .numeric import joint_frames, placed
 
 _SAMPLES = 2048
 """Postures of which the farthest are improved: for the robots of the catalogue 16 times as many change no digit."""
@@ -51,23 +51,9 @@ def reach(robot: Robot, tip: str | None = None) -> float:
 
 def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
     """Points p (k, 3) of a tip at postures (k, n), and dp/dq (k, 3, n)."""
-    frames: list[tuple[Matrix, Array]] = []
-    axes: list[Matrix] = []
-
-    def after(index: int, T: Matrix) -> tuple[Matrix, Array]:
-        p, R = frames[index] if index >= 0 else (np.zeros((len(Q), 3)), np.broadcast_to(np.eye(3), (len(Q), 3, 3)))
-        return p + R @ T[:3, 3], R @ T[:3, :3]
-
-    for joint in robot.joints:
-        p, R = after(joint.parent, joint.placement)
-        value = joint.multiplier * Q[:, joint.coordinate] + joint.offset
-        axes.append(R @ joint.axis)
-        if joint.kind == "prismatic":
-            p = p + axes[-1] * value[:, None]
-        else:
-            R = R @ turn_matrix(joint.axis, value)
-        frames.append((p, R))
-    point = after(end.joint, end.placement)[0]
+    frames = joint_frames(robot, Q)
+    axes = [R @ joint.axis for joint, (_, R) in zip(robot.joints, frames, strict=True)]  # it turns about its own axis
+    point = placed(frames, end.joint, end.placement, len(Q))[0]
     J, index = np.zeros((len(Q), 3, robot.n)), end.joint
     while index >= 0:
         joint, axis = robot.joints[index], axes[index]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..arguments import typed
-from ..types import Matrix, Value, Vector, positive
+from ..errors import ArgumentError
+from ..types import Matrix, positive
+from .capsules import chain_length, with_capsules
+from .geometry import Capsule, LinkShape
 from .model import Body, Joint, Robot
 from .tree import motion
 
@@ -23,43 +26,18 @@ DENSITY = 1000.0
 one weighs 18 kg."""
 
 
-@dataclass(frozen=True, eq=False)
-class Capsule(Value):
-    """A cylinder with half spheres at its ends (3,) [m], in the frame of a joint's moving side; a sphere if they meet.
-
-    joint: the index of that joint, -1 for the base.
-    """
-
-    joint: int
-    start: Vector
-    end: Vector
-    radius: float
-
-    @property
-    def length(self) -> float:
-        """Of the cylinder [m]."""
-        return float(np.linalg.norm(self.end - self.start))
-
-    @property
-    def rotation(self) -> Matrix:
-        """A rotation (3, 3) whose z axis is the capsule's."""
-        if self.length == 0:
-            return np.eye(3)
-        z = (self.end - self.start) / self.length
-        x = np.cross(z, np.eye(3)[int(np.abs(z).argmin())])
-        x /= np.linalg.norm(x)
-        return np.array([x, np.cross(z, x), z], dtype=np.float64).T
-
-    def solid(self, density: float) -> Body:
-        """Its mass and inertia as a solid of even density [kg/m^3]."""
-        r, h = self.radius, self.length
-        cylinder, ball = density * np.pi * r**2 * h, density * 4 / 3 * np.pi * r**3
-        across = cylinder * (3 * r**2 + h**2) / 12 + ball * (2 / 5 * r**2 + h**2 / 4 + 3 / 8 * h * r)
-        along = cylinder * r**2 / 2 + ball * 2 / 5 * r**2
-        R = self.rotation
-        return Body(
-            self.joint, cylinder + ball, (self.start + self.end) / 2, R @ np.diag([across, across, along]) @ R.T
-        )
+def solid(part: LinkShape, density: float) -> Body:
+    """The mass and inertia of a capsule as a solid of even density [kg/m^3]."""
+    capsule = part.shape
+    if not isinstance(capsule, Capsule):
+        raise ArgumentError("the shape of a solid", type(capsule).__name__, "give a capsule")
+    r, h = capsule.radius, capsule.length
+    cylinder, ball = density * np.pi * r**2 * h, density * 4 / 3 * np.pi * r**3
+    across = cylinder * (3 * r**2 + h**2) / 12 + ball * (2 / 5 * r**2 + h**2 / 4 + 3 / 8 * h * r)
+    along = cylinder * r**2 / 2 + ball * 2 / 5 * r**2
+    R = part.placement[:3, :3]
+    inertia = R @ np.diag([across, across, along]) @ R.T
+    return Body(part.joint, cylinder + ball, part.placement[:3, 3], inertia)
 
 
 def rest(joint: Joint) -> Matrix:
@@ -67,18 +45,15 @@ def rest(joint: Joint) -> Matrix:
     return joint.placement @ motion(joint.kind, joint.axis, joint.offset)
 
 
-def capsules(robot: Robot) -> tuple[Capsule, ...]:
-    """A capsule from every joint to each of the next ones, and to the tips: a drawing of the links, not their shape."""
-    ends = [(joint.parent, rest(joint)[:3, 3]) for joint in robot.joints]
-    ends += [(tip.joint, tip.placement[:3, 3]) for tip in robot.tips]
-    lengths = np.zeros(len(robot.joints) + 1)
-    for k, joint in enumerate(robot.joints):
-        lengths[k] = lengths[joint.parent] + np.linalg.norm(rest(joint)[:3, 3])
-    whole = max(lengths[j] + float(np.linalg.norm(end)) for j, end in ends)
-    radius = float(THICKNESS * whole) if whole else STUMP
-    found = [Capsule(j, np.zeros(3), end, radius) for j, end in ends if np.linalg.norm(end) > radius / 2]
-    bare = set(range(len(robot.joints))) - {capsule.joint for capsule in found}
-    return tuple(found + [Capsule(j, np.zeros(3), np.zeros(3), radius) for j in sorted(bare)])
+def capsules(robot: Robot) -> tuple[LinkShape, ...]:
+    """A capsule along every link, a drawing of it and not its shape, and a ball for each joint without one."""
+    length = chain_length(robot)
+    radius = THICKNESS * length if length else STUMP
+    drawn = with_capsules(replace(robot, shapes=()), radius).shapes
+    long = [part for part in drawn if part.shape.ball[1] > 1.25 * radius]  # others are lost in the next one
+    bare = sorted(set(range(len(robot.joints))) - {part.joint for part in long})
+    balls = [LinkShape(robot.joints[j].name, j, np.eye(4), Capsule(radius)) for j in bare]
+    return (*long, *balls)
 
 
 def merged(bodies: Iterable[Body]) -> dict[int, Body]:
@@ -111,7 +86,7 @@ def weighed(robot: Robot, density: float = DENSITY) -> Robot:
     density = positive("density", density)
     if knows_masses(robot):
         return robot
-    return replace(robot, bodies=tuple(capsule.solid(density) for capsule in capsules(robot)))
+    return replace(robot, bodies=tuple(solid(part, density) for part in capsules(robot)))
 
 
 def knows_masses(robot: Robot) -> bool:

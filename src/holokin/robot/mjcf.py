@@ -12,8 +12,9 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
-from ..types import Matrix, Vector
 from .chains import robot_of
+from .geometry import LinkShape, Unread
+from .mjcf_shapes import shapes_of, transform
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
 from .urdf_xml import read_model
@@ -84,17 +85,21 @@ def _mujoco() -> Any:
 def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
     """The tree of what `parse` gives, with its meshes, or where MuJoCo cannot have these, without."""
     spec = _parsed(parse, source)
-    weighed = True
+    weighed, bare = True, {}
     try:
         model = spec.compile()
     except ValueError:
         spec = _parsed(parse, source)
+        bare = {body.name or f"body {i}": source for i, body in enumerate(spec.bodies) if list(body.geoms)}
         try:
             weighed = _without_shapes(spec)
             model = spec.compile()
         except ValueError as problem:
             raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
     tree = model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
+    if bare:
+        lost = {link: (LinkShape(link, -1, np.eye(4), Unread(source, "its meshes are not there")),) for link in bare}
+        tree = replace(tree, shapes=lost)
     return tree if weighed else replace(tree, links=dict.fromkeys(tree.links))
 
 
@@ -164,15 +169,17 @@ class _Reader:
         for site, name in enumerate(sites):
             label = f"{name} (site)" if name in self.links else name
             self.links[label] = None
-            parent, origin = self.bodies[m.site_bodyid[site]], _pose(m.site_pos[site], m.site_quat[site])
+            parent, origin = self.bodies[m.site_bodyid[site]], transform(m.site_pos[site], m.site_quat[site])
             self.branches.append(Branch(f"to {label}", "fixed", parent, label, origin))
         loops = tuple(Loop(text, joints) for text, joints in self._loops() if joints)
-        return checked(Tree(self.source, self.name, self.links, tuple(self.branches), loops, "body or site"))
+        shapes = shapes_of(m, self.enums, self.source, self.bodies, self._names("geom", m.ngeom))
+        branches = tuple(self.branches)
+        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", shapes))
 
     def _body(self, body: int, name: str, follows: Mapping, fixed: Mapping, bent: Mapping) -> None:
         """T_parent_child = T(pos, quat), then for each joint T(anchor) M(q - ref) T(-anchor), as MuJoCo does."""
         m = self.model
-        parent, origin = self.bodies[m.body_parentid[body]], _pose(m.body_pos[body], m.body_quat[body])
+        parent, origin = self.bodies[m.body_parentid[body]], transform(m.body_pos[body], m.body_quat[body])
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
         for k in range(first, first + count):
             label = self.joints[k]
@@ -262,22 +269,9 @@ def _text(names: bytes, start: int) -> str:
     return names[start : names.index(b"\0", start)].decode("utf-8", "replace")
 
 
-def _pose(position: Vector, quaternion: Vector) -> Matrix:
-    """(w, x, y, z) and a position as a pose (4, 4)."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    T = np.eye(4)
-    T[:3, 3] = position
-    T[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return T
-
-
 def _mass(model: Any, body: int) -> Mass | None:
     if not body or not model.body_mass[body] > 0:
         return None
-    T = _pose(model.body_ipos[body], model.body_iquat[body])
+    T = transform(model.body_ipos[body], model.body_iquat[body])
     R = T[:3, :3]
     return Mass(float(model.body_mass[body]), T[:3, 3], R @ np.diag(model.body_inertia[body]) @ R.T)

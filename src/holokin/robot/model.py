@@ -15,6 +15,7 @@ from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol,
 from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
+from .geometry import LinkShape
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
@@ -112,6 +113,7 @@ class Robot(Value):
     tips: tuple[Tip, ...]
     source: str = ""
     bodies: tuple[Body, ...] = ()
+    shapes: tuple[LinkShape, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import RobotFileError, UnknownNameError
 from ..types import Array, Matrix, Value, Vector
+from .geometry import LinkShape
 from .model import FARTHEST, Coordinate
 
 MOVING = ("revolute", "prismatic")
@@ -72,7 +73,10 @@ class Loop:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links (each with what it weighs, or None) and joints. Errors name `source`, and call a link by `word`."""
+    """Links (each with what it weighs, or None), joints, and shapes in the frames of links.
+
+    Errors name `source`, and call a link by `word`.
+    """
 
     source: str
     name: str
@@ -80,6 +84,7 @@ class Tree:
     joints: tuple[Branch, ...]
     loops: tuple[Loop, ...] = ()
     word: str = "link"
+    shapes: Mapping[str, tuple[LinkShape, ...]] = field(default_factory=dict)
 
     def problem(self, fact: str, cure: str) -> RobotFileError:
         """The error of what was read."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,14 @@ from ..arguments import typed
 from ..errors import ArgumentError, RobotFileError
 from ..types import Matrix
 from .chains import robot_of
+from .geometry import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
+from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
 from .urdf_xml import essentials, read_model
+
+_FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
+"""What yourdfpy raises of files that it cannot read."""
 
 
 @typed
@@ -58,7 +64,12 @@ def from_yourdfpy(
     """
     if not hasattr(getattr(urdf, "robot", None), "joints"):
         raise ArgumentError("urdf", urdf, "give a yourdfpy.URDF, as yourdfpy.URDF.load(file) makes it")
-    return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot"), tip, base, locked)
+    handler = getattr(urdf, "_filename_handler", None)  # what it finds its own meshes with
+
+    def find(name: str) -> Path:
+        return Path(name if handler is None else handler(name))
+
+    return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find), tip, base, locked)
 
 
 def urdf_tree(path: str | Path) -> Tree:
@@ -68,30 +79,43 @@ def urdf_tree(path: str | Path) -> Tree:
 
 def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
     """The same of the text of a file. Raises: RobotFileError."""
-    content = essentials(text, path)
-    import yourdfpy
-
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too
     try:
-        model = yourdfpy.URDF.load(
-            io.BytesIO(content), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
-            load_collision_meshes=False,
-        ).robot  # fmt: skip
-    except (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError) as e:
+        return _tree(str(path), _parsed(essentials(text, path, shapes=True)), Path(path).stem, mesh_finder(path))
+    except _FAULTS:
+        pass  # perhaps of a shape, which must not hinder the kinematics
+    content = essentials(text, path)
+    try:
+        model = _parsed(content)
+    except _FAULTS as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
         if isinstance(e, KeyError):
             fact = f"an element lacks its {e}"
         elif isinstance(e, AttributeError):
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
+    tree = _tree(str(path), model, Path(path).stem, mesh_finder(path))
+    return replace(
+        tree, shapes={link: (LinkShape(link, -1, np.eye(4), Unread(str(path), BROKEN)),) for link in tree.links}
+    )
+
+
+def _parsed(content: bytes) -> Any:
+    """The robot that yourdfpy reads. Raises: any of `_FAULTS`."""
+    import yourdfpy
+
+    logger = logging.getLogger("yourdfpy")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too
+    try:
+        return yourdfpy.URDF.load(
+            io.BytesIO(content), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
+            load_collision_meshes=False,
+        ).robot  # fmt: skip
     finally:
         logger.setLevel(level)
-    return _tree(str(path), model, Path(path).stem)
 
 
-def _tree(source: str, model: Any, name: str) -> Tree:
+def _tree(source: str, model: Any, name: str, find: Finder) -> Tree:
     """The tree of a yourdfpy robot. Raises: RobotFileError."""
     if not model.joints:
         cure = "give a URDF of a robot; a xacro file is expanded when its name ends in .xacro"
@@ -103,7 +127,8 @@ def _tree(source: str, model: Any, name: str) -> Tree:
             raise RobotFileError(source, f"has two links named {link.name!r}", cure)
         links[link.name] = _mass(link.inertial)
     joints = tuple(_branch(joint) for joint in model.joints)
-    return checked(Tree(source, str(model.name or name), links, joints))
+    shapes = shapes_of(model.links, source, find)
+    return checked(Tree(source, str(model.name or name), links, joints, shapes=shapes))
 
 
 def _branch(joint: Any) -> Branch:

@@ -18,6 +18,12 @@ _KEPT = {
 }  # fmt: skip
 """The elements of a URDF that kinematics and masses need."""
 
+_SHAPES = {
+    "link/collision", "link/collision/origin", "link/collision/geometry",
+    *(f"link/collision/geometry/{kind}" for kind in ("box", "cylinder", "sphere", "mesh")),
+}  # fmt: skip
+"""Those of the shapes of links."""
+
 
 def read_model(path: str | Path) -> bytes:
     """The bytes of a URDF, a xacro or an MJCF file. Raises: RobotFileError."""
@@ -29,12 +35,13 @@ def read_model(path: str | Path) -> bytes:
     return read_whole(Path(path), LONGEST_URDF, refuse)
 
 
-def essentials(data: bytes, path: str | Path) -> bytes:
-    """The XML of a URDF's links, masses and joints alone, in UTF-8; everything else is skipped, however deep or long.
+def essentials(data: bytes, path: str | Path, shapes: bool = False) -> bytes:
+    """The XML of a URDF's links, masses and joints alone, and with `shapes` these, in UTF-8; all else is skipped.
 
     So the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is no XML to the end it
     would read what it can, which may be half an arm. Raises: RobotFileError.
     """
+    wanted = _KEPT | _SHAPES if shapes else _KEPT
     root: ElementTree.Element | None = None
     tags: list[str] = []
     kept: list[ElementTree.Element] = []
@@ -44,7 +51,7 @@ def essentials(data: bytes, path: str | Path) -> bytes:
         if not tags:
             root = ElementTree.Element(tag, attributes)
             kept.append(root)
-        elif len(kept) == len(tags) and "/".join([*tags[1:], tag]) in _KEPT:
+        elif len(kept) == len(tags) and "/".join([*tags[1:], tag]) in wanted:
             kept.append(ElementTree.SubElement(kept[-1], tag, attributes))
         tags.append(tag)
 

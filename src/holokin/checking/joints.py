@@ -1,0 +1,54 @@
+"""Findings at the samples of a motion: limits of the joints, and singularities of the task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..robot import Robot
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import Flags, Vector
+from .motions import Motion
+from .report import Finding, FindingKind
+
+EXACT = 1e-9
+"""Share of a limit by which a rate may exceed it: that of round-off."""
+
+
+def limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Finding]:
+    """Where a joint is nearer than `margin` [joint units] to a limit of its position, or exceeds one of a rate."""
+    for i, c in enumerate(robot.coordinates):
+        q, lower, upper = motion.q[:, i], c.lower + margin, c.upper - margin
+        for past, limit in ((lower - q, lower), (q - upper, upper)):
+            for a, b, k in stretches(past > TOLERANCES.limit, past):
+                yield _found(FindingKind.POSITION, (c.name,), motion, (a, b, k), float(q[k]), float(limit), c.unit)
+        for kind, values, limits, per in motion.rates:
+            size, most = np.abs(values[:, i]), float(limits[i])
+            for a, b, k in stretches(size > most * (1 + EXACT), size):
+                yield _found(kind, (c.name,), motion, (a, b, k), float(size[k]), most, c.unit + per)
+
+
+def singular_findings(task: Task, motion: Motion, rcond: float) -> Iterator[Finding]:
+    """Where the smallest singular value of the task Jacobian is less than `rcond` times the largest."""
+    values = np.linalg.svd(task.jacobian_batch(motion.q)[0], compute_uv=False)
+    found = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
+    for a, b, k in stretches(found < rcond, -found):
+        yield _found(FindingKind.SINGULARITY, (task.name,), motion, (a, b, k), float(found[k]), rcond, "")
+
+
+def stretches(wrong: Flags, size: Vector) -> Iterator[tuple[int, int, int]]:
+    """(first, last, worst) sample of each stretch that is wrong; the worst has the largest size."""
+    edges = np.diff(np.concatenate([[0], wrong, [0]]).astype(int))
+    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        yield int(a), int(b) - 1, int(a) + int(np.argmax(size[a:b]))
+
+
+def _found(
+    kind: FindingKind, what: tuple[str, ...], motion: Motion, place: tuple[int, int, int], value: float, limit: float,
+    unit: str,
+) -> Finding:  # fmt: skip
+    a, b, k = place
+    t = motion.t
+    return Finding(kind, what, float(t[a]), float(t[b]), float(t[k]), k, value, limit, unit)

@@ -1,0 +1,122 @@
+"""Which pairs of links are looked at: not those that a joint joins, nor those that touch at every posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UnknownNameError
+from ..robot import Capsule, LinkShape, Robot
+from ..robot.numeric import joint_frames
+from ..types import Matrix, Value, Vector
+from .gaps import Gap, floor_gap, link_gap, links_of
+from .report import LeftOut, Unseen
+
+POSTURES = 200
+"""Random postures within the limits at which pairs are looked at, to find those that always touch."""
+
+ADJACENT = "a joint joins them"
+ALWAYS = f"they touch at each of {POSTURES} random postures"
+NEAR = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
+ASKED = "asked for"
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs(Value):
+    """Gaps to look at, the clearance wanted of each [m], and what is not looked at."""
+
+    gaps: tuple[Gap, ...]
+    limits: tuple[float, ...]
+    left_out: tuple[LeftOut, ...]
+    unseen: tuple[Unseen, ...]
+
+
+def readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[Unseen]]:
+    """The shapes that can be looked at, and the links of the others."""
+    faults = [(shape, shape.shape.fault) for shape in shapes]
+    return [s for s, fault in faults if not fault], [Unseen(s.link, fault) for s, fault in faults if fault]
+
+
+def pairs_of(
+    robot: Robot, obstacles: Sequence[LinkShape], q: Matrix, *, clearance: float, floor: float | None,
+    self_collision: bool, ignore: Sequence[tuple[str, str]],
+) -> Pairs:  # fmt: skip
+    """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link."""
+    good, unseen = readable(robot.shapes)
+    others, hidden = readable(obstacles)
+    links = links_of([shape for shape in good if not shape.obstacle])
+    things = links_of([*(shape for shape in good if shape.obstacle), *others])
+    unseen += hidden
+    _known(ignore, [link.name for link in (*links, *things)] + [one.link for one in unseen])
+    if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
+        bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
+        unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
+    travel = _travel(robot, q)
+    joined = _joined(robot, {link.joint for link in links})
+    left_out, gaps, tested = [], [], []
+    skipped = {frozenset(pair) for pair in ignore}
+    for i, one in enumerate(links):
+        for thing in things if one.joint >= 0 else ():
+            if frozenset((one.name, thing.name)) in skipped:
+                left_out.append(LeftOut((one.name, thing.name), ASKED))
+            else:
+                gaps.append(link_gap(robot, one, thing, travel))
+        for other in links[:i] if self_collision else ():
+            pair = (other.name, one.name)
+            if one.joint == other.joint:
+                continue  # they never move against each other
+            if frozenset(pair) in skipped:
+                left_out.append(LeftOut(pair, ASKED))
+            elif frozenset((one.joint, other.joint)) in joined:
+                left_out.append(LeftOut(pair, ADJACENT))
+            else:
+                tested.append(link_gap(robot, other, one, travel))
+    limits = [clearance] * len(gaps)
+    for gap, values in zip(tested, _at_random(robot, tested, clearance), strict=True):
+        if values.max(initial=-np.inf) <= 0:
+            left_out.append(LeftOut(gap.names, ALWAYS))
+            continue
+        if values.max() < clearance:
+            left_out.append(LeftOut(gap.names, NEAR))
+        gaps.append(gap)
+        limits.append(0.0 if values.max() < clearance else clearance)
+    if floor is not None:
+        raised = [floor_gap(robot, link, floor, travel) for link in links if link.joint >= 0]
+        gaps += raised
+        limits += [clearance] * len(raised)
+    return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen))
+
+
+def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
+    for name in (name for pair in ignore for name in pair):
+        if name not in names:
+            raise UnknownNameError("link", name, tuple(dict.fromkeys(names)))
+
+
+def _travel(robot: Robot, q: Matrix) -> Vector:
+    """The farthest that each joint of the tree is from its zero in a motion (joints,)."""
+    values = [np.abs(joint.multiplier * q[:, joint.coordinate] + joint.offset).max() for joint in robot.joints]
+    return np.array(values)
+
+
+def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
+    """Pairs of joints whose links hang on each other, with none that has a shape between."""
+    found = set()
+    for index in shaped:
+        above = robot.joints[index].parent if index >= 0 else index
+        while above >= 0 and above not in shaped:
+            above = robot.joints[above].parent
+        found.add(frozenset((index, above)))
+    return found
+
+
+def _at_random(robot: Robot, gaps: Sequence[Gap], near: float) -> list[Vector]:
+    """Distances of each gap at random postures; a hinge without limits turns once round, a slider stays in 1 m."""
+    free = np.where(robot.hinges, np.pi, 0.5)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(robot.upper - 2 * free, -free))
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(robot.lower + 2 * free, free))
+    Q = np.random.default_rng(0).uniform(lower, upper, (POSTURES, robot.n))
+    frames = joint_frames(robot, Q)
+    return [gap.distances(frames, np.arange(POSTURES), near) for gap in gaps]

@@ -1,0 +1,61 @@
+"""`holokin check`: a log, or a trajectory in a file, looked at for limits, collisions and the floor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .outcome import show
+
+
+def check(
+    log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
+    robot: Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
+    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
+    floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
+    clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
+    radius: Annotated[
+        float | None, typer.Option(help="Of the capsules [m] that stand for links without shapes.")
+    ] = None,
+    margin: Annotated[float, typer.Option(help="How far joints keep from their limits [rad, m].")] = 0.0,
+    ignore: Annotated[
+        list[str] | None, typer.Option(help="Two links that may touch, like 'link5,hand'; may be given again.")
+    ] = None,
+    position: Annotated[
+        bool, typer.Option("--position", help="The tool's orientation is free: singularities of its position alone.")
+    ] = False,
+    degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write what is found to this file.")] = None,
+) -> None:
+    """Look at a motion for exceeded limits, singularities, self-collision and the floor.
+
+    Exits 0 when nothing is found, 1 when something is, 2 on bad input.
+    """
+    from . import checking
+    from .errors import ArgumentError
+    from .frame_tasks import pose
+    from .frame_tasks import position as position_of
+    from .recording import read_recording
+    from .robot import is_model, load, with_capsules
+
+    pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
+    for pair, text in zip(pairs, ignore or [], strict=True):
+        if len(pair) != 2:
+            raise ArgumentError("--ignore", text, "give the names of two links with a comma between")
+    arm = load(robot, tip=tip if is_model(robot) else None)
+    motion = read_recording(log, arm, degrees=degrees, topic=topic)
+    free = position or arm.n < 6
+    found = checking.check(
+        motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),
+        floor=floor, clearance=clearance, ignore=[(a, b) for a, b in pairs], margin=margin,
+    )  # fmt: skip
+    if json is not None:
+        found.save(json)
+    for line in found.table().splitlines():
+        show(line)
+    raise typer.Exit(0 if found.passed else 1)

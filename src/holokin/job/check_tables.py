@@ -1,0 +1,88 @@
+"""[checks] of a job file: what is looked at in the motion of every strategy."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ..checking import CheckReport, check
+from ..motion import TimedTrajectory
+from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
+from ..task import Task
+from ..trajectory import Trajectory
+from .robot_tables import FrameTable
+from .table import Length, Positive, Table
+
+MOST_OBSTACLES = 100
+"""Shapes round a robot; each is looked at with each link."""
+
+MOST_IGNORED = 1000
+"""Pairs of links that may touch."""
+
+NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
+Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+_USES = {"box": ("sides",), "sphere": ("radius",), "capsule": ("radius", "length"), "cylinder": ("radius", "length")}
+"""The keys that a kind of obstacle needs."""
+
+
+class ObstacleTable(FrameTable):
+    """[[checks.obstacles]]: a box, ball, capsule or cylinder at xyz, rpy in the frame of the base, or `on` a tip."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    on: str | None = None
+    kind: Literal["box", "sphere", "capsule", "cylinder"]
+    sides: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
+    radius: Positive | None = None
+    length: Positive | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> ObstacleTable:
+        for key in ("sides", "radius", "length"):
+            needed, given = key in _USES[self.kind], getattr(self, key) is not None
+            if needed and not given:
+                raise ValueError(f"kind = {self.kind!r} needs {key}; add it")
+            if given and not needed:
+                raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
+        return self
+
+    def standing(self) -> LinkShape:
+        """The same as a value, where it stands."""
+        return obstacle(self.name, self._solid(), *self.pose())
+
+    def carried(self, robot: Robot) -> Robot:
+        """The robot that carries it. Raises: UnknownNameError: no such tip."""
+        return with_shape(robot, self.name, self._solid(), *self.pose(), tip=self.on)
+
+    def _solid(self) -> Shape:
+        if self.kind == "box":
+            return Box(self.sides)  # type: ignore[arg-type]  the shape makes an array of it
+        radius, length = self.radius or 0.0, self.length or 0.0
+        return Cylinder(radius, length) if self.kind == "cylinder" else Capsule(radius, length)
+
+
+class ChecksTable(Table):
+    """[checks]: what every motion is looked at for, as of `check`."""
+
+    floor: Length | None = None
+    clearance: NotNegative = 0.01
+    self_collision: bool = True
+    limits: bool = True
+    margin: NotNegative = 0.0
+    rcond: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    radius: Positive | dict[str, Positive] | None = None
+    ignore: Annotated[list[Pair], Field(max_length=MOST_IGNORED)] = Field(default=[])
+    obstacles: Annotated[list[ObstacleTable], Field(max_length=MOST_OBSTACLES)] = Field(default=[])
+
+    def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
+        """What is found of a motion. Raises: as `check` and `with_capsules`."""
+        shaped = robot if self.radius is None else with_capsules(robot, self.radius)
+        for table in self.obstacles:
+            shaped = shaped if table.on is None else table.carried(shaped)
+        standing = [table.standing() for table in self.obstacles if table.on is None]
+        return check(
+            motion, shaped, task=task, floor=self.floor, clearance=self.clearance, self_collision=self.self_collision,
+            obstacles=standing, ignore=[(a, b) for a, b in self.ignore],
+            limits=self.limits, margin=self.margin, rcond=self.rcond,
+        )  # fmt: skip

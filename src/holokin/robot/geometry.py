@@ -1,0 +1,343 @@
+"""The shapes of links: boxes, capsules, cylinders, ellipsoids, convex hulls of points and of meshes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
+from ..types import Array, Indices, Matrix, Value, Vector, finite, not_negative, positive
+
+FLAT = 1e-4
+"""Thickness [m] that a hull gets at least: one of points in a plane has none, and no hull."""
+
+
+def coal_package() -> Any:
+    """The module coal. Raises: MissingExtraError."""
+    try:
+        import coal
+    except ImportError:
+        raise MissingExtraError("coal", "collision") from None
+    return coal
+
+
+class Shape(Value, ABC):
+    """A solid in a frame of its own. Abstract: the kinds below are final."""
+
+    @property
+    @abstractmethod
+    def ball(self) -> tuple[Vector, float]:
+        """Center (3,) [m] and radius [m] of a ball that holds the shape."""
+
+    @abstractmethod
+    def support(self, directions: Matrix) -> Vector:
+        """The largest d . x over the points x of the shape (k,), for directions d (k, 3) of length 1."""
+
+    @cached_property
+    def solid(self) -> Any:
+        """The same as a shape of coal. Raises: MissingExtraError; RobotFileError for a mesh that cannot be read."""
+        return self.made_by(coal_package())
+
+    @abstractmethod
+    def made_by(self, coal: Any) -> Any:
+        """The same as a shape of the module coal."""
+
+    @property
+    def surface(self) -> Any:
+        """The triangles of a mesh, as a shape of coal, where `solid` is but their hull; None for all other shapes."""
+        return None
+
+    @property
+    def fault(self) -> str:
+        """Why the shape cannot be looked at, such as a mesh whose file is missing; empty where it can."""
+        return ""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Box(Shape):
+    """A box about the origin, sides (3,) [m] along its axes."""
+
+    sides: Vector
+
+    def __post_init__(self) -> None:
+        sides = finite("the sides of a box", self.sides, (3,))
+        for side in sides:
+            positive("the side of a box", float(side))
+        object.__setattr__(self, "sides", sides)
+        super().__post_init__()
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """About the origin."""
+        return np.zeros(3), float(np.linalg.norm(self.sides) / 2)
+
+    def support(self, directions: Matrix) -> Vector:
+        """Half the sum of |d_i| side_i."""
+        return np.abs(directions) @ self.sides / 2
+
+    def made_by(self, coal: Any) -> Any:
+        """A coal.Box."""
+        return coal.Box(*map(float, self.sides))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Capsule(Shape):
+    """All points within `radius` [m] of a segment of `length` [m] along z about the origin; a ball with length 0."""
+
+    radius: float
+    length: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("the radius of a capsule", self.radius)
+        not_negative("the length of a capsule", self.length)
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """About the origin."""
+        return np.zeros(3), self.radius + self.length / 2
+
+    def support(self, directions: Matrix) -> Vector:
+        """|d_z| length / 2 + radius."""
+        return np.abs(directions[:, 2]) * self.length / 2 + self.radius
+
+    def made_by(self, coal: Any) -> Any:
+        """A coal.Capsule."""
+        return coal.Capsule(float(self.radius), float(self.length))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Cylinder(Shape):
+    """A cylinder of `radius` and `length` [m], along z about the origin."""
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        positive("the radius of a cylinder", self.radius)
+        positive("the length of a cylinder", self.length)
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """About the origin."""
+        return np.zeros(3), float(np.hypot(self.radius, self.length / 2))
+
+    def support(self, directions: Matrix) -> Vector:
+        """|d_z| length / 2 + |d_xy| radius."""
+        return np.abs(directions[:, 2]) * self.length / 2 + np.linalg.norm(directions[:, :2], axis=1) * self.radius
+
+    def made_by(self, coal: Any) -> Any:
+        """A coal.Cylinder."""
+        return coal.Cylinder(float(self.radius), float(self.length))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Ellipsoid(Shape):
+    """An ellipsoid about the origin with half axes `radii` (3,) [m]."""
+
+    radii: Vector
+
+    def __post_init__(self) -> None:
+        radii = finite("the radii of an ellipsoid", self.radii, (3,))
+        for radius in radii:
+            positive("the radius of an ellipsoid", float(radius))
+        object.__setattr__(self, "radii", radii)
+        super().__post_init__()
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """About the origin."""
+        return np.zeros(3), float(self.radii.max())
+
+    def support(self, directions: Matrix) -> Vector:
+        """|(d_i radius_i)|."""
+        return np.linalg.norm(directions * self.radii, axis=1)
+
+    def made_by(self, coal: Any) -> Any:
+        """A coal.Ellipsoid."""
+        return coal.Ellipsoid(*map(float, self.radii))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Hull(Shape):
+    """The convex hull of points (k, 3) [m]."""
+
+    points: Matrix
+
+    def __post_init__(self) -> None:
+        points = finite("the points of a hull", self.points, ("k", 3))
+        if not len(points):
+            raise ArgumentError("the points of a hull", [], "give at least one")
+        object.__setattr__(self, "points", points)
+        super().__post_init__()
+
+    @cached_property
+    def _outside(self) -> tuple[Matrix, Indices]:
+        """Corners (c, 3) and the triangles (f, 3) between them; of points in a plane those of the box round them."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        points = self.points
+        try:
+            hull = ConvexHull(points)
+        except QhullError:
+            low, high = points.min(axis=0), points.max(axis=0)
+            grown = np.maximum(FLAT - (high - low), 0.0) / 2
+            points = np.array(list(product(*np.array([low - grown, high + grown]).T)))
+            hull = ConvexHull(points)
+        place = np.full(len(points), -1)
+        place[hull.vertices] = np.arange(len(hull.vertices))
+        return points[hull.vertices], place[hull.simplices]
+
+    @property
+    def corners(self) -> Matrix:
+        """The points that are corners of the hull (c, 3)."""
+        return self._outside[0]
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """About the middle of the box round the points."""
+        return self._ball
+
+    @cached_property
+    def _ball(self) -> tuple[Vector, float]:
+        center = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
+        return center, float(np.linalg.norm(self.corners - center, axis=1).max())
+
+    def support(self, directions: Matrix) -> Vector:
+        """The largest over the corners."""
+        return (directions @ self.corners.T).max(axis=1)
+
+    def made_by(self, coal: Any) -> Any:
+        """A coal.Convex."""
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        for corner in self.corners:
+            points.append(corner)
+        for face in self._outside[1].tolist():
+            faces.append(coal.Triangle(*face))
+        return coal.Convex(points, faces)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Mesh(Shape):
+    """A mesh in a file, times `scale` (3,), which is read when it is needed; as a solid it is its convex hull."""
+
+    file: Path
+    scale: Vector = field(default_factory=lambda: np.ones(3))
+
+    @cached_property
+    def triangles(self) -> tuple[Matrix, Indices]:
+        """Points (k, 3) [m] and triangles (f, 3). Raises: RobotFileError: no such file, or one that cannot be read."""
+        cure = "put it where the robot's file says, or check without it"
+        if not self.file.is_file():
+            raise RobotFileError(self.file, "there is no such mesh", cure)
+        import trimesh
+
+        try:
+            mesh = trimesh.load(self.file, force="mesh")
+            points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)  # type: ignore[union-attr]
+            return points, np.asarray(mesh.faces, dtype=np.int64)  # type: ignore[union-attr]
+        except Exception as problem:  # its readers raise what they like, of packages that are missing, too
+            raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
+
+    @cached_property
+    def hull(self) -> Hull:
+        """The convex hull. Raises: RobotFileError."""
+        return Hull(self.triangles[0])
+
+    @property
+    def surface(self) -> Any:
+        """A coal.BVHModelOBBRSS."""
+        return self._surface
+
+    @cached_property
+    def _surface(self) -> Any:
+        points, faces = self.triangles
+        model = coal_package().BVHModelOBBRSS()
+        model.beginModel(len(faces), len(points))
+        model.addVertices(points)
+        model.addTriangles(faces)
+        model.endModel()
+        model.computeLocalAABB()
+        return model
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """Of the hull."""
+        return self.hull.ball
+
+    def support(self, directions: Matrix) -> Vector:
+        """Of the hull."""
+        return self.hull.support(directions)
+
+    def made_by(self, coal: Any) -> Any:
+        """Of the hull."""
+        return self.hull.made_by(coal)
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the file; empty where it can be read."""
+        try:
+            _ = self.hull
+            return ""
+        except RobotFileError as problem:
+            return f"{problem.fact}: {problem.path}"
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Unread(Shape):
+    """What a file names and nobody can look at: a plane, a height field, a broken element."""
+
+    source: str
+    reason: str
+
+    @property
+    def ball(self) -> tuple[Vector, float]:
+        """Raises: RobotFileError."""
+        raise self._problem()
+
+    def support(self, directions: Matrix) -> Vector:
+        """Raises: RobotFileError."""
+        raise self._problem()
+
+    def made_by(self, coal: Any) -> Any:
+        """Raises: RobotFileError."""
+        raise self._problem()
+
+    @property
+    def fault(self) -> str:
+        """The reason."""
+        return self.reason
+
+    def _problem(self) -> RobotFileError:
+        return RobotFileError(self.source, self.reason, "check without it")
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape(Value):
+    """A shape of a link, at `placement` (4, 4) on the moving side of a joint (by its index; joint -1: the base).
+
+    `obstacle`: it stands around the robot and is no part of it, so that even the link next to the base may hit it.
+    """
+
+    link: str
+    joint: int
+    placement: Matrix
+    shape: Shape
+    obstacle: bool = False
+
+
+def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Vector:
+    """Height z (k,) of the lowest point of a shape whose frame is at positions (k, 3), rotations (k, 3, 3)."""
+    return positions[:, 2] - shape.support(-rotations[:, 2, :])

@@ -1,0 +1,75 @@
+"""The shapes of links of a URDF, from its <collision> elements; meshes are found, and read later, when needed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import HolokinError
+from .geometry import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
+
+BROKEN = "its <collision> elements cannot be read"
+"""Why nothing is known of the shapes of a URDF."""
+
+_ROOTS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+"""Variables with folders of packages, or of installations with packages in share/."""
+
+Finder = Callable[[str], Path]
+"""From the name of a mesh in a URDF to its file."""
+
+
+def shapes_of(links: list[Any], source: str, find: Finder) -> Mapping[str, tuple[LinkShape, ...]]:
+    """Link name -> its shapes, of the links of a yourdfpy robot."""
+    return {
+        link.name: tuple(_placed(link.name, c, source, find) for c in link.collisions)
+        for link in links
+        if link.collisions
+    }
+
+
+def mesh_finder(file: str | Path) -> Finder:
+    """How meshes are found that a file names: package://NAME/... in the folders above it, or where ROS has packages."""
+
+    def find(name: str) -> Path:
+        scheme, _, rest = name.rpartition("://")
+        if scheme == "file":
+            return Path(rest)
+        if scheme != "package":
+            return Path(file).parent / name
+        return next((path for path in _packaged(Path(rest), Path(file)) if path.is_file()), Path(rest))
+
+    return find
+
+
+def _packaged(name: Path, file: Path) -> Iterator[Path]:
+    """Where NAME/... of a package may be."""
+    for folder in file.absolute().parents:
+        yield folder / name
+        if folder.name == name.parts[0]:
+            yield folder.joinpath(*name.parts[1:])
+    for root in filter(None, (part for key in _ROOTS for part in os.environ.get(key, "").split(os.pathsep))):
+        yield from (Path(root) / name, Path(root) / "share" / name)
+
+
+def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
+    T = np.eye(4) if collision.origin is None else np.asarray(collision.origin, dtype=float)
+    try:
+        shape: Shape = _shape(collision.geometry, find) if np.isfinite(T).all() else Unread(source, BROKEN)
+    except HolokinError as problem:
+        shape = Unread(source, str(problem).partition(";")[0])
+    return LinkShape(link, -1, T if np.isfinite(T).all() else np.eye(4), shape)
+
+
+def _shape(geometry: Any, find: Finder) -> Shape:
+    if geometry.box is not None:
+        return Box(geometry.box.size)
+    if geometry.sphere is not None:
+        return Capsule(float(geometry.sphere.radius))
+    if geometry.cylinder is not None:
+        return Cylinder(float(geometry.cylinder.radius), float(geometry.cylinder.length))
+    scale = geometry.mesh.scale
+    return Mesh(find(geometry.mesh.filename or ""), np.broadcast_to(1.0 if scale is None else scale, (3,)))
