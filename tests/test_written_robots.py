@@ -12,8 +12,9 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, urdf
 from holokin.errors import ArgumentError, ShapeError
-from holokin.robot import Capsule, capsules, servo, weighed
-from holokin.robot.links import merged
+from holokin.robot import LinkShape, servo, weighed
+from holokin.robot.capsules import between
+from holokin.robot.links import drawn_links, merged, solid
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -132,22 +133,22 @@ def test_placeholders_are_said_and_weigh_what_their_density_says(panda: hk.Robot
 
 @pytest.mark.parametrize(("start", "end"), [([0, 0, 0], [0.3, 0.1, -0.2]), ([0, 0, 0.1], [0, 0, 0.5])])
 def test_a_capsule_weighs_what_mujoco_says(start: list[float], end: list[float]) -> None:
-    capsule = Capsule(0, np.array(start), np.array(end), 0.07)
+    capsule = LinkShape("link", 0, *between(np.array(start), np.array(end), 0.07))
     ends = " ".join(map(str, start + end))
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><worldbody><body><freejoint/><geom type="capsule" fromto="{ends}" '
         'size="0.07" density="850"/></body></worldbody></mujoco>'
     )
-    solid = capsule.solid(850.0)
-    assert solid.mass == pytest.approx(model.body_mass[1], rel=1e-12)
-    assert np.abs(np.linalg.eigvalsh(solid.inertia) - np.sort(model.body_inertia[1])).max() < 1e-12
-    assert np.abs(solid.center - model.body_ipos[1]).max() < 1e-12
+    body = solid(capsule, 850.0)
+    assert body.mass == pytest.approx(model.body_mass[1], rel=1e-12)
+    assert np.abs(np.linalg.eigvalsh(body.inertia) - np.sort(model.body_inertia[1])).max() < 1e-12
+    assert np.abs(body.center - model.body_ipos[1]).max() < 1e-12
     axis = np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
-    assert axis @ solid.inertia @ axis == pytest.approx(np.linalg.eigvalsh(solid.inertia)[0])
+    assert axis @ body.inertia @ axis == pytest.approx(np.linalg.eigvalsh(body.inertia)[0])
 
 
 def test_the_arm_is_drawn_from_joint_to_joint(panda: hk.Robot) -> None:
-    drawn = [shape for shape in capsules(panda) if shape.length]
+    drawn = [link.shape for link in drawn_links(panda) if link.shape.length]
     line = panda.skeleton(PANDA_START)[0]
     assert sum(shape.length for shape in drawn) == pytest.approx(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     assert hk.to_mjcf(panda).count('type="capsule"') == len(drawn) == hk.to_urdf(panda).count("<cylinder")

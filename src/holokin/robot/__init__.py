@@ -9,7 +9,7 @@ from .export import to_mjcf, to_urdf
 from .extent import reach
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
-from .links import DENSITY, capsules, knows_masses, weighed
+from .links import DENSITY, knows_masses, weighed
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
@@ -44,7 +44,6 @@ __all__ = [
     "Unread",
     "assembled",
     "beside",
-    "capsules",
     "catalogue",
     "chain_length",
     "check_metres",

@@ -11,7 +11,7 @@ from ..errors import ArgumentError
 from ..types import ArrayLike, Matrix, numbers, positive
 from .drives import Servo
 from .geometry import LinkShape
-from .links import DENSITY, capsules, knows_masses, merged, rest, weighed
+from .links import DENSITY, drawn_links, knows_masses, merged, rest, weighed
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
@@ -43,7 +43,7 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
     """
     efforts = _efforts(robot, effort)
     heavy, names = weighed(robot, density), _link_names(robot)
-    masses, shapes = merged(heavy.bodies), capsules(robot)
+    masses, shapes = merged(heavy.bodies), drawn_links(robot)
     lines = ['<?xml version="1.0"?>', *_remarks(robot, density), f"<robot name={quoteattr(robot.name)}>"]
     for k, link in enumerate(names, -1):
         mass = masses.get(k)
@@ -95,7 +95,7 @@ def to_mjcf(
     if servo is not None and len(servo.damping) != robot.n:
         raise ArgumentError("the servo's joints", len(servo.damping), f"make one for the {robot.n} of {robot.name!r}")
     heavy, names = weighed(robot, density), _link_names(robot)
-    masses, shapes, compensated = merged(heavy.bodies), capsules(robot), servo is not None and servo.compensated
+    masses, shapes, compensated = merged(heavy.bodies), drawn_links(robot), servo is not None and servo.compensated
     children: dict[int, list[int]] = {}
     for k, joint in enumerate(robot.joints):
         children.setdefault(joint.parent, []).append(k)

@@ -45,7 +45,7 @@ def rest(joint: Joint) -> Matrix:
     return joint.placement @ motion(joint.kind, joint.axis, joint.offset)
 
 
-def capsules(robot: Robot) -> tuple[LinkShape, ...]:
+def drawn_links(robot: Robot) -> tuple[LinkShape, ...]:
     """A capsule along every link, a drawing of it and not its shape, and a ball for each joint without one."""
     length = chain_length(robot)
     radius = THICKNESS * length if length else STUMP
@@ -86,7 +86,7 @@ def weighed(robot: Robot, density: float = DENSITY) -> Robot:
     density = positive("density", density)
     if knows_masses(robot):
         return robot
-    return replace(robot, bodies=tuple(solid(part, density) for part in capsules(robot)))
+    return replace(robot, bodies=tuple(solid(part, density) for part in drawn_links(robot)))
 
 
 def knows_masses(robot: Robot) -> bool:
