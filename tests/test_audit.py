@@ -122,7 +122,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
         return sound(q, pose, twist, dt)
 
     began = time.monotonic()
-    found = hk.audit(law, panda, start=PANDA_START, patience=0.3, cycles=3, dt=0.03)
+    found = hk.audit(law, panda, start=PANDA_START, patience=0.3, cycles=3, dt=0.06)
     assert time.monotonic() - began < 60
     assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert found.exit_code == 2
@@ -141,7 +141,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
 def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
     import json
 
-    found = hk.audit(locked(panda, 2), panda, start=PANDA_START, cycles=3, dt=0.04)
+    found = hk.audit(locked(panda, 2), panda, start=PANDA_START, cycles=3, dt=0.08)
     told = json.loads(json.dumps(found.summary()))
     assert told["verdict"] == "repeats"
     assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
