@@ -209,7 +209,7 @@ def test_the_pseudo_inverse_drifts_on_the_panda_as_pinocchio_says(panda_urdf: hk
 )
 def test_a_holonomic_panda_is_home_after_a_thousand_cycles(panda_urdf: hk.Robot, constraint: hk.Constraint) -> None:
     strategy = hk.holonomic(hk.pose(panda_urdf), constraint)
-    result = hk.drift(strategy, circle_at(panda_urdf), PANDA_START, cycles=1000, samples=12)
+    result = hk.drift(strategy, circle_at(panda_urdf), PANDA_START, cycles=1000, samples=24)
     assert len(result.largest) == 1000
     assert result.largest.max() < 1e-12
     assert result.trajectory.tracking_error() < 1e-12
