@@ -12,8 +12,6 @@ import pytest
 
 import holokin as hk
 from conftest import Command
-from holokin.job import open_job, run_job
-from holokin.output.table import row
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -69,18 +67,6 @@ def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, m
 def test_the_readmes_program_has_twelve_lines() -> None:
     code, *_ = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     assert len([line for line in code.splitlines() if line.strip()]) <= 12
-
-
-def test_the_first_job_of_the_start_page_holds_and_gives_its_table(tmp_path: Path) -> None:
-    page = (ROOT / "docs" / "start.md").read_text("utf-8")
-    job, shown = re.search(r"```toml\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL).groups()
-    file = tmp_path / "elbow.toml"
-    file.write_text(job, "utf-8")
-    result = run_job(*open_job(str(file)))
-    assert result.passed
-    printed = [" ".join(line.split("│")) for line in shown.splitlines() if line.startswith("│")]
-    for line, strategy in zip(printed, result.drawn, strict=True):
-        assert_alike(" ".join(row(strategy)), line)
 
 
 @pytest.fixture(scope="module")
