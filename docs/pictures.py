@@ -332,9 +332,8 @@ def jobs() -> None:
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
     save(robot_figure(result), "job-panda-strategies")
     with tempfile.TemporaryDirectory() as folder:
-        job = re.search(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
-        assert job
-        (Path(folder) / "glue.toml").write_text(job[1], "utf-8")
+        (job,) = re.findall(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
+        (Path(folder) / "glue.toml").write_text(job, "utf-8")
         shutil.copy(HERE / "arm7.urdf", Path(folder) / "my-arm.urdf")
         save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue")
 

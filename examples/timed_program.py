@@ -1,6 +1,6 @@
 """From a URDF to programs: a seven-joint arm draws a circle within its limits, for KUKA; a UR5e does so in URScript.
 
-Both hold the angle of something: the first its elbow's, the second its wrist's, whose tool may spin about its axis.
+The arm holds its elbow's swivel angle. The six-axis UR5e has a torch that may spin about its axis, and locks joint 6.
 """
 
 from pathlib import Path
@@ -27,5 +27,5 @@ for name, (law, degrees) in jobs.items():
     else:
         program = hk.export.to_urscript(timed, name="circle")
     files = [file.name for file in program.save(name)]
-    print(f"{robot.name}: {timed.t[-1]:.3f} s, {program.targets} targets, in {', '.join(files)}")
-    assert max(timed.excess().values()) <= 1e-9, "a limit is exceeded"
+    most = 1 + max(timed.excess().values())
+    print(f"{robot.name}: {timed.t[-1]:.3f} s, at {most:.0%} of a limit, {program.targets} targets: {files}")

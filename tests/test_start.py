@@ -18,17 +18,18 @@ from test_pages import assert_alike
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
 ELSEWHERE = ("pip ", "holokin advise ")
-"""Of the first .ci/run is the test; the second takes half a minute, and tests/test_advise.py runs it on a smaller arm."""
+"""The first is run by .ci/run; the second takes half a minute, and tests/test_advise.py runs it on a smaller arm."""
 FRAME = str.maketrans("┏┓┗┛┡┩╇┳┴━─┃│┌┐└┘├┤┬┼╞╡", " " * 23)
 
 
 @pytest.fixture
-def run(holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def run(holokin: Command, sketched: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A line of a shell in a folder with the page's URDF; holokin within this process. Returns what it prints."""
     (tmp_path / "docs").mkdir()
     shutil.copy(ROOT / "docs" / "arm7.urdf", tmp_path / "docs")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # its functions are long and called a few times
 
     def line(text: str) -> str:
         words = shlex.split(text, comments=True)
