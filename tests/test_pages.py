@@ -12,12 +12,10 @@ import pytest
 
 import holokin as hk
 from conftest import Command
+from printed import assert_alike
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-NUMBER = re.compile(r"-?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
-ROUND_OFF = 1e-8
-"""Printed numbers below this are not compared: they are another machine's."""
 RUN = sorted(
     str(page.relative_to(ROOT))
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
@@ -27,20 +25,6 @@ LONG = ("docs/edge.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
-
-
-def said(text: str) -> tuple[list[str], list[float]]:
-    """The words and the numbers of a print-out, without its line breaks."""
-    words = " ".join(text.split())
-    return NUMBER.sub("#", words).split(), [float(number) for number in NUMBER.findall(words)]
-
-
-def assert_alike(printed: str, shown: str) -> None:
-    (words, numbers), (wanted, values) = said(printed), said(shown)
-    assert words == wanted
-    assert [n for n, v in zip(numbers, values, strict=True) if max(abs(n), abs(v)) > ROUND_OFF] == pytest.approx(
-        [v for n, v in zip(numbers, values, strict=True) if max(abs(n), abs(v)) > ROUND_OFF], rel=2e-2, abs=0
-    )
 
 
 @pytest.mark.parametrize("page", RUN)

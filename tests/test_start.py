@@ -13,7 +13,7 @@ import pytest
 
 from conftest import Command
 from grammars import rapid
-from test_pages import assert_alike
+from printed import assert_alike
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
