@@ -15,7 +15,7 @@ from __future__ import annotations
 import importlib
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -97,17 +97,20 @@ def compared(name: str, begin: Begin, robot: hk.Robot, start: np.ndarray, poses:
     return Compared(name, float(np.median(times)), within / len(poses), np.array(ends), worst)
 
 
-def ours(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, Begin]]:
+LAWS: dict[str, Callable[[hk.Task, np.ndarray], hk.Strategy]] = {
+    "joint 3 locked": lambda task, _: hk.holonomic(task, hk.lock(2)),
+    "arm angle": lambda task, _: hk.holonomic(task, hk.arm_angle()),
+    "radial": lambda task, start: hk.radial(hk.moore_penrose(task), start),
+}
+"""Our own, by name."""
+
+
+def ours(robot: hk.Robot, start: np.ndarray, names: Iterable[str]) -> list[tuple[str, Begin]]:
     """(name, begin) of our own inverse kinematics."""
     task = hk.pose(robot)
-    laws = {
-        "joint 3 locked": hk.holonomic(task, hk.lock(2)),
-        "arm angle": hk.holonomic(task, hk.arm_angle()),
-        "radial": hk.radial(hk.moore_penrose(task), start),
-    }
     found: list[tuple[str, Begin]] = []
-    for name, law in laws.items():
-        ik = hk.inverse(law, start)
+    for name in names:
+        ik = hk.inverse(LAWS[name](task, start), start)
         found.append((f"holokin, {name}, `ik(pose)`", lambda _start, ik=ik: lambda pose: _or_none(lambda: ik(pose))))
         near = _from_last(lambda pose, seed, ik=ik: _or_none(lambda: ik.near(pose, seed)))
         found.append((f"holokin, {name}, `ik.near(pose, q)`", near))
@@ -128,6 +131,7 @@ def poses_page(robot: hk.Robot, start: np.ndarray, floor: float, quick: bool) ->
     found = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock(2)), start).batch(poses)
     inside = found.reached & ((found.q >= robot.lower) & (found.q <= robot.upper)).all(axis=1)
     others, left_out = rivals(robot, start)
+    own = ours(robot, start, ["joint 3 locked"] if quick else LAWS)
     lines = [
         "",
         "## Inverse kinematics, on two ways to each pose",
@@ -141,7 +145,7 @@ def poses_page(robot: hk.Robot, start: np.ndarray, floor: float, quick: bool) ->
         "| | a step | in C floors | found | apart, median | apart, most | largest error |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
-    for name, begin in [*ours(robot, start), *others]:
+    for name, begin in [*own, *others]:
         c = compared(name, begin, robot, start, poses[inside], steps)
         apart = [f"{f(c.spread):.2g}" if len(c.spread) else "-" for f in (np.median, np.max)]
         lines.append(

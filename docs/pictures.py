@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -329,6 +332,11 @@ def jobs() -> None:
             save(ways_figure(result.drawn[0]), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
     save(robot_figure(result), "job-panda-strategies")
+    with tempfile.TemporaryDirectory() as folder:
+        (job,) = re.findall(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
+        (Path(folder) / "glue.toml").write_text(job, "utf-8")
+        shutil.copy(HERE / "arm7.urdf", Path(folder) / "my-arm.urdf")
+        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue")
 
 
 def physics() -> None:

@@ -15,7 +15,7 @@ from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
 from holokin.motion import as_control_law
 
-QUICK = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
+QUICK = {"start": PANDA_START, "dt": 0.06, "cycles": 3}
 ROWS = ("x", "y", "z", "wx", "wy", "wz")
 
 
@@ -133,7 +133,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         areas[i, j] = areas[j, i] = 0.0
         assert areas.max() < 0.4
     law = hk.laws.closed_loop(hk.moore_penrose(task))
-    found = hk.audit(law, task.robot, task, start=start, dt=0.04, cycles=3)
+    found = hk.audit(law, task.robot, task, start=start, dt=0.06, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:

@@ -105,10 +105,13 @@ def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design
         assert np.abs(found.strategy.rows(q) - found.base.rows(q)).max() > 1e-3
 
 
-def test_a_design_survives_pickling(found: hk.Design) -> None:
+def test_a_design_survives_pickling(task: hk.Task) -> None:
+    """One at few poses: each text looks for the least of other postures anew."""
+    found = hk.design(task, SMALL, READY, base=hk.lock("panda_joint3"), degree=1, samples=16)
     again = pickle.loads(pickle.dumps(found))
     assert np.array_equal(again.strategy(found.start), found.strategy(found.start))
     assert str(again) == str(found)
+    assert found.broken == 0 and "beyond hard limits" not in str(found)
 
 
 def test_exported_c_of_a_designed_law_is_python(found: hk.Design, tmp_path: Path) -> None:
@@ -158,18 +161,19 @@ def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: 
 
 @pytest.mark.parametrize("goal", ["worst_speed", Objective(1.0, 1.0, 1.0, 1.0, 1.0)], ids=["one", "all"])
 def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, goal: Objective | str) -> None:
-    found = hk.design(task, SMALL, READY, objective=goal, degree=1, samples=32)
+    found = hk.design(task, SMALL, READY, objective=goal, degree=1, samples=16)
     assert 0 < found.bound <= found.costs[-1] < found.costs[0]
     assert found.costs[1] >= found.costs[2]
-    assert found.checked.reached == found.checked.poses == 128
+    assert found.checked.reached == found.checked.poses == 64
 
 
 def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without limits the design comes nearer; with them the squared speed is higher, and they hold at the check."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "1")  # it is long enough for a compiler
     margin, rcond, space = 0.5, 0.12, hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
-    free = hk.design(task, space, READY, degree=1, samples=48)
-    held = hk.design(task, space, READY, degree=1, samples=48, margin=margin, rcond=rcond)
+    words = {"base": hk.lock("panda_joint3"), "degree": 1, "samples": 48}
+    free = hk.design(task, space, READY, **words)
+    held = hk.design(task, space, READY, **words, margin=margin, rcond=rcond)
 
     def least_margin(d: hk.Design, poses: np.ndarray) -> float:
         q = hk.inverse(d.strategy, d.start).batch(poses).q
@@ -182,7 +186,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
     assert held.costs[-1] > free.costs[-1] + 0.01
     assert held.costs[1] > held.costs[0]  # the base law breaks them, and the answer says so
     assert f"to begin with (beyond hard limits at {held.broken} of the samples)" in str(held)
-    assert free.broken == 0 and "beyond hard limits" not in str(free)
+    assert free.broken == 0
     assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
 
 

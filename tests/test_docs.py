@@ -59,11 +59,24 @@ EXAMPLES = {
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
     "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
+    "timed_program.py": "arm7: 2.120 s",
+    "rail_and_arm.py": "pseudo-inverse: 0.060 rad off",
+    "audit_a_log.py": "DRIFTS: 4 cycles, 0.164 rad in the first",
 }
 
 
 def test_every_example_is_tested() -> None:
     assert {p.name for p in (ROOT / "examples").glob("*.py")} == set(EXAMPLES)
+
+
+def test_every_example_is_short_and_in_the_gallery_with_its_number() -> None:
+    gallery = (ROOT / "docs" / "gallery.md").read_text("utf-8")
+    rows = dict(re.findall(r"^\| `([^`]+)` \|(.+)\|$", gallery, re.MULTILINE))
+    files = {p.name: p for kind in ("*.py", "*.toml") for p in (ROOT / "examples").glob(kind)}
+    assert set(rows) == set(files)
+    for name, number in EXAMPLES.items():
+        assert number in rows[name], name
+        assert len(files[name].read_text("utf-8").splitlines()) < 80, name
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

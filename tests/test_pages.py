@@ -12,14 +12,10 @@ import pytest
 
 import holokin as hk
 from conftest import Command
-from holokin.job import open_job, run_job
-from holokin.output.table import row
+from printed import assert_alike
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-NUMBER = re.compile(r"-?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
-ROUND_OFF = 1e-8
-"""Printed numbers below this are not compared: they are another machine's."""
 RUN = sorted(
     str(page.relative_to(ROOT))
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
@@ -29,20 +25,6 @@ LONG = ("docs/edge.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
-
-
-def said(text: str) -> tuple[list[str], list[float]]:
-    """The words and the numbers of a print-out, without its line breaks."""
-    words = " ".join(text.split())
-    return NUMBER.sub("#", words).split(), [float(number) for number in NUMBER.findall(words)]
-
-
-def assert_alike(printed: str, shown: str) -> None:
-    (words, numbers), (wanted, values) = said(printed), said(shown)
-    assert words == wanted
-    assert [n for n, v in zip(numbers, values, strict=True) if max(abs(n), abs(v)) > ROUND_OFF] == pytest.approx(
-        [v for n, v in zip(numbers, values, strict=True) if max(abs(n), abs(v)) > ROUND_OFF], rel=2e-2, abs=0
-    )
 
 
 @pytest.mark.parametrize("page", RUN)
@@ -69,18 +51,6 @@ def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, m
 def test_the_readmes_program_has_twelve_lines() -> None:
     code, *_ = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     assert len([line for line in code.splitlines() if line.strip()]) <= 12
-
-
-def test_the_first_job_of_the_start_page_holds_and_gives_its_table(tmp_path: Path) -> None:
-    page = (ROOT / "docs" / "start.md").read_text("utf-8")
-    job, shown = re.search(r"```toml\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL).groups()
-    file = tmp_path / "elbow.toml"
-    file.write_text(job, "utf-8")
-    result = run_job(*open_job(str(file)))
-    assert result.passed
-    printed = [" ".join(line.split("│")) for line in shown.splitlines() if line.startswith("│")]
-    for line, strategy in zip(printed, result.drawn, strict=True):
-        assert_alike(" ".join(row(strategy)), line)
 
 
 @pytest.fixture(scope="module")

@@ -184,7 +184,7 @@ def _wired(
         raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
     if len(external) > most:
         cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
-        raise ExportError(f"{held}, but {len(external)} external ones are given", cure)
+        raise ExportError(f"{held}, but {len(external)} external are given: {', '.join(map(str, external))}", cure)
     used = [entry for entry in (*axes, *external) if isinstance(entry, str)]
     if sorted(used) != sorted(names):
         wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
