@@ -94,7 +94,7 @@ class Plan:
         return f"in cycle {cycle + 1}, {100 * step / self.steps:.1f} % along the path"
 
     def bends(self, step: int) -> tuple[float, float]:
-        """(|d^2 p / du^2| [m], turn [rad]) of a step, u from 0 to 1 over it."""
+        """Bounds (of |d^2 p / du^2| [m], of the turn [rad]) of a step, u from 0 to 1 over it."""
         return self._bends[int(np.searchsorted(self._last, step))]
 
     @cached_property
@@ -104,7 +104,7 @@ class Plan:
     @cached_property
     def _bends(self) -> list[tuple[float, float]]:
         pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
-        return [((s.angle / k) ** 2 * float(np.linalg.norm(s.x)), float(np.linalg.norm(s.turn)) / k) for s, k in pairs]
+        return [(s.bend / k**2, s.sway / k) for s, k in pairs]
 
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""
@@ -168,8 +168,12 @@ class Plan:
 
 
 def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> Plan:
-    """Plan one run of a path in at least `samples` steps. Raises: ArgumentError."""
-    plan = Plan(path, task, samples, start_rotation)
+    """Plan one run of a path in at least `samples` steps, from the path's own rotation if it has one, or from another.
+
+    Raises:
+        ArgumentError.
+    """
+    plan = Plan(path, task, samples, start_rotation if path.rotation is None else path.rotation)
     plan.counts  # noqa: B018  so that a bad number of samples is told here
     return plan
 
