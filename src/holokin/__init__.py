@@ -31,7 +31,7 @@ from .motion import (
     retime,
     simulate,
 )
-from .path import Path, arc, circle, join, line, polyline
+from .path import Path, Waypoints, arc, circle, join, line, path_of, polyline, spline
 from .recording import read_recording, read_workspace
 from .robot import (
     Part,
@@ -72,6 +72,7 @@ __all__ = [
     "TimedTrajectory",
     "Trajectory",
     "Verdict",
+    "Waypoints",
     "Workspace",
     "advise",
     "all_postures",
@@ -120,6 +121,7 @@ __all__ = [
     "nearest",
     "null_basis",
     "obstruction",
+    "path_of",
     "path_spread",
     "polyline",
     "pose",
@@ -132,6 +134,7 @@ __all__ = [
     "retime",
     "robot",
     "simulate",
+    "spline",
     "stationary",
     "strategies",
     "weighted",

@@ -288,6 +288,12 @@ class Path(Value):
         R, rotation = F[:3, :3], None if self.rotation is None else F[:3, :3] @ self.rotation
         return replace(self, segments=tuple(s.mapped(R, F[:3, 3]) for s in self.segments), rotation=rotation)
 
+    def at_pace(self, speed: float) -> Path:
+        """The same path in the same times, with another speed as its own [m/s]."""
+        share = speed / self.speed
+        longer = tuple(s if s.nominal is None else replace(s, nominal=share * s.nominal) for s in self.segments)
+        return replace(self, segments=longer, speed=speed)
+
     @typed
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
         """The same curve at another speed [m/s], and angular speed [rad/s]."""
