@@ -20,8 +20,15 @@ from .segments import Segment, cubic_segment, turn_between
 EVEN = 0.01
 """Share by which the tool's speed on a spline without times may be off."""
 
+TURNED = 1e-4
+"""How far [rad] the tool may be turned from the orientations of a curve gone along at even speed."""
+
 FINE = 64
 """Pieces of an interval on which its length is measured: a bend of 90 degrees is then measured to 3e-5."""
+
+ROUND = 8
+"""Exponent of the norm that stands for the larger of two: they slow each other down by 9 % where both are alike, and by
+0.05 % where one is half the other."""
 
 MOST = 4096
 """Pieces of one interval at most: a curve that needs more has a corner or a jump there."""
@@ -82,11 +89,10 @@ def _turns(t: Vector, rotations: Array | None, closed: bool) -> tuple[Matrix, Ma
         return np.zeros((len(t) - 1, 3)), np.zeros((len(t), 3))
     from scipy.spatial.transform import Rotation, RotationSpline
 
-    k, before = len(t), 0
+    k = len(t)
     times, series = t, rotations
     if closed and k > 2:
         rounds = -(-PADDING // (k - 1))
-        before = rounds * (k - 1)
         laps = np.arange(-rounds, rounds + 1)[:, None] * (t[-1] - t[0])
         times = np.append((t[:-1] + laps).ravel(), t[-1] + laps[-1])
         series = np.concatenate([np.tile(rotations[:-1], (len(laps), 1, 1)), rotations[:1]])
@@ -110,7 +116,7 @@ def of_segments(segments: list[Segment], t: Vector, first: Array | None) -> Curv
 
 
 def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float) -> list[Segment]:
-    """A curve of time [s] as the cubics of a spline through its points at rising t (k,) and as many between as it takes.
+    """A curve of time [s] as the cubics of a spline, through its points at rising t (k,) and as many more as it takes.
 
     Args:
         tolerance: from the curve, in the middle of each cubic [m, rad].
@@ -155,14 +161,12 @@ def evenly(
         ahead = at.velocity / np.maximum(np.linalg.norm(at.velocity, axis=1, keepdims=True), 1e-300)
         gap = at.position - wanted.points
         gap -= np.sum(gap * ahead, axis=1, keepdims=True) * ahead  # along the curve it is the clock that is off
-        uneven = [
-            np.maximum(
-                np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed
-            )
+        loads = [
+            _most(np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed)
             for x in (at, *begun)
-        ]  # fmt: skip
-        rough = np.linalg.norm(gap, axis=1) > tolerance
-        return rough | (np.abs(np.array(uneven) - 1) > EVEN).any(axis=0)
+        ]
+        off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(at, wanted) > TURNED)
+        return off | (np.abs(np.array(loads) - 1) > EVEN).any(axis=0)
 
     return _refined(timed, knots, closed, speed, rough)
 
@@ -199,10 +203,16 @@ def _turned(at: Samples, wanted: Poses) -> Vector:
     return np.linalg.norm(turn_between(wanted.rotations, at.rotation), axis=1)
 
 
+def _most(a: Array, b: Array) -> Array:
+    """About the larger of two numbers, without the kink where they change places."""
+    top = np.maximum(a, b)
+    return top * (1 + (np.minimum(a, b) / np.maximum(top, 1e-300)) ** ROUND) ** (1 / ROUND)
+
+
 def _clock(poses: Poses, speed: float, angular_speed: float) -> Vector:
-    """Seconds (k,) at which the tool gets to poses: of each way the longer of moving and turning."""
+    """Seconds (k,) at which the tool gets to poses: of each way about the longer of moving and turning."""
     seconds = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
     if poses.rotations is not None:
         turned = np.linalg.norm(turn_between(poses.rotations[:-1], poses.rotations[1:]), axis=1)
-        seconds = np.maximum(seconds, turned / angular_speed)
+        seconds = _most(seconds, turned / angular_speed)
     return np.concatenate([[0.0], np.cumsum(seconds)])

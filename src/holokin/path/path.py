@@ -249,15 +249,17 @@ class Path(Value):
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
         if not 0.0 <= start < stop <= 1.0:
             raise ArgumentError("the part of a path", (start, stop), "give 0 <= start < stop <= 1")
+        segments = tuple(self.cut(start * self.duration, stop * self.duration))
+        return replace(self, segments=segments, rotation=self._turned(self.at(start * self.duration).rotation[0]))
+
+    def cut(self, start: float, stop: float) -> list[Segment]:
+        """The segments between two times [s]."""
         pieces = []
         for i, segment in enumerate(self.segments):
-            low = (start * self.duration - self._starts[i]) / self._durations[i]
-            high = (stop * self.duration - self._starts[i]) / self._durations[i]
-            a, b = np.clip([low, high], 0.0, 1.0)
+            a, b = np.clip((np.array([start, stop]) - self._starts[i]) / self._durations[i], 0.0, 1.0).tolist()
             if b - a > 1e-12:
-                pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(float(a), float(b)))
-        turned = self.at(np.array([start * self.duration])).rotation[0]
-        return replace(self, segments=tuple(pieces), rotation=self._turned(turned))
+                pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(a, b))
+        return pieces
 
     def ways(self) -> tuple[Path, Path]:
         """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""

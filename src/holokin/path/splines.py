@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def path_of(
         closed = _meets(ends) and _goes_on(curve, t)
     elif closed and not _meets(ends):
         raise ArgumentError("the end of a closed motion", ends.points[-1].tolist(), "let it end where it starts")
-    knots = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in zip(t[:-1], t[1:], strict=True)]))
+    knots = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(t.tolist())]))
     segments = within(curve, knots, closed, positive("tolerance", tolerance), 1.0)
     return timed_path(segments, ends.rotations[0] if ends.rotations is not None else None, t)
 
