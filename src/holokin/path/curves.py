@@ -7,15 +7,16 @@ as it takes to stay within a tolerance.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from ..errors import ArgumentError
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Matrix, Vector
 from .path import Path, Samples
 from .segments import Segment, cubic_segment, turn_between
+from .waypoints import Poses
 
 EVEN = 0.01
 """Share by which the tool's speed on a spline without times may be off."""
@@ -35,21 +36,6 @@ MOST = 4096
 
 PADDING = 30
 """Rotations by which a closed series is continued at both ends: what a spline does at its end fades by 0.27 a knot."""
-
-
-@dataclass(frozen=True, eq=False)
-class Poses(Value):
-    """Points (k, 3) [m] and, where the tool turns, rotations (k, 3, 3)."""
-
-    points: Matrix
-    rotations: Array | None
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    def at(self, index: object) -> Poses:
-        """Some of them."""
-        return Poses(self.points[index], None if self.rotations is None else self.rotations[index])  # type: ignore[index]
 
 
 Curve = Callable[[Vector], Poses]
@@ -216,3 +202,11 @@ def _clock(poses: Poses, speed: float, angular_speed: float) -> Vector:
         turned = np.linalg.norm(turn_between(poses.rotations[:-1], poses.rotations[1:]), axis=1)
         seconds = _most(seconds, turned / angular_speed)
     return np.concatenate([[0.0], np.cumsum(seconds)])
+
+
+def even_curve(
+    points: Callable[[Vector], Matrix], pieces: int, closed: bool, speed: float, tolerance: float
+) -> list[Segment]:
+    """A curve of points, of a parameter from 0 to a number of smooth pieces, as cubics at even speed. As `evenly`."""
+    breaks = np.arange(pieces + 1.0)
+    return evenly(lambda s: Poses(points(s), None), breaks, closed, speed, 1.0, tolerance)

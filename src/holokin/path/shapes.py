@@ -8,7 +8,8 @@ from ..arguments import typed
 from ..errors import ArgumentError
 from ..types import ArrayLike, finite, numbers
 from .path import Path, as_point
-from .segments import arc_segment, line_segment
+from .segments import arc_segment, line_segment, turn_between
+from .waypoints import Waypoints, as_poses
 
 
 @typed
@@ -60,22 +61,35 @@ def circle(
 
 
 @typed
-def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1) -> Path:
-    """Straight lines through points (k, 3) or (k, 2) [m].
+def polyline(
+    points: ArrayLike | Waypoints, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1
+) -> Path:
+    """Straight lines through points or poses, between which the tool turns evenly.
 
     Args:
-        turns: rotation vectors (segments, 3) [rad], one a line, in the base frame; none by default.
+        points: (k, 3) or (k, 2) [m]; poses (k, 4, 4), whose rotations the tool takes; or `Waypoints`.
+        turns: rotation vectors (segments, 3) [rad], one a line, in the base frame; by default none, or those from pose
+            to pose, by the shorter way.
         closed: adds the line back to the first point.
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
+        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points; poses and turns.
     """
-    corners = [as_point(p) for p in np.atleast_2d(numbers("the points of a polyline", points))]
+    poses = as_poses(points if isinstance(points, Waypoints) else _planar(points))
     if closed:
-        corners.append(corners[0])
-    if len(corners) < 2:
-        raise ArgumentError("the number of points of a polyline", len(corners), "give at least two")
-    shape = (len(corners) - 1, 3)
+        poses = poses.at(np.append(np.arange(len(poses)), 0))
+    if len(poses) < 2:
+        raise ArgumentError("the number of points of a polyline", len(poses), "give at least two")
+    shape = (len(poses) - 1, 3)
+    if turns is not None and poses.rotations is not None:
+        raise ArgumentError("turns", "given beside poses", "leave them out: the poses say how the tool turns")
     spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
-    pairs = zip(corners, corners[1:], spins, strict=False)
-    return Path(tuple(line_segment(a, b, s) for a, b, s in pairs), speed)
+    first = None
+    if poses.rotations is not None:
+        first, spins = poses.rotations[0], turn_between(poses.rotations[:-1], poses.rotations[1:])
+    pairs = zip(poses.points, poses.points[1:], spins, strict=False)
+    return Path(tuple(line_segment(a, b, s) for a, b, s in pairs), speed, rotation=first)
+
+
+def _planar(points: ArrayLike) -> ArrayLike:
+    return np.atleast_2d(numbers("the points of a polyline", points))

@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, ShapeError
-from ..types import Array, ArrayLike, Matrix, Vector, check_rotation, finite, numbers, positive, right_last_row
-from .curves import Poses, cubics, evenly, of_segments, within
-from .path import CLOSED, Path, as_point
+from ..errors import ArgumentError
+from ..types import Array, ArrayLike, Matrix, Vector, finite, positive
+from .curves import cubics, evenly, of_segments, within
+from .path import CLOSED, Path
 from .segments import turn_between
-from .waypoints import Waypoints
+from .waypoints import Poses, Waypoints, as_poses
 
 SHAPE = 1e-4
 """How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints."""
@@ -49,7 +49,7 @@ def spline(
     given = points if isinstance(points, Waypoints) else None
     if given is not None and times is None and given.times is not None:
         times = given.times
-    poses = as_poses(given.targets if given is not None else points)
+    poses = as_poses(points)
     first = poses.rotations[0] if poses.rotations is not None else None
     if closed and not _meets(poses):
         if times is not None:
@@ -98,8 +98,7 @@ def path_of(
     """
     if not callable(motion):
         if closed is None:
-            chosen = motion.targets if isinstance(motion, Waypoints) else motion
-            poses = as_poses(chosen)
+            poses = as_poses(motion)
             closed = len(poses) > 2 and _meets(poses)
         return spline(motion, times=times, closed=closed)
     if times is None:
@@ -126,20 +125,6 @@ def timed_path(segments: list, rotation: Matrix | None, t: Vector) -> Path:
     path = Path(tuple(segments), 1.0, rotation=rotation)
     mean = length / float(t[-1] - t[0])
     return path.at_pace(mean) if mean > 1e-9 else path
-
-
-def as_poses(points: ArrayLike) -> Poses:
-    """Points (k, 3), (k, 2) or poses (k, 4, 4). Raises: ShapeError, NotFiniteError, ArgumentError."""
-    given = numbers("the waypoints", points)
-    if given.ndim == 3:
-        poses = finite("the waypoints", given, ("k", 4, 4))
-        for i, pose in enumerate(poses):
-            right_last_row(f"waypoint {i}", pose)
-            check_rotation(f"the rotation of waypoint {i}", pose[:3, :3])
-        return Poses(poses[:, :3, 3], poses[:, :3, :3])
-    if given.ndim != 2:
-        raise ShapeError("the waypoints", "(k, 3) or (k, 4, 4)", given.shape, "give points or poses, one a row")
-    return Poses(np.array([as_point(p) for p in given]), None)
 
 
 def rising(times: ArrayLike, count: int | None) -> Vector:

@@ -12,9 +12,10 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError
 from ..types import ArrayLike, Matrix, Value, Vector, finite, positive, whole
-from .curves import Poses, evenly
+from .curves import evenly
 from .path import Path, as_point, join
 from .segments import line_segment
+from .waypoints import Poses
 
 Surface = Callable[[float, float], float]
 """Height z = f(u, v) [m] over the plane of a patch."""

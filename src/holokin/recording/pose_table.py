@@ -75,7 +75,9 @@ def read_workspace(path: str | Path, *, degrees: bool | None = None) -> PoseClou
     else:
         poses[:, :3, 3] = table[:, :3]
         turned = table[:, 3:], lines
-        poses[:, :3, :3] = _of_angles(file, *turned, degrees) if ANGLES[0] in kind else _of_quaternions(file, *turned)
+        poses[:, :3, :3] = (
+            _of_angles(file, *turned, degrees) if ANGLES[0] in kind else quaternion_rotations(file, *turned)
+        )
     return pose_cloud(poses, str(file))
 
 
@@ -85,7 +87,8 @@ def _check_rotations(file: Path, poses: Array, lines: Array) -> None:
             raise RecordingError(file, f"line {line} has no rotation", rotation_cure(pose[:3, :3]))
 
 
-def _of_quaternions(file: Path, values: Matrix, lines: Array) -> Array:
+def quaternion_rotations(file: Path, values: Matrix, lines: Array) -> Array:
+    """Rotations (k, 3, 3) of quaternions (k, 4), qw last. Raises: RecordingError: one is not of unit length."""
     from scipy.spatial.transform import Rotation
 
     off = np.abs(np.linalg.norm(values, axis=1) - 1)
