@@ -8,11 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
+from .errors import StartError
 from .path import Path, Samples
+from .robot import doubtful_unit
 from .task import Task
 from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory
 from .types import Array, Indices, Matrix, Vector
+from .ways import rotation_vector
 
 BLOCK = 1024
 """Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""
@@ -176,6 +179,16 @@ def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> P
     plan = Plan(path, task, samples, start_rotation if path.rotation is None else path.rotation)
     plan.counts  # noqa: B018  so that a bad number of samples is told here
     return plan
+
+
+def check_start(plan: Plan, q: Vector) -> None:
+    """Raises: StartError unless the tool at a posture is at the start of the plan's path, in all rows of its task."""
+    task, (p, R) = plan.task, plan.first
+    off = float(np.abs(task.error(q, p, R)).max())
+    if off > TOLERANCES.start:
+        tool = task.pose(q)
+        turned = float(np.linalg.norm(rotation_vector(R @ tool[:3, :3].T)))
+        raise StartError(off, tool[:3, 3], p, doubtful_unit(task.robot, p, task.tip), turned)
 
 
 def record(
