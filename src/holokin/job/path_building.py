@@ -34,7 +34,7 @@ from .schema import Job
 
 
 def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[Path, str]:
-    """The path of a job and what its file gave rise to say. It begins at the tool's start point unless an entry leads to it.
+    """The path of a job, and notes on its file. It begins at the tool's start point unless an entry leads to it.
 
     Raises:
         JobError, RecordingError, and what the shapes raise.

@@ -31,7 +31,7 @@ ROUND = 8
 """Exponent of the norm that stands for the larger of two: they slow each other down by 9 % where both are alike, and by
 0.05 % where one is half the other."""
 
-MOST = 4096
+MOST = 1024
 """Pieces of one interval at most: a curve that needs more has a corner or a jump there."""
 
 PADDING = 30

@@ -39,6 +39,9 @@ CORNER = 1e-6
 """Share of the tool's speed [m/s and rad/s] by which its velocity jumps at a corner: tangents of joined arcs agree to
 1e-12, and a jump of 1e-6 is a turn of 0.2 seconds of arc."""
 
+LARGEST = 1e6
+"""Largest size of a curve [m], that of the farthest start of a robot."""
+
 ALIKE = 1e-6
 """Difference of two rotations up to which they are one: that of quaternions written with six digits."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,7 +132,7 @@ class Segment(Value):
         """The same curve of the point with another turn, an even one by a rotation vector (3,) [rad]."""
         return replace(self, turning=_even(turn))
 
-    def _integral(self, density) -> float:
+    def _integral(self, density: Callable[[Vector], Vector]) -> float:
         return float(WEIGHTS / 2 @ density((1 + NODES) / 2))
 
 
@@ -208,8 +209,10 @@ def spin(phi: Array, rate: Array) -> Array:
 
 def unspin(phi: Vector, w: Vector) -> Vector:
     """phi' (3,) of R = exp(phi) that turns with w: what `spin` undoes. |phi| < 2 pi."""
+    if not phi.any():
+        return w
     columns = spin(np.broadcast_to(phi, (3, 3)), np.eye(3)).T
-    return np.linalg.solve(columns, w)
+    return np.asarray(np.linalg.solve(columns, w), dtype=float)
 
 
 def _factors(angle: Array) -> tuple[Array, Array]:

@@ -11,12 +11,13 @@ from ..arguments import typed
 from ..errors import ArgumentError
 from ..types import Array, ArrayLike, Matrix, Vector, finite, positive
 from .curves import cubics, evenly, of_segments, within
-from .path import CLOSED, Path
-from .segments import turn_between
+from .path import CLOSED, LARGEST, Path
+from .segments import Segment, turn_between
 from .waypoints import Poses, Waypoints, as_poses
 
 SHAPE = 1e-4
-"""How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints."""
+"""How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints; of one larger
+than a metre the same share of its size."""
 
 ALIKE = 0.01
 """Share of the velocity by which it may differ at both ends of a motion that returns, so that it goes on smoothly: a
@@ -71,8 +72,12 @@ def spline(
         cure = "leave it out, or give times to rest there"
         raise ArgumentError("a waypoint that repeats the one before, number", int(np.argmin(far)) + 1, cure)
     t = np.concatenate([[0.0], np.cumsum(far)])
+    size = float(np.ptp(poses.points, axis=0).max())
+    if size > LARGEST:
+        raise ArgumentError("the size of a curve", size, f"give metres, at most {LARGEST:g}")
     curve = of_segments(cubics(t, poses, closed, 1.0), t, first)
-    return Path(tuple(evenly(curve, t, closed, speed, angular_speed, SHAPE)), speed, angular_speed, first)
+    segments = evenly(curve, t, closed, speed, angular_speed, SHAPE * max(1.0, size))
+    return Path(tuple(segments), speed, angular_speed, first)
 
 
 @typed
@@ -119,7 +124,7 @@ def path_of(
     return timed_path(segments, ends.rotations[0] if ends.rotations is not None else None, t)
 
 
-def timed_path(segments: list, rotation: Matrix | None, t: Vector) -> Path:
+def timed_path(segments: list[Segment], rotation: Matrix | None, t: Vector) -> Path:
     """The path of cubics made for a speed of 1, with its mean speed and the same times."""
     length = sum(s.length for s in segments)
     path = Path(tuple(segments), 1.0, rotation=rotation)

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError
-from ..types import ArrayLike, Matrix, Value, Vector, finite, positive, whole
+from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, positive, whole
 from .curves import evenly
-from .path import Path, as_point, join
+from .path import LARGEST, Path, as_point, join
 from .segments import line_segment
 from .waypoints import Poses
 
@@ -21,12 +21,13 @@ Surface = Callable[[float, float], float]
 """Height z = f(u, v) [m] over the plane of a patch."""
 
 EXACT = 1e-6
-"""How far [m] a curve may be from its formula."""
+"""How far [m] a curve may be from its formula; of one larger than a metre the same share of its size."""
 
 STEP = 1e-5
 """Step [m] of the differences that give a surface's slope: right to 1e-9 on one that bends over centimetres."""
 
-MOST_ROWS = 10_000
+MOST_ROWS = 2_000
+"""Lines of a raster and windings of a spiral: a millimetre apart they cover two metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +44,11 @@ class Patch(Value):
 
     def at(self, uv: Matrix) -> Poses:
         """Poses over points (k, 2) [m] of the plane. Raises: ArgumentError: the surface has no height there."""
-        height = np.array([self._height(u, v) for u, v in uv.tolist()])
-        points = self.origin + np.column_stack([uv, height]) @ self.axes
-        return Poses(points, np.array([self._facing(u, v) for u, v in uv.tolist()]) if self.faced else None)
+        height = self._heights(uv)
+        return Poses(self.origin + np.column_stack([uv, height]) @ self.axes, self._facing(uv) if self.faced else None)
+
+    def _heights(self, uv: Matrix) -> Vector:
+        return np.array([self._height(u, v) for u, v in uv.tolist()])
 
     def _height(self, u: float, v: float) -> float:
         if self.surface is None:
@@ -55,14 +58,13 @@ class Patch(Value):
             raise ArgumentError("the height of a surface", z.tolist(), "return one number, z(u, v) in metres")
         return float(z.reshape(()))
 
-    def _facing(self, u: float, v: float) -> Matrix:
-        du, dv = (
-            (self._height(u + STEP * a, v + STEP * b) - self._height(u - STEP * a, v - STEP * b)) / (2 * STEP)
-            for a, b in ((1, 0), (0, 1))
-        )
-        x, z = np.array([1.0, 0.0, du]), np.array([du, dv, -1.0])  # into the surface
-        x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-        return self.axes.T @ np.column_stack([x, np.cross(z, x), z])
+    def _facing(self, uv: Matrix) -> Array:
+        """Rotations (k, 3, 3) of the tool against the surface, from its slopes by differences."""
+        du, dv = ((self._heights(uv + h) - self._heights(uv - h)) / (2 * STEP) for h in STEP * np.eye(2))
+        one, none = np.ones(len(uv)), np.zeros(len(uv))
+        x, z = np.column_stack([one, none, du]), np.column_stack([du, dv, -one])  # z goes into the surface
+        x, z = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (x, z))
+        return self.axes.T @ np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def _patch(origin: ArrayLike, along: Vector, up: Vector, surface: Surface | None, tool: str | None) -> Patch:
@@ -85,6 +87,13 @@ def _plane(normal: ArrayLike, along: ArrayLike | None) -> tuple[Vector, Vector]:
     if not np.linalg.norm(flat) > 1e-9 * np.linalg.norm(given):
         raise ArgumentError("along", given.tolist(), "give a direction that is not the normal's")
     return flat, up
+
+
+def _tolerance(size: float) -> float:
+    """Raises: ArgumentError: no robot reaches over so large a curve."""
+    if size > LARGEST:
+        raise ArgumentError("the size of a curve", size, f"give metres, at most {LARGEST:g}")
+    return EXACT * max(1.0, size)
 
 
 @typed
@@ -117,7 +126,7 @@ def figure_eight(
         c, d = np.cos(s), np.sin(s)
         return patch.at(half * np.column_stack([d, stretch * d * c]) / (1 + c * c)[:, None])
 
-    segments = evenly(curve, np.linspace(0, 2 * np.pi, 9), True, positive("speed", speed), 1.0, EXACT)
+    segments = evenly(curve, np.linspace(0, 2 * np.pi, 9), True, positive("speed", speed), 1.0, _tolerance(2 * half))
     return Path(tuple(segments), speed)
 
 
@@ -172,7 +181,8 @@ def _through(patch: Patch, corners: Matrix, speed: float, angular_speed: float) 
         def curve(s: Vector, a: Vector = a, b: Vector = b) -> Poses:
             return patch.at(a + s[:, None] * (b - a))
 
-        segments = evenly(curve, np.linspace(0.0, 1.0, 3), False, speed, angular_speed, EXACT)
+        tolerance = _tolerance(float(np.abs(b - a).max()))
+        segments = evenly(curve, np.linspace(0.0, 1.0, 3), False, speed, angular_speed, tolerance)
         rotation = None if at.rotations is None else at.rotations[k]
         pieces.append(Path(tuple(segments), speed, angular_speed, rotation))
     return join(*pieces)
@@ -216,7 +226,7 @@ def spiral(
 
     breaks = np.linspace(0.0, turns, 1 + int(np.ceil(4 * turns)))
     speed, angular_speed = positive("speed", speed), positive("angular_speed", angular_speed)
-    segments = evenly(curve, breaks, False, speed, angular_speed, EXACT)
+    segments = evenly(curve, breaks, False, speed, angular_speed, _tolerance(radius))
     first = patch.at(np.zeros((1, 2))).rotations
     path = Path(tuple(segments), speed, angular_speed, None if first is None else first[0])
     return path.reversed() if inward else path

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import RecordingError
-from ..types import ROTATION, Array, Matrix, rotation_cure, rotation_gap
+from ..types import ROTATION, Array, Indices, Matrix, rotation_cure, rotation_gap
 from ..workspaces import PoseCloud, pose_cloud
 from .csv_log import csv_pieces
 from .log import listed
@@ -81,13 +81,13 @@ def read_workspace(path: str | Path, *, degrees: bool | None = None) -> PoseClou
     return pose_cloud(poses, str(file))
 
 
-def _check_rotations(file: Path, poses: Array, lines: Array) -> None:
+def _check_rotations(file: Path, poses: Array, lines: Indices) -> None:
     for line, pose in zip(lines, poses, strict=True):
         if not rotation_gap(pose[:3, :3]) < ROTATION:
             raise RecordingError(file, f"line {line} has no rotation", rotation_cure(pose[:3, :3]))
 
 
-def quaternion_rotations(file: Path, values: Matrix, lines: Array) -> Array:
+def quaternion_rotations(file: Path, values: Matrix, lines: Indices) -> Array:
     """Rotations (k, 3, 3) of quaternions (k, 4), qw last. Raises: RecordingError: one is not of unit length."""
     from scipy.spatial.transform import Rotation
 
@@ -100,7 +100,7 @@ def quaternion_rotations(file: Path, values: Matrix, lines: Array) -> Array:
     return Rotation.from_quat(values).as_matrix()
 
 
-def _of_angles(file: Path, values: Matrix, lines: Array, degrees: bool | None) -> Array:
+def _of_angles(file: Path, values: Matrix, lines: Indices, degrees: bool | None) -> Array:
     from scipy.spatial.transform import Rotation
 
     far = (np.abs(values) > TURN).any(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -175,7 +176,8 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
     smooth[-1] = smooth[-1] and closed
     if closed and smooth[-1] and not all(smooth):
         first = smooth.index(False) + 1
-        pieces, angles, smooth = (values[first:] + values[:first] for values in (pieces, angles, smooth))
+        pieces, angles = pieces[first:] + pieces[:first], angles[first:] + angles[:first]
+        smooth = smooth[first:] + smooth[:first]
     stretches: list[tuple[list[_Piece], list[float]]] = [([], [])]
     for piece, angle, goes_on in zip(pieces, angles, smooth, strict=True):
         stretches[-1][0].append(piece)
@@ -202,7 +204,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
         raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from problem
 
 
-def _points(pieces: list[_Piece]):
+def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:
     """s (k,) -> points (k, 3), s from 0 to the number of pieces."""
 
     def curve(s: Vector) -> Matrix:
