@@ -21,17 +21,21 @@ from .waypoints import Poses
 EVEN = 0.01
 """Share by which the tool's speed on a spline without times may be off."""
 
+SLOW = 0.4
+"""Share of the slowest pace of a curve from which its tool may be slower than even speed."""
+
 TURNED = 1e-4
 """How far [rad] the tool may be turned from the orientations of a curve gone along at even speed."""
 
-FINE = 64
-"""Pieces of an interval on which its length is measured: a bend of 90 degrees is then measured to 3e-5."""
+FINE = (64, 512, 4096)
+"""Pieces of an interval on which its length is measured: with 64 a bend of 90 degrees is measured to 3e-5; sharper ones
+take more."""
 
 ROUND = 8
 """Exponent of the norm that stands for the larger of two: they slow each other down by 9 % where both are alike, and by
 0.05 % where one is half the other."""
 
-MOST = 1024
+MOST = 512
 """Pieces of one interval at most: a curve that needs more has a corner or a jump there."""
 
 PADDING = 30
@@ -115,29 +119,45 @@ def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float
         off = np.linalg.norm(at.position - wanted.points, axis=1)
         return (off > tolerance) | (_turned(at, wanted) > tolerance)
 
-    return _refined(curve, t, closed, speed, rough)
+    return _refined(curve, t, closed, speed, rough, MOST)
 
 
 def evenly(
-    curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float
-) -> list[Segment]:
+    curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float,
+    slowest: float = 0.0,
+) -> list[Segment]:  # fmt: skip
     """A curve gone along at even speed, as cubics like those of `within`; breaks are its parameters (k,) there.
 
-    The speed is the tool's [m/s] where the angular speed [rad/s] allows it, to the share `EVEN`.
+    The speed is the tool's [m/s] where the angular speed [rad/s] allows it, to the share `EVEN`. slowest: seconds that
+    the parameter takes at least for each unit of its own: the tool is slow where the curve almost stands, in a cusp.
 
     Raises:
         ArgumentError: the curve has a corner, a jump or no length.
     """
+    for pieces in FINE[:-1]:
+        try:
+            return _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, pieces)
+        except ArgumentError:
+            continue
+    return _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, FINE[-1])
+
+
+def _evenly(
+    curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float, slowest: float,
+    pieces: int,
+) -> list[Segment]:  # fmt: skip
+    """`evenly`, with the length of each interval measured on some pieces. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
-    fine = np.concatenate([np.linspace(a, b, FINE, endpoint=False) for a, b in pairwise(breaks.tolist())])
+    fine = np.concatenate([np.linspace(a, b, pieces, endpoint=False) for a, b in pairwise(breaks.tolist())])
     fine = np.append(fine, breaks[-1])
-    clock = _clock(curve(fine), speed, angular_speed)
+    clock = _clock(curve(fine), fine, speed, angular_speed, slowest)
     if not (np.diff(clock) > 0).all():
         cure = "leave out repeated points, or give times to rest there"
         raise ArgumentError("the length of a piece of a curve", 0.0, cure)
     inverse = PchipInterpolator(clock, fine)
-    knots = clock[::FINE]
+    pace = inverse.derivative()
+    knots = clock[::pieces]
 
     def timed(t: Vector) -> Poses:
         place = np.searchsorted(knots, t).clip(0, len(knots) - 1)
@@ -147,19 +167,21 @@ def evenly(
         ahead = at.velocity / np.maximum(np.linalg.norm(at.velocity, axis=1, keepdims=True), 1e-300)
         gap = at.position - wanted.points
         gap -= np.sum(gap * ahead, axis=1, keepdims=True) * ahead  # along the curve it is the clock that is off
-        loads = [
-            _most(np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed)
-            for x in (at, *begun)
-        ]
+        uneven = np.zeros(len(wanted), dtype=bool)
+        for x in (at, *begun):
+            sizes = np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed
+            load = _most(*sizes)
+            uneven |= (load > 1 + EVEN) | ((load < 1 - EVEN) & (slowest * pace(x.t) < SLOW))
         off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(at, wanted) > TURNED)
-        return off | (np.abs(np.array(loads) - 1) > EVEN).any(axis=0)
+        return off | uneven
 
-    return _refined(timed, knots, closed, speed, rough)
+    return _refined(timed, knots, closed, speed, rough, pieces // 4)
 
 
 def _refined(
-    curve: Curve, knots: Vector, closed: bool, speed: float, rough: Callable[[Samples, list[Samples], Poses], Flags]
-) -> list[Segment]:
+    curve: Curve, knots: Vector, closed: bool, speed: float, rough: Callable[[Samples, list[Samples], Poses], Flags],
+    most: int,
+) -> list[Segment]:  # fmt: skip
     """The spline through a curve of time at knots, and at more of them, until no cubic of it is rough."""
     counts = np.ones(len(knots) - 1, dtype=int)
     while True:
@@ -176,8 +198,8 @@ def _refined(
         if not found.any():
             return segments
         worse = np.bincount(np.repeat(np.arange(len(counts)), counts), found, len(counts)) > 0
-        if counts[worse].max() >= MOST:
-            cure = "let it be smooth between the waypoints, or give a larger tolerance"
+        if counts[worse].max() >= most:
+            cure = "let it be smooth between the waypoints, give times, or give a larger tolerance"
             raise ArgumentError("the time [s] of a corner or jump of a curve", float(t[int(np.argmax(found))]), cure)
         counts[worse] *= 2
 
@@ -189,19 +211,19 @@ def _turned(at: Samples, wanted: Poses) -> Vector:
     return np.linalg.norm(turn_between(wanted.rotations, at.rotation), axis=1)
 
 
-def _most(a: Array, b: Array) -> Array:
-    """About the larger of two numbers, without the kink where they change places."""
-    top = np.maximum(a, b)
-    return top * (1 + (np.minimum(a, b) / np.maximum(top, 1e-300)) ** ROUND) ** (1 / ROUND)
+def _most(*sizes: Array) -> Array:
+    """About the largest of some numbers, without the kinks where they change places."""
+    top = np.maximum(np.max(sizes, axis=0), 1e-300)
+    return top * np.sum([(size / top) ** ROUND for size in sizes], axis=0) ** (1 / ROUND)
 
 
-def _clock(poses: Poses, speed: float, angular_speed: float) -> Vector:
-    """Seconds (k,) at which the tool gets to poses: of each way about the longer of moving and turning."""
-    seconds = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
+def _clock(poses: Poses, s: Vector, speed: float, angular_speed: float, slowest: float) -> Vector:
+    """Seconds (k,) at which the tool gets to poses at parameters s: about the longer of moving and turning."""
+    sizes = [np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed, slowest * np.diff(s)]
     if poses.rotations is not None:
         turned = np.linalg.norm(turn_between(poses.rotations[:-1], poses.rotations[1:]), axis=1)
-        seconds = _most(seconds, turned / angular_speed)
-    return np.concatenate([[0.0], np.cumsum(seconds)])
+        sizes.append(turned / angular_speed)
+    return np.concatenate([[0.0], np.cumsum(_most(*sizes))])
 
 
 def even_curve(

@@ -217,7 +217,7 @@ def unspin(phi: Vector, w: Vector) -> Vector:
 
 def _factors(angle: Array) -> tuple[Array, Array]:
     """((1 - cos a) / a^2, (a - sin a) / a^3), by their series near 0."""
-    small, square = angle < 0.3, angle * angle
+    small, square = np.asarray(angle < 0.3), angle * angle
     a = np.where(small, 1.0, angle)
     series = 1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square / 39916800)))
     b = np.where(small, 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800))),

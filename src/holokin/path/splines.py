@@ -19,6 +19,10 @@ SHAPE = 1e-4
 """How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints; of one larger
 than a metre the same share of its size."""
 
+SLOWEST = 0.1
+"""Share of its speed below which the spline of chord lengths may fall where it turns round on the spot; there the tool
+is slow at even speed, too."""
+
 ALIKE = 0.01
 """Share of the velocity by which it may differ at both ends of a motion that returns, so that it goes on smoothly: a
 corner turns it by more, and finite differences are right to 1e-4."""
@@ -35,8 +39,8 @@ def spline(
 ) -> Path:
     """A smooth path through waypoints: its velocity and acceleration have no jumps (C2).
 
-    Without times the tool goes at even `speed` (to 1 %), slower where it would turn faster than `angular_speed`. With
-    times it is at each waypoint at its time, and its speed follows.
+    Without times the tool goes at even `speed` (to 1 %), slower where it would turn faster than `angular_speed` and
+    where the path turns round on the spot. With times it is at each waypoint at its time, and its speed follows.
 
     Args:
         points: (k, 3) or (k, 2) [m]; poses (k, 4, 4), whose rotations the tool takes; or `Waypoints`.
@@ -76,7 +80,7 @@ def spline(
     if size > LARGEST:
         raise ArgumentError("the size of a curve", size, f"give metres, at most {LARGEST:g}")
     curve = of_segments(cubics(t, poses, closed, 1.0), t, first)
-    segments = evenly(curve, t, closed, speed, angular_speed, SHAPE * max(1.0, size))
+    segments = evenly(curve, t, closed, speed, angular_speed, SHAPE * max(1.0, size), SLOWEST)
     return Path(tuple(segments), speed, angular_speed, first)
 
 
