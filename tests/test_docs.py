@@ -53,6 +53,7 @@ EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
     "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
+    "waypoints_to_program.py": "1.102 m of path, 8 corners",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 
