@@ -55,6 +55,7 @@ class _Columns:
 
     @property
     def wanted(self) -> list[int]:
+        """All columns that are read, in this order."""
         return [*self.position, *self.orientation, *self.time]
 
 
