@@ -104,7 +104,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
 def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot, laws, by: str, leaf) -> None:
     tied, _ = laws
     path = loops(panda)["poses"].in_frame([0.05, 0.1, 0.02, 0, 0, 0.2])
-    with pytest.raises(StartError, match="hk.approach"):
+    with pytest.raises(StartError, match=r"hk\.approach"):
         hk.follow(tied, path, Q0)
     way = hk.approach(tied, path, Q0, by=by, leaf=leaf, samples=30)
     assert way.q[0] == pytest.approx(Q0, abs=0)
@@ -127,7 +127,7 @@ def test_a_turned_start_is_told_by_its_angle(panda: hk.Robot, laws) -> None:
     T = panda.pose(Q0)
     turned = T.copy()
     turned[:3, :3] = Rotation.from_rotvec([0, 0, 0.4]).as_matrix() @ T[:3, :3]
-    with pytest.raises(StartError, match="0.4 rad from the tool's orientation") as caught:
+    with pytest.raises(StartError, match=r"0\.4 rad from the tool's orientation") as caught:
         hk.follow(laws[0], hk.polyline([turned, turned + np.eye(4, k=3) * 0.1]), Q0)
     assert caught.value.turned == pytest.approx(0.4)
 
@@ -179,11 +179,13 @@ FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
 @pytest.mark.parametrize(
     ("path", "length"),
     [
-        ('kind = "spline"\nrelative = true\npoints = [[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0]]\nclosed = true\n', 0.276),
+        ('kind = "spline"\nrelative = true\npoints = [[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0]]\n'
+         'closed = true\n', 0.276),
         ('kind = "figure-eight"\nwidth = 0.1\ncycles = 2\n', 0.2622),
         ('kind = "raster"\nalong = [0.1, 0, 0]\nacross = [0, 0.06, 0]\nspacing = 0.03\n', 0.36),
         ('kind = "spiral"\nradius = 0.05\nspacing = 0.025\nsurface = "u*v"\nentry = "tool"\n', 0.3216),
-        ('kind = "waypoints"\nfile = "w.csv"\nthrough = "lines"\nclosed = true\nentry = "joints"\n' + FRAME, 0.2814),
+        ('kind = "waypoints"\nfile = "w.csv"\nthrough = "lines"\nclosed = true\n'
+         'entry = "joints"\n' + FRAME, 0.2814),
         ('kind = "waypoints"\nfile = "w.csv"\npasses = 2\nlead_in = 0.01\nlead_out = 0.02\nretract = 0.05\n'
          'entry = "joints"\n' + FRAME, 0.6317),
         ('kind = "poses"\nposes = [{ rpy_deg = [180, 0, 0] }, { xyz = [0.1, 0, 0], rpy_deg = [180, 0, 0] }]\n'

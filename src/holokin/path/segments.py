@@ -197,7 +197,7 @@ def derivatives(rows: Matrix, u: Vector) -> tuple[Matrix, Matrix, Matrix]:
     phi = turning[:, :3] + u * (turning[:, 3:6] + u * (turning[:, 6:9] + u * turning[:, 9:]))
     rate = turning[:, 3:6] + u * (2 * turning[:, 6:9] + 3 * u * turning[:, 9:])
     even = ~turning[:, 6:].any(axis=1)
-    return slope, phi, np.where(even[:, None], turning[:, 3:6], spin(phi, rate))
+    return slope, phi, np.where(np.reshape(even, (-1, 1)), turning[:, 3:6], spin(phi, rate))
 
 
 def spin(phi: Array, rate: Array) -> Array:
