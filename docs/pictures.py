@@ -320,6 +320,61 @@ def coverage_of_a_box() -> None:
     save(coverage_figure(hk.coverage(law, ready, box, samples=512), slices), "coverage-arm-angle")
 
 
+def paths() -> None:
+    """Six kinds of path: seen from above, and over a surface."""
+    figure = plt.figure(figsize=(11.5, 6.6))
+    waypoints = np.array([[0, 0], [0.1, 0.06], [0.18, 0.02], [0.22, 0.1], [0.1, 0.14], [0.02, 0.1]])
+    corners = np.array([[0, 0], [0.2, 0], [0.2, 0.14], [0.08, 0.14], [0.08, 0.07], [0, 0.07]])
+    flat = {
+        "spline through waypoints": (hk.spline(waypoints, closed=True), waypoints),
+        "figure eight": (hk.figure_eight([0.11, 0.07], 0.22, 0.14), np.array([[0.11, 0.07]])),
+        "corners blended within 12 mm": (hk.blended(hk.polyline(corners, closed=True), 0.012), corners),
+        "leads and three passes": (
+            hk.with_leads(hk.passes(hk.arc([0, 0], [0.1, -0.1], -np.pi / 2), 3, offset=[0, 0.04, 0]), 0.03), None),
+    }  # fmt: skip
+    for place, (title, (path, marks)) in zip((1, 2, 4, 5), flat.items(), strict=True):
+        axes = figure.add_subplot(2, 3, place)
+        if title.startswith("corners"):
+            axes.plot(*np.vstack([marks, marks[:1]]).T, "--", color="0.6", linewidth=1)
+        axes.plot(*path.at(np.linspace(0, path.duration, 1500)).position[:, :2].T, color=BLUE, linewidth=1.8)
+        if marks is not None:
+            axes.plot(*marks.T, "o", color=RED, markersize=4)
+        axes.plot(*path.start[:2], "o", markersize=9, markerfacecolor="none", markeredgecolor="k")
+        axes.set(aspect="equal", title=title, xlabel="x [m]", ylabel="y [m]")
+        axes.margins(0.1)
+
+    def hill(u: float, v: float) -> float:
+        return 0.05 * np.cos(9 * (u - 0.1)) * np.cos(9 * (v - 0.1))
+
+    def bowl(u: float, v: float) -> float:
+        return 3 * (u * u + v * v)
+
+    over = {
+        3: ("raster over a surface", hk.raster([0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], 0.025, surface=hill), hill, 0.0),
+        6: ("spiral over a surface", hk.spiral([0.1, 0.1, 0], 0.1, 0.025, surface=bowl), bowl, 0.1),
+    }
+    grid = np.linspace(0, 0.2, 30)
+    for place, (title, path, surface, shift) in over.items():
+        axes = figure.add_subplot(2, 3, place, projection="3d", computed_zorder=False)
+        x, y = np.meshgrid(grid, grid)
+        if shift:  # a disc
+            r, angle = np.meshgrid(np.linspace(0, 0.104, 12), np.linspace(0, 2 * np.pi, 60))
+            x, y = shift + r * np.cos(angle), shift + r * np.sin(angle)
+        z = np.vectorize(surface)(x - shift, y - shift)
+        axes.plot_surface(x, y, z, color="#7aa6d8", alpha=0.3, linewidth=0, zorder=1)
+        at = path.at(np.linspace(0, path.duration, 1500))
+        axes.plot(*at.position.T, color=BLUE, linewidth=1.6, zorder=3)
+        tool = (path.at(np.linspace(0, path.duration, 40)).rotation @ path.rotation)[:, :, 2]
+        points = path.at(np.linspace(0, path.duration, 40)).position
+        for p, axis in zip(points, tool, strict=True):
+            axes.plot(*np.array([p, p - 0.03 * axis]).T, color=RED, linewidth=0.9, zorder=4)
+        axes.set(title=title, xticks=[0, 0.1, 0.2], yticks=[0, 0.1, 0.2], zticks=[])
+        axes.view_init(32, -58)
+        axes.set_box_aspect((1, 1, 0.5), zoom=1.25)
+    figure.tight_layout()
+    save(figure, "paths")
+
+
 def jobs() -> None:
     """One picture of each packaged job and each job of examples/."""
     for name in ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation", "panda-circle"):
@@ -354,7 +409,7 @@ def physics() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, jobs,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, paths, jobs,
         physics,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}

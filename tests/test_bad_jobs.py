@@ -225,7 +225,7 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
         ('kind = "polyline"\npoints = [[0, 0], [0, 0]]\nrelative = true\n', ("repeated points",)),
         ('kind = "polyline"\npoints = [[0, 0], [1, 0]]\n', ("away from the start of the path", "relative = true")),
         ('kind = "polyline"\npoints = [[0, 0, 0, 0], [1, 0]]\n', ("[path.points.0]",)),
-        ('kind = "spiral"\ncenter = [0, 0]\n', ("[path.kind] is 'spiral'", "'circle'")),
+        ('kind = "helix"\ncenter = [0, 0]\n', ("[path.kind] is 'helix'", "circle, arc")),
         ('kind = "circle"\ncenter = [1.2070, 0.4036]\nsamples = 0\n', ("[path.samples] is 0",)),
         ('kind = "circle"\ncenter = [1.2070, 0.4036]\nspeed = -1\n', ("[path.speed] is -1",)),
     ],

@@ -58,6 +58,7 @@ EXAMPLES = {
     "teleoperation.py": "ours: tool 0.000000 m, joints 0.000000 rad apart, below 1e-12: True",
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
     "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
+    "waypoints_to_program.py": "1.102 m of path, 8 corners",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
     "timed_program.py": "arm7: 2.120 s",
     "rail_and_arm.py": "pseudo-inverse: 0.060 rad off",

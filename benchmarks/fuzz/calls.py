@@ -21,6 +21,7 @@ import holokin as hk
 from holokin import analysis, constraints, designing, laws, motion, recording, strategies
 
 from .nouns import MineError, kit
+from .path_calls import path_calls
 from .spoiling import spoilt
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
@@ -268,7 +269,7 @@ def calls() -> dict[str, Call]:
         "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
         "LeafFunction.check": (k["leaf"].check, (q,), {}),
     }  # fmt: skip
-    return found
+    return found | path_calls()
 
 
 def task_frame() -> np.ndarray:

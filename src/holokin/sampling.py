@@ -8,11 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
+from .errors import StartError
 from .path import Path, Samples
+from .robot import doubtful_unit
 from .task import Task
 from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory
 from .types import Array, Indices, Matrix, Vector
+from .ways import rotation_vector
 
 BLOCK = 1024
 """Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""
@@ -94,7 +97,7 @@ class Plan:
         return f"in cycle {cycle + 1}, {100 * step / self.steps:.1f} % along the path"
 
     def bends(self, step: int) -> tuple[float, float]:
-        """(|d^2 p / du^2| [m], turn [rad]) of a step, u from 0 to 1 over it."""
+        """Bounds (of |d^2 p / du^2| [m], of the turn [rad]) of a step, u from 0 to 1 over it."""
         return self._bends[int(np.searchsorted(self._last, step))]
 
     @cached_property
@@ -104,7 +107,7 @@ class Plan:
     @cached_property
     def _bends(self) -> list[tuple[float, float]]:
         pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
-        return [((s.angle / k) ** 2 * float(np.linalg.norm(s.x)), float(np.linalg.norm(s.turn)) / k) for s, k in pairs]
+        return [(s.bend / k**2, s.sway / k) for s, k in pairs]
 
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""
@@ -168,10 +171,24 @@ class Plan:
 
 
 def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> Plan:
-    """Plan one run of a path in at least `samples` steps. Raises: ArgumentError."""
-    plan = Plan(path, task, samples, start_rotation)
+    """Plan one run of a path in at least `samples` steps, from the path's own rotation if it has one, or from another.
+
+    Raises:
+        ArgumentError.
+    """
+    plan = Plan(path, task, samples, start_rotation if path.rotation is None else path.rotation)
     plan.counts  # noqa: B018  so that a bad number of samples is told here
     return plan
+
+
+def check_start(plan: Plan, q: Vector) -> None:
+    """Raises: StartError unless the tool at a posture is at the start of the plan's path, in all rows of its task."""
+    task, (p, R) = plan.task, plan.first
+    off = float(np.abs(task.error(q, p, R)).max())
+    if off > TOLERANCES.start:
+        tool = task.pose(q)
+        turned = float(np.linalg.norm(rotation_vector(R @ tool[:3, :3].T)))
+        raise StartError(off, tool[:3, 3], p, doubtful_unit(task.robot, p, task.tip), turned)
 
 
 def record(

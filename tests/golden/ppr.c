@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xe671fa23ee495675U
+#if PPR_EXPORT != 0x3e2d8275baea42a6U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1282,20 +1282,18 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   return most > rules->creep ? fits : HK_C(-1);
 }
 
-/* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
+/* A straight way with an even turn of the tool, and rotations by rotation vectors: the same as ways.py. */
 typedef struct {
-  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
-} hk_segment;
+  hk_t center[3], v[3], turn[3], rotation[9];
+} hk_line;
 
 static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
-static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
-  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
-  for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
-  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+/* R = exp(w) times a rotation, both by rows. */
+static void hk_turned(const hk_t *w, const hk_t *rotation, hk_t *R) {
   const hk_t angle = HK_SQRT(hk_square(w));
   if (angle == HK_C(0)) {
-    for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
+    for (int i = 0; i < 9; i++) R[i] = rotation[i];
     return;
   }
   const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
@@ -1305,13 +1303,19 @@ static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
                      t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
   for (int i = 0; i < 3; i++)
     for (int j = 0; j < 3; j++)
-      R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
+      R[3 * i + j] = E[3 * i] * rotation[j] + E[3 * i + 1] * rotation[3 + j] + E[3 * i + 2] * rotation[6 + j];
+}
+
+static void hk_target(const hk_line *s, hk_t u, hk_t *p, hk_t *R) {
+  for (int i = 0; i < 3; i++) p[i] = s->center[i] + u * s->v[i];
+  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+  hk_turned(w, s->rotation, R);
 }
 
 /* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
    leaf. hk_angular: rows of g that are angles. */
 typedef struct {
-  hk_segment line;
+  hk_line line;
   hk_t end[12], level[HK_R + 1], change[HK_R + 1], turn;
 } hk_way;
 
@@ -1334,20 +1338,18 @@ static void hk_turning(const hk_t *E, hk_t *w) {
 
 /* The way from the pose (p, R) of a posture on the level g to the pose `to` on the leaf c. */
 static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
-  hk_segment *line = &way->line;
+  hk_line *line = &way->line;
   hk_t E[9];
   for (int i = 0; i < 12; i++) way->end[i] = to[i];
   for (int i = 0; i < 3; i++) {
     line->center[i] = from[i];
     line->v[i] = to[i] - from[i];
-    line->x[i] = line->y[i] = HK_C(0);
     for (int j = 0; j < 3; j++) {
       line->rotation[3 * i + j] = from[3 + 3 * i + j];
       E[3 * i + j] = HK_C(0);
       for (int k = 0; k < 3; k++) E[3 * i + j] += to[3 + 3 * i + k] * from[3 + 3 * j + k];
     }
   }
-  line->angle = line->duration = HK_C(0);
   hk_turning(E, line->turn);
   way->turn = HK_SQRT(hk_square(line->turn));
   for (int i = 0; i < HK_R; i++) {

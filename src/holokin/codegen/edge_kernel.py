@@ -31,7 +31,7 @@ class EdgeKernel:
         self._joints, self._rows = joints, rows
         head = f"#define HK_N {joints}\n"
         head += "".join(f"#define HK_EDGE_{key} {value!r}\n" for key, value in constants.items())
-        parts = [*map(prelude, ("branch.c", "newton.c", "path.c", "way.c", "fold.c"))]
+        parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
         if stretches:
             parts += [prelude("model.c"), stretches, prelude("stretch.c")]
         parts += [*map(prelude, ("ray.c", "inverse.c", "edge.c", "nearest.c"))]

@@ -31,7 +31,7 @@ class InverseKernel:
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, more: str, stretches: str) -> None:
         head = f"#define HK_N {inputs[0][0]}\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
-        parts = [*map(prelude, ("branch.c", "newton.c", "path.c", "way.c", "fold.c"))]
+        parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
         if stretches:
             parts += [prelude("model.c"), stretches, prelude("stretch.c")]
         parts += [*map(prelude, ("ray.c", "inverse.c", "posed.c", "poses.c"))]

@@ -112,7 +112,7 @@ class FollowKernel:
             "velocity": ("hk_rate_body", "velocity.c"),
         }
         name, *files = drivers[method]
-        code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "path.c", *files)
+        code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "line.c", "path.c", *files)
         self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",), build=build)
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4

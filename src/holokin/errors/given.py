@@ -49,7 +49,7 @@ class JobError(HolokinError):
 
 
 class RecordingError(HolokinError):
-    """A log of joint motion, or a table of tool poses, that cannot be read or judged."""
+    """A log of joint motion, a table of tool poses, or a drawing, that cannot be read or judged."""
 
     def __init__(self, path: object, fact: str, cure: str) -> None:
         self.path, self.fact, self.cure = path, fact, cure

@@ -61,14 +61,18 @@ class SingularityError(HolokinError):
 
 
 class StartError(HolokinError):
-    """The start posture does not put the tool at the start of the path. `unit`: what speaks against metres."""
+    """The start posture does not put the tool at the start of the path. `unit`: what speaks against metres; `turned`:
+    angle between the tool's orientation and that of the path."""
 
-    def __init__(self, distance: float, tool: Iterable[float], path: Iterable[float], unit: str = "") -> None:
-        self.distance, self.tool, self.path = distance, tuple(tool), tuple(path)
+    def __init__(
+        self, distance: float, tool: Iterable[float], path: Iterable[float], unit: str = "", turned: float = 0.0
+    ) -> None:
+        self.distance, self.tool, self.path, self.turned = distance, tuple(tool), tuple(path), turned
+        angle = f", {turned:.3g} rad from the tool's orientation to the path's" if turned > 1e-9 else ""
+        cure = "move the path with path.starting_at(point), choose a start posture on it, or go there by hk.approach"
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
-            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}; "
-            + (unit or "move the path with path.starting_at(point), or choose a start posture on it")
+            f"tool {posture_text(self.tool)}, path {posture_text(self.path)}{angle}; {unit or cure}"
         )
 
 

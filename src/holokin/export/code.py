@@ -262,7 +262,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
     transport = source.strategy.looped.transport
     if transport is not None:  # which comes with each of them, and is needed once
         bodies, branch = transport.c + bodies.replace(transport.c, ""), branch.replace(transport.c, "")
-    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "path", "way", "fold", "ray", "inverse")}
+    drivers = {key: code_file(f"{key}.c") for key in ("branch", "newton", "line", "way", "fold", "ray", "inverse")}
     if "#define HK_RAYS" not in branch:
         drivers["ray"] = ""
     leaf = text("leaf.c", {**words, **drivers, "branch": branch + drivers["branch"]}) if source.holonomic else ""

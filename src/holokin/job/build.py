@@ -11,7 +11,6 @@ import numpy as np
 
 from ..analysis import MOST_JOINTS
 from ..errors import (
-    ArgumentError,
     BranchError,
     HolokinError,
     JobError,
@@ -21,11 +20,9 @@ from ..errors import (
     posture_text,
 )
 from ..motion import move_to_leaf
-from ..path import Path, arc, as_point, polyline
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
-from ..tolerances import TOLERANCES
 from ..types import Vector
 from .read import dotted
 from .robot_tables import robot_of_job
@@ -75,48 +72,6 @@ def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
         cure = "say degrees = true if these are degrees, or choose another start posture"
         raise JobError(file, "start.q", f"{fact} {limits}", cure) from None
     return q
-
-
-def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> Path:
-    """The path, beginning at the tool's start point. Raises: JobError, ArgumentError."""
-    table = job.path
-    tool = task.pose(start)[:3, 3]
-    origin = tool if table.relative else np.zeros(3)
-
-    def placed(point: list[float]) -> Vector:
-        return origin + as_point(point)
-
-    if table.kind == "polyline":
-        points = np.array([placed(p) for p in table.points or []])
-        turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
-        path = polyline(points, turns=turns, closed=table.closed, speed=table.speed)
-        _check_begin(path, table.relative, tool, task, file)
-        return path
-    center = placed(table.center or [])
-    angle = 360.0 if table.angle_deg is None else table.angle_deg
-    try:
-        return arc(tool, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
-    except ArgumentError as problem:
-        if problem.what != "normal" or table.relative:
-            raise
-        fact = f"is {problem.value}, the tool starts at {_typed(tool)}"
-        cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
-        raise JobError(file, "path.normal", fact, cure) from None
-
-
-def _check_begin(path: Path, relative: bool, tool: Vector, task: Task, file: FilePath) -> None:
-    """Raises: JobError when a polyline begins elsewhere than at the tool, in the rows of the task."""
-    rows = [row for row in task.rows if row < 3]
-    gap = float(np.abs((path.start - tool)[rows]).max(initial=0.0))
-    if gap > TOLERANCES.start:
-        fact = f"the tool at the start posture, {_typed(tool)}, is {gap:.3g} m away from the start of the path"
-        cure = "begin with [0, 0, 0]" if relative else "set relative = true, or make the tool's point the first one"
-        raise JobError(file, "path.points.0", fact, cure)
-
-
-def _typed(point: Vector) -> str:
-    """A point as one would type it into a job, within the tolerance of a start."""
-    return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
 def build_strategy(job: Job, label: str, task: Task, start: Vector, title: str) -> Strategy:

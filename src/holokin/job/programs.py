@@ -10,9 +10,10 @@ from pydantic import ValidationError
 from ..errors import ArgumentError
 from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
 from ..motion import TimedTrajectory, follow
-from .build import build_path, naming
+from .build import naming
 from .export import job_strategy
 from .motion_tables import ProgramTable, TimingTable
+from .path_building import build_entry, build_path
 from .schema import Job
 
 
@@ -39,7 +40,8 @@ def program_of_job(
             "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
         )
     with naming(file, "path"):
-        path = build_path(job, strategy.task, start, file)
+        path, _ = build_path(job, strategy.task, start, file)
+        start, _ = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
     walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
     try:

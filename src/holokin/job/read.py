@@ -14,13 +14,13 @@ from ..errors import JobError, closest, shown
 from ..robot.files import read_toml
 from .check_tables import ChecksTable, ObstacleTable
 from .motion_tables import ProgramTable, TimingTable
+from .path_tables import PathTable
 from .physics_table import PhysicsTable
 from .robot_tables import FrameTable, PartTable, RobotTable
 from .schema import (
     Bound,
     ExpectTable,
     Job,
-    PathTable,
     StartTable,
     VerdictTable,
     WorkspaceTable,
@@ -172,6 +172,8 @@ def _known_keys(key: Key, kind: str) -> list[str]:
         return list(Job.model_fields)
     if top == "strategies":
         return list((KINDS[kind] if kind else StrategyTable).model_fields)
+    if top == "path" and len(rest) > 1:
+        return list(FrameTable.model_fields)
     if top == "robot" and len(rest) > 1:
         last = next(part for part in reversed(rest[:-1]) if not part.isdigit())
         return list((PartTable if last == "parts" else FrameTable).model_fields)

@@ -36,7 +36,6 @@ from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
     build_begin,
-    build_path,
     build_robot,
     build_start,
     build_strategy,
@@ -45,6 +44,7 @@ from .build import (
 from .check_tables import ChecksTable
 from .covering import build_covering
 from .motion_tables import TimingTable
+from .path_building import build_entry, build_path
 from .read import read_job
 from .schema import ExpectTable, Job
 
@@ -118,12 +118,12 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "task"):
         tasks = job.task.tasks(robot, start)
     with naming(file, "path"):
-        path = build_path(job, tasks[0], start, file)
+        path, notes = build_path(job, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
     first: HolokinError | None = None
-    about = job.about
+    about = f"{job.about} {notes}".strip()
     for label, table in job.strategies.items():
         with naming(file, "strategies", label, "invariant"):
             invariant = table.invariants(tasks[0])
@@ -135,6 +135,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                 with naming(file, "strategies", label):
                     strategy = build_strategy(job, label, task, start, title)
                     begin, note = build_begin(table, strategy, start)
+                    begin, entry = build_entry(job, strategy, path, begin)
                     found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
@@ -144,7 +145,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
                     variants.append(found)
-                    about = f"{about} {note}"
+                    about = f"{about} {note} {entry}".strip()
             except HolokinError as problem:
                 if not isinstance(problem.__cause__ or problem, _OF_ONE_STRATEGY):
                     raise

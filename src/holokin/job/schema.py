@@ -10,24 +10,12 @@ from ..errors import brief, closest
 from ..robot import FARTHEST
 from .check_tables import ChecksTable
 from .motion_tables import ProgramTable, TimingTable
+from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
 from .robot_tables import RobotTable
 from .strategies import AnyStrategy, Fitted
-from .table import Few, Length, Number, Positive, Table
+from .table import Few, Length, Positive, Table
 from .task_tables import TaskTable
-
-MOST_POINTS = 10_000
-"""Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
-
-MOST_SAMPLES = 100_000
-"""Steps a cycle: 10 um apart on a metre."""
-
-MOST_CYCLES = 10_000
-"""Cycles: a day's work of an arm that takes ten seconds for one."""
-
-MOST_STEPS = 400_000
-"""Samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them; these
-fit into a gigabyte."""
 
 MOST_POSTURES = 65_536
 """Postures of a verdict: those of `thorough=True`."""
@@ -50,15 +38,7 @@ LONGEST_TITLE = 200
 LONGEST_ABOUT = 10_000
 """Characters of the paragraph in a report."""
 
-Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
-Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Figure = Annotated[float, Field(allow_inf_nan=False)]
-
-_SHAPES = {
-    "center": ("circle", "arc"), "normal": ("circle", "arc"), "clockwise": ("circle", "arc"), "angle_deg": ("arc",),
-    "points": ("polyline",), "turns_deg": ("polyline",), "closed": ("polyline",),
-}  # fmt: skip
-"""The kinds of path that use a key; the other keys serve all."""
 
 
 class StartTable(Table):
@@ -66,46 +46,6 @@ class StartTable(Table):
 
     q: Annotated[list[Length], Few]
     degrees: bool = False
-
-
-class PathTable(Table):
-    """[path]: a curve that begins at the tool's start point.
-
-    `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
-    halves are the two ways to the pose half a loop away.
-    """
-
-    kind: Literal["circle", "arc", "polyline"]
-    center: Point | None = None
-    normal: Row = Field(default=[0.0, 0.0, 1.0])
-    angle_deg: Length | None = None
-    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
-    turns_deg: (
-        Annotated[list[Annotated[list[Length], Field(min_length=3, max_length=3)]], Field(max_length=MOST_POINTS)]
-        | None
-    ) = None
-    closed: bool = False
-    clockwise: bool = False
-    relative: bool = False
-    speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000
-    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
-
-    @model_validator(mode="after")
-    def _complete(self) -> PathTable:
-        needs = {"circle": ["center"], "arc": ["center", "angle_deg"], "polyline": ["points"]}[self.kind]
-        missing = [key for key in needs if getattr(self, key) is None]
-        if missing:
-            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
-        for key in sorted(self.model_fields_set & _SHAPES.keys()):
-            if self.kind not in _SHAPES[key]:
-                raise ValueError(f"a {self.kind} does not use {key}; leave it out")
-        if self.cycles > 1 and (self.kind == "arc" or (self.kind == "polyline" and not self.closed)):
-            raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
-        if self.samples * self.cycles > MOST_STEPS:
-            fact = f"{self.samples:,} samples in {self.cycles:,} cycles are more than {MOST_STEPS:,} steps"
-            raise ValueError(f"{fact}; give fewer samples or cycles")
-        return self
 
 
 class Bound(Table):

@@ -2,6 +2,7 @@
 
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller, has_leaf, step_function
+from .entering import approach
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
@@ -39,6 +40,7 @@ __all__ = [
     "Winding",
     "Witness",
     "all_postures",
+    "approach",
     "as_control_law",
     "controller",
     "drift",

@@ -18,14 +18,12 @@ from ..errors import (
     PathSingularityError,
     SingularityError,
     SingularityKind,
-    StartError,
     TrackingError,
 )
 from ..errors.moving import KEPT
 from ..path import Path
 from ..progress import progress
-from ..robot import doubtful_unit
-from ..sampling import Plan, make_plan, record
+from ..sampling import Plan, check_start, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
@@ -69,10 +67,12 @@ def follow(
             else "velocity".
         limits: stop at joint limits; False ignores them.
 
-    The orientation targets are the path's turns applied to the tool's orientation at q0; positions are the path's.
+    The orientation targets are the path's turns applied to its own rotation at the start, or, where it has none, to the
+    tool's orientation at q0; positions are the path's.
 
     Raises:
-        StartError: the tool at q0 is not at the start of the path. JointLimitError: q0 is outside the limits.
+        StartError: the tool at q0 is not at the start of the path; `approach` goes there.
+        JointLimitError: q0 is outside the limits.
         OpenPathError: several cycles of an open path. ArgumentError, ShapeError, NotFiniteError: bad arguments.
         PathError (LimitReachedError, OutOfReachError, PathSingularityError, BranchError, TrackingError): could not
             be followed to its end; `.trajectory` holds what was computed.
@@ -87,10 +87,7 @@ def follow(
     strategy(start)
     tool = task.pose(start)
     plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
-    off = task.error(start, *plan.first)
-    if np.abs(off).max() > TOLERANCES.start:
-        unit = doubtful_unit(robot, plan.first[0], task.tip)
-        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0], unit)
+    check_start(plan, start)
     return _walk(strategy, leaf, plan, start, int(cycles), limits)
 
 
@@ -147,10 +144,7 @@ def _walk(
             undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
             beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
             if beyond is not None:
-                fact = (
-                    f"stopped {where}: the path is out of reach, at {100 * beyond[0]:.3g} % of it no search came "
-                    f"closer than {beyond[1]:.3g} (m or rad)"
-                )
+                fact = f"stopped {where}: {beyond.fact}"
                 raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from problem
             fact = f"stopped {where}: {problem.fact if isinstance(problem, PathError) else problem}"
             if isinstance(problem, SingularityError):

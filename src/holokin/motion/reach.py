@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import posture_text
 from ..sampling import Plan
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -59,8 +61,25 @@ class NearestPostures(Value):
         return self.missing <= REACHED
 
 
-def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float, float] | None:
-    """(share of the path, distance [m or rad]) of the first target from a step on that no search reaches; else None.
+class Beyond(NamedTuple):
+    """The first target of a path that no search reaches: at which share of the path, by how much the tool misses it [m
+    or rad], where it is (3,) [m], and what is in the way, in words."""
+
+    share: float
+    missing: float
+    position: Vector
+    why: str
+
+    @property
+    def fact(self) -> str:
+        """All of it in words."""
+        at = posture_text(np.round(self.position, 9))
+        where = f"at {100 * self.share:.3g} % of it, {at} m"
+        return f"the path is out of reach: {where}, no search came closer than {self.missing:.3g} (m or rad){self.why}"
+
+
+def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> Beyond | None:
+    """The first target of a path from a step on that no search reaches; else None.
 
     Least squares within the joint limits from the last posture, then from random ones. None also where the searches
     did not come to an end, since nothing is known then.
@@ -69,9 +88,28 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> tuple[float,
         position, rotation = plan.target(int(i), 1.0)
         found = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
         if not found.reached[0]:
-            return ((i + 1) / plan.steps, float(found.missing[0])) if found.ended[0] else None
+            if not found.ended[0]:
+                return None
+            why = _in_the_way(plan.task, position, rotation, q, limits)
+            return Beyond((i + 1) / plan.steps, float(found.missing[0]), position, why)
         q = found.q[0]
     return None
+
+
+def _in_the_way(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> str:
+    """By which joint's limit a target is missed, or that no posture at all was found."""
+    robot = task.robot
+    if not limits:
+        return ", with any posture"
+    free = nearest_postures(task, position[None], rotation[None], q[None], limits=False)
+    if not free.reached[0]:
+        return ", with any posture: joint limits are not in the way"
+    past = np.maximum(robot.lower - free.q[0], free.q[0] - robot.upper)
+    k = int(np.argmax(past))
+    name, unit = robot.joint_names[k], robot.coordinates[k].unit
+    lower, upper = robot.lower[k], robot.upper[k]
+    limit = f"its limits [{lower:.6g}, {upper:.6g}]"
+    return f" within the joint limits: a posture that reaches it has {name!r} {past[k]:.3g} {unit} outside {limit}"
 
 
 def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:

@@ -121,7 +121,7 @@ def winding(
     known = {1.0: full, 0.0: np.zeros(len(full))}
     if np.abs(full).max() <= NO_DRIFT:
         return found(Cause.NONE, known)
-    turning = any(row > 2 for row in task.rows) and any(s.turn.any() for s in path.segments)
+    turning = any(row > 2 for row in task.rows) and any(s.turn > 0 for s in path.segments)
     lifts = _lifts(path) if turning else None
     if lifts is not None and np.linalg.norm(lifts[-1]) > np.pi:
         return found(Cause.TOOL_TURNS, known)
@@ -190,7 +190,7 @@ def _pieces(path: Path) -> list[Segment]:
     """The path in pieces that turn the tool by no more than `PIECE`."""
     out = []
     for segment in path.segments:
-        count = max(1, int(np.ceil(np.linalg.norm(segment.turn) / PIECE)))
+        count = max(1, int(np.ceil(segment.turn / PIECE)))
         out += [segment.part(i / count, (i + 1) / count) for i in range(count)]
     return out
 
@@ -201,7 +201,7 @@ def _lifts(path: Path) -> Matrix:
 
     now, out = np.array([0.0, 0.0, 0.0, 1.0]), [np.zeros(3)]
     for piece in _pieces(path):
-        following = (Rotation.from_rotvec(np.array(piece.turn)) * Rotation.from_quat(now)).as_quat()
+        following = (Rotation.from_matrix(piece.rotation) * Rotation.from_quat(now)).as_quat()
         now = following if following @ now > 0 else -following  # a small turn is a small step of the quaternion
         size = float(np.linalg.norm(now[:3]))
         out.append(2 * np.arctan2(size, now[3]) / max(size, 1e-300) * now[:3])
@@ -214,12 +214,9 @@ def _shrunk(path: Path, size: float, lifts: Array | None) -> Path:
 
     start = path.start
     pieces = list(path.segments) if lifts is None else _pieces(path)
-    turns = [piece.turn for piece in pieces]
+    smaller = [piece.mapped(size * np.eye(3), (1 - size) * start) for piece in pieces]
     if lifts is not None:
         R = Rotation.from_rotvec(size * lifts)
-        turns = list((R[1:] * R[:-1].inv()).as_rotvec())
-    smaller = [
-        replace(p, center=start + size * (p.center - start), x=size * p.x, y=size * p.y, v=size * p.v, turn=turn)
-        for p, turn in zip(pieces, turns, strict=True)
-    ]
+        turns = (R[1:] * R[:-1].inv()).as_rotvec()
+        smaller = [piece.evenly(turn) for piece, turn in zip(smaller, turns, strict=True)]
     return replace(path, segments=tuple(smaller))

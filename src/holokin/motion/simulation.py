@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
+from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..path import Path
 from ..progress import progress
-from ..robot import doubtful_unit
-from ..sampling import Plan, make_plan, record
+from ..sampling import Plan, check_start, make_plan, record
 from ..task import Task
-from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from .control_law import ControlLaw, Step, as_control_law
@@ -69,9 +67,7 @@ def simulate(
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
     plan = make_plan(task, path, int(steps), tool[:3, :3])
-    off = float(np.abs(task.error(start, *plan.first)).max())
-    if off > TOLERANCES.start:
-        raise StartError(off, tool[:3, 3], plan.first[0], doubtful_unit(task.robot, plan.first[0], task.tip))
+    check_start(plan, start)
     return _Run(chosen, task, plan, start, cycles).go(patience)
 
 

@@ -1,8 +1,10 @@
-"""Joint motion that a robot's own controller made, read from CSV, rosbag2 folders and MCAP; tool poses from CSV."""
+"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; poses and waypoints in CSV; outlines in SVG."""
 
 from .csv_log import TIMES
 from .log import GAP, Recording
 from .pose_table import read_workspace
 from .reading import SLACK, read_recording
+from .svg_outlines import read_svg
+from .waypoint_table import read_waypoints
 
-__all__ = ["GAP", "SLACK", "TIMES", "Recording", "read_recording", "read_workspace"]
+__all__ = ["GAP", "SLACK", "TIMES", "Recording", "read_recording", "read_svg", "read_waypoints", "read_workspace"]

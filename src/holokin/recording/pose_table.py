@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, RecordingError
-from ..types import ROTATION, Array, ArrayLike, Matrix, check_rotation, finite, rotation_cure, rotation_gap
+from ..types import ROTATION, Array, ArrayLike, Indices, Matrix, check_rotation, finite, rotation_cure, rotation_gap
 from ..workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 from .csv_log import csv_pieces
 from .log import listed
@@ -90,17 +90,19 @@ def read_workspace(path: str | Path, *, degrees: bool | None = None, rotation: A
     else:
         poses[:, :3, 3] = table[:, :3]
         turned = table[:, 3:], lines
-        poses[:, :3, :3] = _of_angles(file, *turned, degrees) if ANGLES[0] in kind else _of_quaternions(file, *turned)
+        angles = ANGLES[0] in kind
+        poses[:, :3, :3] = _of_angles(file, *turned, degrees) if angles else quaternion_rotations(file, *turned)
     return pose_cloud(poses, source)
 
 
-def _check_rotations(file: Path, poses: Array, lines: Array) -> None:
+def _check_rotations(file: Path, poses: Array, lines: Indices) -> None:
     for line, pose in zip(lines, poses, strict=True):
         if not rotation_gap(pose[:3, :3]) < ROTATION:
             raise RecordingError(file, f"line {line} has no rotation", rotation_cure(pose[:3, :3]))
 
 
-def _of_quaternions(file: Path, values: Matrix, lines: Array) -> Array:
+def quaternion_rotations(file: Path, values: Matrix, lines: Indices) -> Array:
+    """Rotations (k, 3, 3) of quaternions (k, 4), qw last. Raises: RecordingError: one is not of unit length."""
     from scipy.spatial.transform import Rotation
 
     off = np.abs(np.linalg.norm(values, axis=1) - 1)
@@ -112,7 +114,7 @@ def _of_quaternions(file: Path, values: Matrix, lines: Array) -> Array:
     return Rotation.from_quat(values).as_matrix()
 
 
-def _of_angles(file: Path, values: Matrix, lines: Array, degrees: bool | None) -> Array:
+def _of_angles(file: Path, values: Matrix, lines: Indices, degrees: bool | None) -> Array:
     from scipy.spatial.transform import Rotation
 
     far = (np.abs(values) > TURN).any(axis=1)

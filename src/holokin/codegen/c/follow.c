@@ -15,15 +15,14 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
     while (k - before >= counts[s]) before += counts[s++];
     const hk_segment *here = segments + s;
     const double start = (double)(k - before) / (double)counts[s], stop = (double)(k - before + 1) / (double)counts[s];
-    const double a = here->angle / (double)counts[s], turn = sqrt(hk_square(here->turn)) / (double)counts[s];
-    const double arc = a * a * sqrt(hk_square(here->x));
+    const double n = (double)counts[s], arc = here->bend / (n * n), turn = here->sway / n;
     double share = 0.0, width = 1.0;
     for (int tried = 0; share < 1.0; tried++) {
       const double goal = share + width < 1.0 ? share + width : 1.0;
       if (goal == 1.0 && closing != 0 && k == total - 1)
         for (int i = 0; i < 12; i++) x[HK_N + i] = closing[i]; /* a closed path ends where it starts to the last bit */
       else
-        hk_target(here, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
+        hk_on(here, start + goal * (stop - start), x + HK_N, x + HK_N + 3);
       const double fits = hk_piece(x, q, rate, goal - share, arc, turn, &branch, rules);
       width = fits * (goal - share);
       if (fits >= 1.0 || (fits < 0.0 && goal == 1.0)) {

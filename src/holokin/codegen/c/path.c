@@ -1,25 +1,47 @@
-/* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
+/* A path of segments, each a piece of an arc plus a cubic, on which the tool turns by a cubic rotation vector: the same
+   as path/segments.py. bend, sway: bounds of its second derivative and of its turn. */
 typedef struct {
-  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
+  double center[3], x[3], y[3], angle, along[9], turning[12], rotation[9], duration, bend, sway;
 } hk_segment;
 
-static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
-
-static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
-  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
-  for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
-  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
-  const hk_t angle = HK_SQRT(hk_square(w));
-  if (angle == HK_C(0)) {
-    for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
-    return;
+static void hk_on(const hk_segment *s, double u, double *p, double *R) {
+  const double a = s->angle * u, ca = cos(a), sa = sin(a), *b = s->along, *t = s->turning;
+  double w[3];
+  for (int i = 0; i < 3; i++) {
+    p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + (u * b[i] + u * u * (b[3 + i] + u * b[6 + i]));
+    w[i] = t[i] + u * (t[3 + i] + u * (t[6 + i] + u * t[9 + i]));
   }
-  const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
-  const hk_t c = HK_COS(angle), t = HK_C(1) - c, d = HK_SIN(angle);
-  const hk_t E[9] = {c + t * k[0] * k[0],        t * k[0] * k[1] - d * k[2], t * k[0] * k[2] + d * k[1],
-                     t * k[1] * k[0] + d * k[2], c + t * k[1] * k[1],        t * k[1] * k[2] - d * k[0],
-                     t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
-  for (int i = 0; i < 3; i++)
-    for (int j = 0; j < 3; j++)
-      R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
+  hk_turned(w, s->rotation, R);
+}
+
+static void hk_cross(const double *a, const double *b, double *c) {
+  for (int i = 0; i < 3; i++) c[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+/* The velocity v and the angular velocity w at u. */
+static void hk_speed(const hk_segment *s, double u, double *v, double *w) {
+  const double a = s->angle * u, ca = cos(a), sa = sin(a), *b = s->along, *t = s->turning;
+  double phi[3], rate[3], once[3], more[3], f = 0.5, g = 1.0 / 6.0;
+  int even = 1;
+  for (int i = 0; i < 3; i++) {
+    const double arc = s->angle * (ca * s->y[i] - sa * s->x[i]);
+    v[i] = (arc + (b[i] + u * (2.0 * b[3 + i] + 3.0 * u * b[6 + i]))) / s->duration;
+    phi[i] = t[i] + u * (t[3 + i] + u * (t[6 + i] + u * t[9 + i]));
+    rate[i] = t[3 + i] + u * (2.0 * t[6 + i] + 3.0 * u * t[9 + i]);
+    even &= t[6 + i] == 0.0 && t[9 + i] == 0.0;
+  }
+  for (int i = 0; i < 3; i++) w[i] = (even ? t[3 + i] : rate[i]) / s->duration;
+  if (even) return;
+  const double q = hk_square(phi), angle = sqrt(q);
+  if (angle < 0.3) { /* (1 - cos) / angle^2 and (angle - sin) / angle^3 by their series */
+    f -= q * (1.0 / 24 - q * (1.0 / 720 - q * (1.0 / 40320 - q / 3628800)));
+    g -= q * (1.0 / 120 - q * (1.0 / 5040 - q * (1.0 / 362880 - q / 39916800)));
+  } else {
+    const double h = sin(angle / 2.0) / angle;
+    f = 2.0 * h * h;
+    g = (angle - sin(angle)) / (angle * q);
+  }
+  hk_cross(phi, rate, once);
+  hk_cross(phi, once, more);
+  for (int i = 0; i < 3; i++) w[i] += (f * once[i] + g * more[i]) / s->duration;
 }

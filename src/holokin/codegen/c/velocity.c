@@ -6,16 +6,12 @@ typedef struct {
 
 /* The rate dq at a share u of a segment; 0 where it is singular. x holds q. */
 static int hk_rate(const hk_segment *s, double u, const double *closing, const hk_rules *rules, double *x, double *y) {
-  const double a = s->angle * u, ca = cos(a), sa = sin(a);
   double *p = x + HK_N, *v = x + HK_N + 12;
   if (closing != 0)
     for (int i = 0; i < 12; i++) p[i] = closing[i]; /* a closed path ends where it starts to the last bit */
   else
-    hk_target(s, u, p, p + 3);
-  for (int i = 0; i < 3; i++) {
-    v[i] = (s->angle * (ca * s->y[i] - sa * s->x[i]) + s->v[i]) / s->duration;
-    v[3 + i] = s->turn[i] / s->duration;
-  }
+    hk_on(s, u, p, p + 3);
+  hk_speed(s, u, v, v + 3);
   hk_rate_body(x, y);
   return y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation;
 }

@@ -1,7 +1,7 @@
 /* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
    leaf. hk_angular: rows of g that are angles. */
 typedef struct {
-  hk_segment line;
+  hk_line line;
   hk_t end[12], level[HK_R + 1], change[HK_R + 1], turn;
 } hk_way;
 
@@ -24,20 +24,18 @@ static void hk_turning(const hk_t *E, hk_t *w) {
 
 /* The way from the pose (p, R) of a posture on the level g to the pose `to` on the leaf c. */
 static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
-  hk_segment *line = &way->line;
+  hk_line *line = &way->line;
   hk_t E[9];
   for (int i = 0; i < 12; i++) way->end[i] = to[i];
   for (int i = 0; i < 3; i++) {
     line->center[i] = from[i];
     line->v[i] = to[i] - from[i];
-    line->x[i] = line->y[i] = HK_C(0);
     for (int j = 0; j < 3; j++) {
       line->rotation[3 * i + j] = from[3 + 3 * i + j];
       E[3 * i + j] = HK_C(0);
       for (int k = 0; k < 3; k++) E[3 * i + j] += to[3 + 3 * i + k] * from[3 + 3 * j + k];
     }
   }
-  line->angle = line->duration = HK_C(0);
   hk_turning(E, line->turn);
   way->turn = HK_SQRT(hk_square(line->turn));
   for (int i = 0; i < HK_R; i++) {

@@ -33,7 +33,7 @@ $beyond  return 0;
 static const int hk_angular[] = {$angular}; /* rows of g that are angles */
 $branch
 $newton
-$path
+$line
 $way
 $fold
 $ray

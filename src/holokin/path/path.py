@@ -1,8 +1,8 @@
 """`Path`: curves of the tool in space, followed at constant speed; closed or open, reversible, joinable.
 
-A path is a chain of segments. Each moves the tool's point along a line or an arc and may turn the tool
-evenly about a fixed axis. Orientation is relative: the target is R(t) R_start, with R(0) = 1, so the same
-path serves any start orientation and constant orientation is the default.
+A path is a chain of segments. Each moves the tool's point along a line, an arc or a cubic and may turn the tool.
+Orientation is relative by default: the target is R(t) R_start, with R(0) = 1, so the same path serves any start
+orientation. A path through poses says R_start itself, as `rotation`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,25 @@ from functools import cached_property
 
 import numpy as np
 
-from .arguments import typed
-from .errors import ArgumentError, OpenPathError
-from .types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
-from .ways import rotation_matrix
+from ..arguments import typed
+from ..errors import ArgumentError, OpenPathError
+from ..types import (
+    Array,
+    ArrayLike,
+    Indices,
+    Matrix,
+    Value,
+    Vector,
+    check_rotation,
+    finite,
+    frozen,
+    numbers,
+    positive,
+    tool_pose,
+    whole,
+)
+from ..ways import rotation_matrix
+from .segments import Segment, derivatives, positions
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
@@ -24,47 +39,14 @@ CORNER = 1e-6
 """Share of the tool's speed [m/s and rad/s] by which its velocity jumps at a corner: tangents of joined arcs agree to
 1e-12, and a jump of 1e-6 is a turn of 0.2 seconds of arc."""
 
+LARGEST = 1e6
+"""Largest size of a curve [m], that of the farthest start of a robot."""
+
+ALIKE = 1e-6
+"""Difference of two rotations up to which they are one: that of quaternions written with six digits."""
+
 ROUND_OFF = 1e-9
 """Share of a path's duration by which a time may lie outside it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Segment(Value):
-    """p(u) = center + cos(a u) x + sin(a u) y + u v for u in [0, 1], turning by the rotation vector `turn`.
-
-    A line has a = 0, x = 0 and v its direction; an arc has v = 0 and x, y perpendicular radii.
-    """
-
-    center: Vector
-    x: Vector
-    y: Vector
-    angle: float
-    v: Vector
-    turn: Vector
-
-    @property
-    def length(self) -> float:
-        """Distance travelled by the point [m]."""
-        return float(np.linalg.norm(self.x)) * abs(self.angle) + float(np.linalg.norm(self.v))
-
-    def position(self, u: Vector) -> Matrix:
-        """Points (k, 3) at u (k,)."""
-        a = self.angle * u[:, None]
-        return self.center + np.cos(a) * self.x + np.sin(a) * self.y + u[:, None] * self.v
-
-    def derivative(self, u: Vector) -> Matrix:
-        """dp/du (k, 3)."""
-        a = self.angle * u[:, None]
-        return self.angle * (np.cos(a) * self.y - np.sin(a) * self.x) + self.v
-
-    def part(self, start: float, stop: float) -> Segment:
-        """The piece from u = start to u = stop, turned round when stop < start."""
-        share = stop - start
-        if self.angle == 0.0:
-            return replace(self, center=self.position(np.array([start]))[0], v=share * self.v, turn=share * self.turn)
-        c, s = np.cos(self.angle * start), np.sin(self.angle * start)
-        x, y = c * self.x + s * self.y, c * self.y - s * self.x
-        return replace(self, x=x, y=y, angle=share * self.angle, turn=share * self.turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +64,22 @@ class Samples:
 class Path(Value):
     """Segments, one after the other, at `speed` [m/s] (and `angular_speed` [rad/s] where the tool turns on the spot).
 
-    A segment takes max(length / speed, turn / angular_speed) seconds.
+    A segment takes max(length / speed, turn / angular_speed) seconds, one with a nominal length nominal / speed.
+
+    rotation: orientation (3, 3) of the tool at the start, in the robot's base; None takes that of the start posture.
     """
 
     segments: tuple[Segment, ...]
     speed: float = 0.1
     angular_speed: float = 0.5
+    rotation: Matrix | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.segments:
             raise ArgumentError("the number of segments of a path", 0, "give at least two points")
+        if self.rotation is not None:
+            check_rotation("the rotation of a path", finite("the rotation of a path", self.rotation, (3, 3)))
         for name, value in (("speed", self.speed), ("angular_speed", self.angular_speed)):
             positive(name, value, "give a positive speed in m/s or rad/s")
         for duration in self._durations.tolist():
@@ -107,10 +94,16 @@ class Path(Value):
 
     @cached_property
     def _durations(self) -> Vector:
-        lengths = np.array([s.length for s in self.segments])
-        turns = np.array([float(np.linalg.norm(s.turn)) for s in self.segments])
+        def seconds(s: Segment) -> float:
+            known = s.nominal
+            return known / self.speed if known is not None else max(s.length / self.speed, s.turn / self.angular_speed)
+
         with np.errstate(over="ignore"):
-            return frozen(np.maximum(lengths / self.speed, turns / self.angular_speed))
+            return frozen([seconds(s) for s in self.segments])
+
+    @cached_property
+    def _rows(self) -> Matrix:
+        return frozen([s.row for s in self.segments])
 
     @cached_property
     def _starts(self) -> Vector:
@@ -121,16 +114,25 @@ class Path(Value):
         """R at the start of every segment, and at the end (segments + 1, 3, 3)."""
         out = [np.eye(3)]
         for segment in self.segments:
-            out.append(rotation_matrix(segment.turn) @ out[-1])
+            out.append(segment.rotation @ out[-1])
+        return frozen(out)
+
+    @cached_property
+    def _bases(self) -> Array:
+        """R_0 of every segment (segments, 3, 3): its rotations are exp(phi(u)) R_0."""
+        first = np.array([s.turning[0] for s in self.segments])
+        begun = first.any(axis=1)
+        out = self._rotations[:-1].copy()
+        if begun.any():
+            out[begun] = np.swapaxes(rotation_matrix(first[begun]), 1, 2) @ out[begun]
         return frozen(out)
 
     def table(self, start_rotation: Matrix) -> Matrix:
-        """One row a segment (26): center, x, y, angle, v, turn, rotation at its start (of a tool at first), seconds."""
-        rows = [
-            np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start_rotation).ravel(), [duration]])
-            for s, R, duration in zip(self.segments, self._rotations, self._durations, strict=False)
-        ]
-        return np.array(rows, dtype=float)
+        """One row a segment (`WIDTH`) of its numbers, with R_0 of a tool at first turned so and with its seconds."""
+        rows = self._rows.copy()
+        rows[:, 31:40] = (self._bases @ start_rotation).reshape(-1, 9)
+        rows[:, 40] = self._durations
+        return rows
 
     @property
     def length(self) -> float:
@@ -156,16 +158,8 @@ class Path(Value):
     def area(self) -> Vector:
         """Area vector (3,) [m^2] of a closed path, half the integral of p x dp: normal to a plane loop,
         towards the side from which it runs counter-clockwise."""
-        total: Vector = np.zeros(3)
-        for segment in self.segments:  # exact: lines and arcs about their own centres have closed forms
-            a, b = segment.position(np.array([0.0, 1.0])) - self.start
-            if segment.angle == 0.0:
-                twice = np.cross(a, b)
-            else:
-                center = segment.center - self.start
-                twice = np.cross(center, b - a) + segment.angle * np.cross(segment.x, segment.y)
-            total += np.asarray(twice, dtype=float) / 2
-        return total
+        total = sum((s.mapped(np.eye(3), -self.start).twice_area for s in self.segments), np.zeros(3))
+        return np.asarray(total / 2, dtype=float)
 
     @property
     def counter_clockwise(self) -> bool:
@@ -207,15 +201,10 @@ class Path(Value):
 
     def on(self, index: Indices, u: Vector) -> Samples:
         """The path on the segments index (k,) at their parameter u (k,) in [0, 1]."""
-        k = len(u)
-        p, v, w, R = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3, 3))
-        for i, segment in enumerate(self.segments):
-            here = index == i
-            if not here.any():
-                continue
-            p[here], v[here] = segment.position(u[here]), segment.derivative(u[here]) / self._durations[i]
-            w[here] = segment.turn / self._durations[i]
-            R[here] = rotation_matrix(u[here, None] * segment.turn) @ self._rotations[i]
+        k, rows = len(u), self._rows[index]
+        seconds = self._durations[index][:, None]
+        slope, phi, w = derivatives(rows, u)
+        p, v, w, R = positions(rows, u), slope / seconds, w / seconds, rotation_matrix(phi) @ self._bases[index]
         if self.closed and k:  # a closed path ends exactly where it starts
             last = (index == len(self.segments) - 1) & (u == 1.0)
             p[last], R[last] = self.start, np.eye(3)
@@ -263,14 +252,17 @@ class Path(Value):
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
         if not 0.0 <= start < stop <= 1.0:
             raise ArgumentError("the part of a path", (start, stop), "give 0 <= start < stop <= 1")
+        segments = tuple(self.cut(start * self.duration, stop * self.duration))
+        return replace(self, segments=segments, rotation=self._turned(self.at(start * self.duration).rotation[0]))
+
+    def cut(self, start: float, stop: float) -> list[Segment]:
+        """The segments between two times [s]."""
         pieces = []
         for i, segment in enumerate(self.segments):
-            low = (start * self.duration - self._starts[i]) / self._durations[i]
-            high = (stop * self.duration - self._starts[i]) / self._durations[i]
-            a, b = np.clip([low, high], 0.0, 1.0)
+            a, b = np.clip((np.array([start, stop]) - self._starts[i]) / self._durations[i], 0.0, 1.0).tolist()
             if b - a > 1e-12:
-                pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(float(a), float(b)))
-        return replace(self, segments=tuple(pieces))
+                pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(a, b))
+        return pieces
 
     def ways(self) -> tuple[Path, Path]:
         """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
@@ -280,12 +272,32 @@ class Path(Value):
 
     def reversed(self) -> Path:
         """The same curve run backwards, with its turns undone in reverse order (they count from its own start)."""
-        return replace(self, segments=tuple(s.part(1.0, 0.0) for s in reversed(self.segments)))
+        back = tuple(s.part(1.0, 0.0) for s in reversed(self.segments))
+        return replace(self, segments=back, rotation=self._turned(self.turned))
+
+    def _turned(self, turned: Matrix) -> Matrix | None:
+        return None if self.rotation is None else turned @ self.rotation
 
     def starting_at(self, point: ArrayLike) -> Path:
         """The path moved, without turning, to start at a point (3,) or (2,) [m]."""
         shift = as_point(point) - self.start
         return replace(self, segments=tuple(replace(s, center=s.center + shift) for s in self.segments))
+
+    def in_frame(self, frame: ArrayLike) -> Path:
+        """The path, given in a workpiece's frame, in the robot's base: points, turns and the rotation at the start.
+
+        Args:
+            frame: pose (4, 4) of the workpiece in the base, or (6,): x, y, z [m], roll, pitch, yaw [rad].
+        """
+        F = frame_pose("the frame of a path", frame)
+        R, rotation = F[:3, :3], None if self.rotation is None else F[:3, :3] @ self.rotation
+        return replace(self, segments=tuple(s.mapped(R, F[:3, 3]) for s in self.segments), rotation=rotation)
+
+    def at_pace(self, speed: float) -> Path:
+        """The same path in the same times, with another speed as its own [m/s]."""
+        share = speed / self.speed
+        longer = tuple(s if s.nominal is None else replace(s, nominal=share * s.nominal) for s in self.segments)
+        return replace(self, segments=longer, speed=speed)
 
     @typed
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
@@ -294,87 +306,43 @@ class Path(Value):
 
 
 @typed
-def line(start: ArrayLike, end: ArrayLike, *, turn: ArrayLike = (0.0, 0.0, 0.0), speed: float = 0.1) -> Path:
-    """A straight line between two points [m], turning the tool by a rotation vector [rad] in the base frame."""
-    a, b = as_point(start), as_point(end)
-    zero = np.zeros(3)
-    return Path((Segment(a, zero, zero, 0.0, b - a, _vector("turn", turn)),), speed)
-
-
-@typed
-def arc(
-    start: ArrayLike,
-    center: ArrayLike,
-    angle: float,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
-    *,
-    turn: ArrayLike = (0.0, 0.0, 0.0),
-    speed: float = 0.1,
-) -> Path:
-    """A circular arc from `start` about `center` by `angle` [rad], counter-clockwise about `normal` if positive.
-
-    Raises:
-        ArgumentError: no radius, no normal, or a normal that is not perpendicular to the radius.
-    """
-    a, c, n = as_point(start), as_point(center), _vector("normal", normal)
-    x = a - c
-    size, radius = float(np.linalg.norm(n)), float(np.linalg.norm(x))
-    if radius == 0.0 or size == 0.0 or not np.isfinite(angle) or angle == 0.0:
-        raise ArgumentError("an arc's (radius, normal, angle)", (radius, n.tolist(), angle), "none of them may vanish")
-    off = float(x @ n) / size
-    if abs(off) > 1e-9 * radius:
-        cure = f"make it perpendicular to the line from center to start: start lies {off:.3g} m along it from center"
-        raise ArgumentError("normal", n.tolist(), cure)
-    y = np.asarray(np.cross(n / size, x), dtype=float)
-    return Path((Segment(c, x, y, float(angle), np.zeros(3), _vector("turn", turn)),), speed)
-
-
-@typed
-def circle(
-    start: ArrayLike,
-    center: ArrayLike,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
-    *,
-    clockwise: bool = False,
-    speed: float = 0.1,
-) -> Path:
-    """A full circle from `start` about `center`; counter-clockwise about `normal` unless `clockwise`."""
-    return arc(start, center, -2 * np.pi if clockwise else 2 * np.pi, normal, speed=speed)
-
-
-@typed
-def polyline(points: ArrayLike, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1) -> Path:
-    """Straight lines through points (k, 3) or (k, 2) [m].
-
-    Args:
-        turns: rotation vectors (segments, 3) [rad], one a line, in the base frame; none by default.
-        closed: adds the line back to the first point.
-
-    Raises:
-        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
-    """
-    corners = [as_point(p) for p in np.atleast_2d(numbers("the points of a polyline", points))]
-    if closed:
-        corners.append(corners[0])
-    if len(corners) < 2:
-        raise ArgumentError("the number of points of a polyline", len(corners), "give at least two")
-    shape = (len(corners) - 1, 3)
-    spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
-    zero = np.zeros(3)
-    pairs = zip(corners, corners[1:], spins, strict=False)
-    return Path(tuple(Segment(a, zero, zero, 0.0, b - a, s) for a, b, s in pairs), speed)
-
-
-@typed
 def join(*paths: Path) -> Path:
-    """Paths one after the other, each moved to start where the one before ends; the first one's speeds hold."""
+    """Paths one after the other, each moved to start where the one before ends; the first one's speeds hold.
+
+    Raises:
+        ArgumentError: no paths, or one whose own rotation at its start is not that in which the tool gets there.
+    """
     if not paths:
         raise ArgumentError("the paths to join", paths, "give at least one")
-    segments = list(paths[0].segments)
+    whole = paths[0]
     for path in paths[1:]:
-        end = segments[-1].position(np.ones(1))[0]
-        segments.extend(path.starting_at(end).segments)
-    return replace(paths[0], segments=tuple(segments))
+        turned, rotation = whole.turned, whole.rotation
+        if path.rotation is not None and rotation is None:
+            rotation = turned.T @ path.rotation
+        elif path.rotation is not None and rotation is not None:
+            off = float(np.abs(path.rotation - turned @ rotation).max())
+            if off > ALIKE:
+                cure = "turn the tool on the way: hk.line(..., turn=...), or hk.connected(a, b)"
+                raise ArgumentError("the difference of rotations where two paths meet", off, cure)
+        segments = (*whole.segments, *path.starting_at(whole.end).segments)
+        whole = replace(whole, segments=segments, rotation=rotation)
+    return whole
+
+
+def frame_pose(what: str, frame: ArrayLike) -> Matrix:
+    """A pose (4, 4) of one, or of x, y, z [m], roll, pitch, yaw [rad] (6,), R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: no such pose.
+    """
+    given = numbers(what, frame)
+    if given.shape == (6,):
+        from scipy.spatial.transform import Rotation  # here, because it doubles the time to import holokin
+
+        six, out = finite(what, given, (6,)), np.eye(4)
+        out[:3, :3], out[:3, 3] = Rotation.from_euler("xyz", six[3:]).as_matrix(), six[:3]
+        return out
+    return tool_pose(what, finite(what, given, (4, 4), "or x, y, z, roll, pitch, yaw (6,)"))
 
 
 def as_point(point: ArrayLike) -> Vector:
@@ -382,8 +350,4 @@ def as_point(point: ArrayLike) -> Vector:
     p = numbers("a point", point)
     if p.shape == (2,):
         p = np.append(p, 0.0)
-    return _vector("a point", p)
-
-
-def _vector(what: str, value: ArrayLike) -> Vector:
-    return finite(what, value, (3,))
+    return finite("a point", p, (3,))

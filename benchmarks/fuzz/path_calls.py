@@ -1,0 +1,43 @@
+"""Bad calls of paths: shapes, splines, what is made of paths, and how to get to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import holokin as hk
+
+from .nouns import kit
+
+
+def path_calls() -> dict[str, tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]]:
+    """Name -> (function, arguments, named arguments), all good."""
+    k = kit()
+    start, line, held, q = k["start"], k["line"], k["held"], k["q"]
+    points = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.02]]
+    square, patch = hk.polyline(points, closed=True), ([0.4, 0, 0.2], [0.1, 0, 0], [0, 0.1, 0], 0.05)
+    return {
+        "spline": (hk.spline, (points,), {"times": None, "closed": False, "speed": 0.1, "angular_speed": 0.5}),
+        "spline of poses": (hk.spline, (np.tile(k["pose"], (2, 1, 1)),), {"times": [0.0, 1.0]}),
+        "path_of": (hk.path_of, (lambda t: [0.1 * t, t * t, 0.0], [0.0, 1.0]), {"closed": None, "tolerance": 1e-4}),
+        "path_of poses": (hk.path_of, (points, [0.0, 1.0, 3.0]), {"closed": False}),
+        "Waypoints": (hk.Waypoints, (points, None, None, "s", ()), {}),
+        "figure_eight": (hk.figure_eight, ([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1]), {"along": [1, 0, 0], "speed": 0.1}),
+        "raster": (hk.raster, patch, {
+            "surface": lambda u, v: 0.1 * u * v, "tool": "normal", "speed": 0.1, "angular_speed": 0.5}),
+        "spiral": (hk.spiral, ([0.4, 0, 0.2], 0.05, 0.05, [0, 0, 1]), {
+            "inward": False, "clockwise": True, "along": [1, 0, 0], "surface": None, "tool": "start", "speed": 0.1,
+            "angular_speed": 0.5}),
+        "blended": (hk.blended, (square, 0.01), {"keep_start": True}),
+        "with_leads": (hk.with_leads, (square, 0.01, 0.02), {
+            "along": [0, 0, 1], "retract": 0.1, "axis": [0, 0, 1]}),
+        "passes": (hk.passes, (square, 2), {
+            "offset": [0, 0, 0.01], "back_and_forth": True, "lift": [0, 0, 0.1]}),
+        "approach": (hk.approach, (held, line.starting_at(start), q + 0.01), {
+            "by": "joints", "leaf": None, "samples": 3, "speed": 0.5}),
+        "read_waypoints": (hk.read_waypoints, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw"}),
+        "read_svg": (hk.read_svg, ("no.svg",), {"pixel": 0.001, "tolerance": 1e-5, "speed": 0.1}),
+        "Path.in_frame": (square.in_frame, (k["pose"],), {}),
+    }  # fmt: skip

@@ -1,0 +1,138 @@
+"""[path] of a job file: which curve, in which frame, and what is made of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ..path import frame_pose
+from ..robot import FARTHEST
+from ..types import Matrix
+from .robot_tables import FrameTable, Three
+from .table import Formula, Length, Number, Positive, Table
+
+MOST_POINTS = 10_000
+"""Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
+
+MOST_SAMPLES = 100_000
+"""Steps a cycle: 10 um apart on a metre."""
+
+MOST_CYCLES = 10_000
+"""Cycles: a day's work of an arm that takes ten seconds for one."""
+
+MOST_STEPS = 400_000
+"""Samples times cycles. A Panda's pose takes 1.7 GB, a minute to follow and 410 MB of CSV for a million of them; these
+fit into a gigabyte."""
+
+MOST_PASSES = 1_000
+
+Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Kind = Literal[
+    "circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"
+]  # fmt: skip
+
+_OF = {
+    "center": ("circle", "arc"), "normal": ("circle", "arc", "figure-eight", "spiral"), "angle_deg": ("arc",),
+    "clockwise": ("circle", "arc", "spiral"), "points": ("polyline", "spline"), "turns_deg": ("polyline",),
+    "closed": ("polyline", "spline", "poses", "waypoints"), "times": ("spline", "poses"), "poses": ("poses",),
+    "through": ("poses", "waypoints"), "file": ("waypoints", "svg"), "units": ("waypoints",), "angles": ("waypoints",),
+    "order": ("waypoints",), "pixel": ("svg",), "outline": ("svg",), "at": ("svg", "figure-eight", "raster", "spiral"),
+    "width": ("figure-eight",), "height": ("figure-eight",), "along": ("figure-eight", "raster", "spiral"),
+    "across": ("raster",), "spacing": ("raster", "spiral"), "radius": ("spiral",), "inward": ("spiral",),
+    "surface": ("raster", "spiral"), "tool": ("raster", "spiral"),
+}  # fmt: skip
+"""The kinds of path that use a key; the other keys serve all."""
+
+_NEEDED = {
+    "circle": ("center",), "arc": ("center", "angle_deg"), "polyline": ("points",), "spline": ("points",),
+    "poses": ("poses",), "waypoints": ("file",), "svg": ("file",), "figure-eight": ("width",),
+    "raster": ("along", "across", "spacing"), "spiral": ("radius", "spacing"),
+}  # fmt: skip
+
+_OPEN = ("arc", "raster", "spiral")
+
+
+class PathTable(Table):
+    """[path]: a curve of the tool, and what is made of it.
+
+    `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
+    halves are the two ways to the pose half a loop away.
+    """
+
+    kind: Kind
+    center: Point | None = None
+    normal: Row = Field(default=[0.0, 0.0, 1.0])
+    angle_deg: Length | None = None
+    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
+    turns_deg: Annotated[list[Three], Field(max_length=MOST_POINTS)] | None = None
+    closed: bool = False
+    clockwise: bool = False
+    times: Annotated[list[Length], Field(max_length=MOST_POINTS)] | None = None
+    poses: Annotated[list[FrameTable], Field(max_length=MOST_POINTS)] | None = None
+    through: Literal["spline", "lines"] = "spline"
+    file: str | None = None
+    units: Literal["m", "mm"] | None = None
+    angles: Literal["rad", "deg"] | None = None
+    order: Literal["xyzw", "wxyz"] | None = None
+    pixel: Positive | None = None
+    outline: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
+    at: Point | None = None
+    width: Positive | None = None
+    height: Positive | None = None
+    along: Three | None = None
+    across: Three | None = None
+    spacing: Positive | None = None
+    radius: Positive | None = None
+    inward: bool = False
+    surface: Formula | None = None
+    tool: Literal["start", "normal"] | None = None
+    relative: bool = False
+    frame: FrameTable | None = None
+    blend: Positive | None = None
+    passes: Annotated[int, Field(ge=1, le=MOST_PASSES)] = 1
+    offset: Three = Field(default=[0.0, 0.0, 0.0])
+    lift: Three = Field(default=[0.0, 0.0, 0.0])
+    same_way: bool = False
+    lead_in: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
+    lead_out: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
+    retract: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
+    entry: Literal["joints", "tool"] | None = None
+    speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000
+    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
+
+    @model_validator(mode="after")
+    def _complete(self) -> PathTable:
+        missing = [key for key in _NEEDED[self.kind] if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
+        for key in sorted(self.model_fields_set & _OF.keys()):
+            if self.kind not in _OF[key]:
+                raise ValueError(f"a {self.kind} does not use {key}; leave it out")
+        if self.relative and self.frame is not None:
+            raise ValueError("relative and frame both say from where it counts; leave out one")
+        for key in sorted(self.model_fields_set & {"offset", "lift", "same_way"}):
+            if self.passes == 1:
+                raise ValueError(f"{key} is of several passes; give passes, or leave it out")
+        open_polyline = self.kind in ("polyline", "spline") and not self.closed
+        leads = self.passes > 1 or self.lead_in > 0 or self.lead_out > 0 or self.retract > 0
+        if self.cycles > 1 and (self.kind in _OPEN or open_polyline or leads):
+            raise ValueError("several cycles need a closed path; use a circle, or a polyline with closed = true")
+        if self.samples * self.cycles > MOST_STEPS:
+            fact = f"{self.samples:,} samples in {self.cycles:,} cycles are more than {MOST_STEPS:,} steps"
+            raise ValueError(f"{fact}; give fewer samples or cycles")
+        return self
+
+    @property
+    def frame_pose(self) -> Matrix:
+        """The frame (4, 4) from which the path counts."""
+        return np.eye(4) if self.frame is None else pose_of(self.frame)
+
+
+def pose_of(frame: FrameTable) -> Matrix:
+    """The pose (4, 4) of a frame of a job."""
+    rpy = np.deg2rad(frame.rpy_deg) if frame.rpy_deg is not None else np.array(frame.rpy or [0.0, 0.0, 0.0])
+    return frame_pose("a frame", [*frame.xyz, *rpy.tolist()])

@@ -1,0 +1,35 @@
+"""Paths of the tool: lines, arcs, splines and what is made of them."""
+
+from .curves import even_curve
+from .editing import blended, passes, with_leads
+from .path import Path, Samples, as_point, frame_pose, join
+from .segments import Segment, arc_segment, line_segment
+from .shapes import arc, circle, line, polyline
+from .splines import path_of, spline
+from .surfaces import figure_eight, raster, spiral
+from .waypoints import Waypoints
+
+__all__ = [
+    "Path",
+    "Samples",
+    "Segment",
+    "Waypoints",
+    "arc",
+    "arc_segment",
+    "as_point",
+    "blended",
+    "circle",
+    "even_curve",
+    "figure_eight",
+    "frame_pose",
+    "join",
+    "line",
+    "line_segment",
+    "passes",
+    "path_of",
+    "polyline",
+    "raster",
+    "spiral",
+    "spline",
+    "with_leads",
+]

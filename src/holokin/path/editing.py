@@ -1,0 +1,221 @@
+"""Paths made of others: corners blended, leads before and after, several passes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError
+from ..types import ArrayLike, Matrix, Vector, finite, not_negative, positive, whole
+from .path import CLOSED, CORNER, Path
+from .segments import Segment, cubic_segment, line_segment, turn_between
+
+BACK = 175.0
+"""Angle [degrees] between two directions from which a corner turns back on itself, and stays as it is."""
+
+ROUNDS = 60
+"""Steps of the two searches of a blend: each gains a factor."""
+
+MOST_PASSES = 1_000
+
+
+@typed
+def blended(path: Path, tolerance: float, *, keep_start: bool = False) -> Path:
+    """The path with rounded corners: the tool passes each within a tolerance, and its velocity has no jump there.
+
+    A corner is replaced by the cubic with the path's velocities at both ends, which begins and ends as far from it as
+    the tolerance allows, at most halfway to the next corner. No point of the new path is farther than the tolerance
+    from the old one. Corners at which the path turns back on itself stay.
+
+    Args:
+        tolerance: distance from a corner to the rounded path [m].
+        keep_start: leave the corner in which a closed path starts. Else the new path starts in the middle of its
+            blend, off the old start by the tolerance: `approach` leads there.
+
+    Raises:
+        ArgumentError.
+    """
+    positive("tolerance", tolerance, "give a distance above 0 in metres")
+    corners = [k for k in path.corners if not (k == 0 and keep_start) and not _turns_back(path, k)]
+    marks = [0.0, *(float(path.starts[k]) for k in path.corners if k > 0), path.duration]
+    if not corners:
+        return path
+    closing = _blend(path, 0, min(marks[1], marks[-1] - marks[-2]) / 2, tolerance) if corners[0] == 0 else None
+    pieces: list[Segment] = []
+    done = 0.0 if closing is None else closing[1]
+    for k in corners:
+        i = marks.index(float(path.starts[k])) if k > 0 else 0
+        if i == 0:
+            continue
+        begins, ends = i == 1 and closing is None, i == len(marks) - 2 and closing is None  # nothing is rounded there
+        room = min((marks[i] - marks[i - 1]) / (2 - begins), (marks[i + 1] - marks[i]) / (2 - ends))
+        blend, half = _blend(path, k, room, tolerance)
+        pieces += [*path.cut(done, marks[i] - half), blend]
+        done = marks[i] + half
+    if closing is None:
+        return replace(path, segments=(*pieces, *path.cut(done, path.duration)))
+    blend, half = closing
+    last = path.duration - half
+    first = blend.part(0.0, 0.5)
+    rotation = None if path.rotation is None else first.rotation @ path.at(last).rotation[0] @ path.rotation
+    return replace(path, segments=(blend.part(0.5, 1.0), *pieces, *path.cut(done, last), first), rotation=rotation)
+
+
+State = tuple[Vector, Vector, Vector, Matrix]
+"""Position, velocity, angular velocity and rotation."""
+
+
+def _turns_back(path: Path, k: int) -> bool:
+    (_, u, *_), (_, v, *_) = _beside(path, k, 0.0)
+    size = float(np.linalg.norm(u) * np.linalg.norm(v))
+    return size > 0 and float(u @ v) / size < np.cos(np.deg2rad(BACK))
+
+
+def _beside(path: Path, k: int, half: float) -> tuple[State, State]:
+    """The tool a time before and after the start of a segment; before the first one is at the end of a closed path."""
+    start = float(path.starts[k])
+    return _state(path, (start or path.duration) - half, "left"), _state(path, start + half, "right")
+
+
+def _state(path: Path, t: float, side: Literal["left", "right"]) -> State:
+    index = np.searchsorted(path.starts[1:-1], [t], side=side)
+    u = np.clip((t - path.starts[index]) / path.durations[index], 0.0, 1.0)
+    at = path.on(index, u)
+    return at.position[0], at.velocity[0], at.angular[0], at.rotation[0]
+
+
+def _blend(path: Path, k: int, room: float, tolerance: float) -> tuple[Segment, float]:
+    """(the cubic that rounds the corner at the start of segment k, the time before and after it that it replaces)."""
+    corner = path.segments[k].position(np.zeros(1))[0]
+    u = np.linspace(0.0, 1.0, 129)
+    half = room
+    blend = _cubic(path, k, half)
+    for _ in range(ROUNDS):
+        off = float(np.linalg.norm(blend.position(u) - corner, axis=1).min())
+        if off <= tolerance:
+            break
+        half *= (1 - 1e-9) * tolerance / off
+        blend = _cubic(path, k, half)
+    return blend, half
+
+
+def _cubic(path: Path, k: int, half: float) -> Segment:
+    """The cubic from the pose a time before a corner to that after it, with the path's velocities; it lasts as long as
+    it takes at their mean speed."""
+    (a, v, w, R), (b, v1, w1, R1) = _beside(path, k, half)
+    turn = turn_between(R, R1)
+    seconds, speed = 2 * half, (float(np.linalg.norm(v)) + float(np.linalg.norm(v1))) / 2
+
+    def lasting(T: float) -> Segment:
+        return cubic_segment(a, b, (T * v, T * v1), turn, (T * w, T * w1), T * path.speed)
+
+    for _ in range(ROUNDS if speed > 0 else 0):
+        before, seconds = seconds, lasting(seconds).length / speed
+        if abs(seconds - before) <= 1e-9 * seconds:
+            break
+    return lasting(seconds)
+
+
+@typed
+def with_leads(
+    path: Path,
+    lead_in: float = 0.0,
+    lead_out: float | None = None,
+    *,
+    along: ArrayLike | None = None,
+    retract: float = 0.0,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+) -> Path:
+    """The path with a straight way in before it and a way out after it.
+
+    Args:
+        lead_in, lead_out: their lengths [m]; by default both are alike. 0 leaves one out.
+        along: where the tool comes from and goes to (3,), as seen from the path's ends; by default it comes and goes
+            along the tangent, at the speed that the path has there, so that there is no corner.
+        retract: a further way [m] along `axis` (3,), from above the way in and up from the way out.
+
+    The tool keeps its orientation on the leads.
+
+    Raises:
+        ArgumentError: no direction; ShapeError, NotFiniteError.
+    """
+    lengths = not_negative("lead_in", lead_in), not_negative("lead_out", lead_in if lead_out is None else lead_out)
+    up = _direction("axis", axis) * not_negative("retract", retract)
+    ends = path.at(np.array([0.0, path.duration]))
+    before, after = [], []
+    for side, (length, pieces) in enumerate(zip(lengths, (before, after), strict=True)):
+        here, sign = ends.position[side], (-1.0, 1.0)[side]
+        if length > 0:
+            velocity = ends.velocity[side]
+            rate = float(np.linalg.norm(velocity))
+            if along is None and not rate > CORNER * path.speed:
+                raise ArgumentError("the speed at an end of the path", rate, "give the direction of the leads, along=")
+            way = sign * velocity / rate if along is None else _direction("along", along)
+            nominal = length * path.speed / rate if along is None else None
+            pieces.append((here, here + length * way, nominal))
+            here = here + length * way
+        if up.any():
+            pieces.append((here, here + up, None))
+    zero = np.zeros(3)
+    lead = [replace(line_segment(b, a, zero), nominal=n) for a, b, n in reversed(before)]
+    out = [replace(line_segment(a, b, zero), nominal=n) for a, b, n in after]
+    return replace(path, segments=(*lead, *path.segments, *out))
+
+
+@typed
+def passes(
+    path: Path,
+    count: int,
+    *,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    back_and_forth: bool | None = None,
+    lift: ArrayLike = (0.0, 0.0, 0.0),
+) -> Path:
+    """Several passes of a path, each moved on by an offset, with straight links between them.
+
+    Args:
+        count: number of passes.
+        offset: (3,) [m], from each pass to the next, in the base's frame.
+        back_and_forth: every second pass runs backwards; by default of open paths. Else all run the same way, and the
+            tool goes back in between.
+        lift: (3,) [m], by which the tool is lifted on the links; they are not lifted by default.
+
+    Raises:
+        ArgumentError, ShapeError, NotFiniteError.
+    """
+    if whole("count", count) > MOST_PASSES:
+        raise ArgumentError("count", count, f"give at most {MOST_PASSES} passes")
+    step, up = finite("offset", offset, (3,)), finite("lift", lift, (3,))
+    turns = back_and_forth if back_and_forth is not None else not path.closed
+    segments = list(path.segments)
+    for k in range(1, count):
+        back = turns and k % 2 == 1
+        end = segments[-1].position(np.ones(1))[0]
+        at = (path.end if back else path.start) + k * step
+        turned = np.eye(3) if turns else path.turned.T  # from the end of a pass to the start of the next
+        segments += _link(end, at, turn_between(np.eye(3), turned), up)
+        segments += (path.reversed() if back else path).starting_at(at).segments
+    return replace(path, segments=tuple(segments))
+
+
+def _link(start: Vector, end: Vector, turn: Vector, lift: Vector) -> list[Segment]:
+    """Up, across and down; straight on without a lift; nothing where there is no way to go."""
+    if float(np.linalg.norm(end - start)) <= CLOSED and float(np.linalg.norm(turn)) <= CLOSED and not lift.any():
+        return []
+    zero = np.zeros(3)
+    if not lift.any():
+        return [line_segment(start, end, turn)]
+    over = [line_segment(start, start + lift, zero)]
+    if float(np.linalg.norm(end - start)) > CLOSED or float(np.linalg.norm(turn)) > CLOSED:
+        over.append(line_segment(start + lift, end + lift, turn))
+    return [*over, line_segment(end + lift, end, zero)]
+
+
+def _direction(what: str, value: ArrayLike) -> Vector:
+    v = finite(what, value, (3,))
+    if not np.linalg.norm(v) > 0:
+        raise ArgumentError(what, v.tolist(), "give a direction")
+    return v / np.linalg.norm(v)

@@ -1,0 +1,68 @@
+"""`Waypoints`: points or poses of the tool, as a file has them; and those of arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ShapeError
+from ..types import Array, ArrayLike, Matrix, Value, Vector, check_rotation, finite, numbers, right_last_row
+from .path import as_point
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoints(Value):
+    """Points (k, 3) [m] of the tool, with rotations (k, 3, 3) and times (k,) [s] where they are given.
+
+    `notes` says what was changed in reading, and what looks odd.
+    """
+
+    points: Matrix
+    rotations: Array | None = None
+    times: Vector | None = None
+    source: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def targets(self) -> Array:
+        """Poses (k, 4, 4); points (k, 3) where there are no rotations."""
+        if self.rotations is None:
+            return self.points
+        poses = np.tile(np.eye(4), (len(self), 1, 1))
+        poses[:, :3, 3], poses[:, :3, :3] = self.points, self.rotations
+        return poses
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Value):
+    """Points (k, 3) [m] and, where the tool turns, rotations (k, 3, 3)."""
+
+    points: Matrix
+    rotations: Array | None
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def at(self, index: object) -> Poses:
+        """Some of them."""
+        return Poses(self.points[index], None if self.rotations is None else self.rotations[index])  # type: ignore[index]
+
+
+def as_poses(points: ArrayLike | Waypoints) -> Poses:
+    """Points (k, 3), (k, 2), poses (k, 4, 4) or waypoints. Raises: ShapeError, NotFiniteError, ArgumentError."""
+    if isinstance(points, Waypoints):
+        return Poses(points.points, points.rotations)
+    given = numbers("the waypoints", points)
+    if given.ndim == 3:
+        poses = finite("the waypoints", given, ("k", 4, 4))
+        for i, pose in enumerate(poses):
+            right_last_row(f"waypoint {i}", pose)
+            check_rotation(f"the rotation of waypoint {i}", pose[:3, :3])
+        return Poses(poses[:, :3, 3], poses[:, :3, :3])
+    if given.ndim != 2:
+        raise ShapeError("the waypoints", "(k, 3) or (k, 4, 4)", given.shape, "give points or poses, one a row")
+    return Poses(np.array([as_point(p) for p in given]), None)
