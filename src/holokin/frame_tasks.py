@@ -15,6 +15,7 @@ from .robot import Robot
 from .symbolic import SX, norm_2, symbol
 from .symbolic.geometry import frame_about, log_s2
 from .task import Task, chosen_rows
+from .task_kinds import FrameTask
 from .types import ArrayLike, Matrix, Vector, finite
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": UP}
@@ -29,7 +30,7 @@ def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None
     """
     robot.pose(np.zeros(robot.n), tip)
     every = (0, 1) if robot.planar else (0, 1, 2)
-    return Task(robot, None, every if rows is None else chosen_rows(every, rows), np.eye(3), TipFrame(tip))
+    return FrameTask(robot, None, every if rows is None else chosen_rows(every, rows), np.eye(3), TipFrame(tip))
 
 
 @typed
@@ -114,7 +115,7 @@ def _pose_of(
         cure = f"use 'twist': the tool of a plane turns about one axis, and {orientation!r} is singular there"
         raise ArgumentError("orientation of a planar robot", orientation, cure)
     every = (0, 1, 5) if robot.planar else tuple(range(5 if orientation == "axis" else 6))
-    return Task(robot, orientation, every if rows is None else chosen_rows(every, rows), base, frame, along)
+    return FrameTask(robot, orientation, every if rows is None else chosen_rows(every, rows), base, frame, along)
 
 
 @typed
@@ -145,7 +146,7 @@ def custom_task(
         raise ArgumentError("the units and names of a task", (tuple(units), labels), cure)
     frame = ExpressionFrame(name, expression, tuple(units), labels)
     frame.kinematics(robot, symbol("q", robot.n))  # so that an expression that does not fit is refused here
-    return Task(robot, None, tuple(range(len(units))), np.eye(3), frame)
+    return FrameTask(robot, None, tuple(range(len(units))), np.eye(3), frame)
 
 
 @typed

@@ -20,6 +20,8 @@ class Frame(Value, ABC):
 
     has_hessians: ClassVar[bool] = False
     """Whether the derivatives of its Jacobian have a closed form."""
+    spatial: ClassVar[bool] = True
+    """Whether its coordinates are places of a tool in metres."""
 
     @abstractmethod
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
@@ -120,6 +122,7 @@ class ExpressionFrame(Made, Frame):
     expression: Callable[[SX], Any]
     row_units: tuple[str, ...]
     row_names: tuple[str, ...]
+    spatial = False
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """The point, and its slope by q. Raises: ShapeError: the expression has not as many rows as units."""

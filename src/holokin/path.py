@@ -133,6 +133,11 @@ class Path(Value):
         return np.array(rows, dtype=float)
 
     @property
+    def tracks(self) -> tuple[tuple[Segment, ...], ...]:
+        """The segments of each frame that it leads: of one."""
+        return (self.segments,)
+
+    @property
     def length(self) -> float:
         """Distance travelled by the point [m]."""
         return sum(s.length for s in self.segments)

@@ -8,7 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from .path import Path, Samples
+from .errors import ArgumentError
+from .path import Samples
+from .synchronized import AnyPath
 from .task import Task
 from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory
@@ -33,7 +35,7 @@ class _Block:
 class Plan:
     """One cycle of a path in at least `samples` steps. Arrays over all steps are made when first asked for."""
 
-    path: Path
+    path: AnyPath
     task: Task
     samples: int
     start_rotation: Matrix
@@ -50,9 +52,9 @@ class Plan:
 
     @cached_property
     def first(self) -> tuple[Vector, Matrix]:
-        """Position (3,) and rotation (3, 3) at the start."""
+        """Position (3F,) and rotation (3F, 3) of the F frames at the start."""
         at = self.path.on(np.zeros(1, dtype=int), np.zeros(1))
-        return at.position[0], at.rotation[0] @ self.start_rotation
+        return at.position[0], turned(at.rotation, self.start_rotation)[0]
 
     @cached_property
     def h(self) -> Vector:
@@ -61,13 +63,13 @@ class Plan:
 
     @cached_property
     def position(self) -> Matrix:
-        """Wanted positions (steps, 3) at the ends of the steps."""
+        """Wanted positions (steps, 3F) at the ends of the steps."""
         return self._ends.position
 
     @cached_property
     def rotation(self) -> Array:
-        """Wanted rotations (steps, 3, 3) at the ends of the steps."""
-        return self._ends.rotation @ self.start_rotation
+        """Wanted rotations (steps, 3F, 3) at the ends of the steps."""
+        return turned(self._ends.rotation, self.start_rotation)
 
     @cached_property
     def rates(self) -> tuple[Matrix, Matrix, Matrix]:
@@ -80,13 +82,13 @@ class Plan:
         return tuple(self._rates_at(self.path.on(segment, u)) for u in (u0, (u0 + u1) / 2, u1))  # type: ignore[return-value]
 
     def target(self, step: int, share: float) -> tuple[Vector, Matrix]:
-        """Position (3,) and rotation (3, 3) at a share in [0, 1] of a step."""
+        """Position (3F,) and rotation (3F, 3) at a share in [0, 1] of a step."""
         if share == 1.0:
             block = self._block(step)
             return block.position[step % BLOCK], block.rotation[step % BLOCK]
         segment, u0, u1 = self._locate(np.array([step]))
         at = self.path.on(segment, u0 + share * (u1 - u0))
-        return at.position[0], at.rotation[0] @ self.start_rotation
+        return at.position[0], turned(at.rotation, self.start_rotation)[0]
 
     def where(self, done: int) -> str:
         """Where the tool is after some steps, all cycles counted, in words."""
@@ -103,8 +105,12 @@ class Plan:
 
     @cached_property
     def _bends(self) -> list[tuple[float, float]]:
-        pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
-        return [((s.angle / k) ** 2 * float(np.linalg.norm(s.x)), float(np.linalg.norm(s.turn)) / k) for s, k in pairs]
+        found = []
+        for *segments, k in zip(*self.path.tracks, self.counts.tolist(), strict=True):
+            arcs = [(s.angle / k) ** 2 * float(np.linalg.norm(s.x)) for s in segments]
+            turns = [float(np.linalg.norm(s.turn)) / k for s in segments]
+            found.append((float(np.hypot.reduce(arcs)), float(np.hypot.reduce(turns))))
+        return found
 
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""
@@ -128,12 +134,12 @@ class Plan:
         if first not in self._kept:
             segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
             found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
-            turned = [at.rotation @ self.start_rotation for at in found]
-            pairs = zip(found, turned, strict=True)
+            rotations = [turned(at.rotation, self.start_rotation) for at in found]
+            pairs = zip(found, rotations, strict=True)
             rates, margins = zip(*(self.task.rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
-            self._kept[first] = _Block(found[2].position, turned[2], h, rates, np.min(margins, axis=0))
+            self._kept[first] = _Block(found[2].position, rotations[2], h, rates, np.min(margins, axis=0))
         return self._kept[first]
 
     @cached_property
@@ -150,7 +156,7 @@ class Plan:
         )
 
     def _rates_at(self, at: Samples) -> Matrix:
-        rates, margins = self.task.rates(at.rotation @ self.start_rotation, at.velocity, at.angular)
+        rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
         self._check(margins.min(initial=np.inf))
         return rates
 
@@ -167,8 +173,17 @@ class Plan:
         return self.path.on(segment, u1)
 
 
-def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> Plan:
+def turned(rotations: Array, start: Matrix) -> Array:
+    """The rotations (k, 3F, 3) of F frames that were turned by a path, from those (3F, 3) at its start."""
+    each = rotations.reshape(len(rotations), -1, 3, 3) @ start.reshape(-1, 3, 3)
+    return each.reshape(rotations.shape)
+
+
+def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -> Plan:
     """Plan one run of a path in at least `samples` steps. Raises: ArgumentError."""
+    if len(path.tracks) != task.frames:
+        cure = f"give {task.frames} of them, one a frame of the task, by hk.synchronized" if task.frames > 1 else "give one"
+        raise ArgumentError("the number of paths", len(path.tracks), cure)
     plan = Plan(path, task, samples, start_rotation)
     plan.counts  # noqa: B018  so that a bad number of samples is told here
     return plan

@@ -84,7 +84,7 @@ def tracking(task: Task, k: Kinematics, p: SX, R: SX, twist: SX, dt: SX) -> tupl
 
     It is wanted at the pose (p, R) after dt, and moves there with the twist (6,), so e = error to (p, R) - dt x'.
     """
-    dx = task.rates_expression(R, twist[:3], twist[3:])
+    dx = task.rates_expression(R, *task.velocities(twist))
     return dx, task.error_expression(k, p, R) - dt * dx
 
 
@@ -134,13 +134,8 @@ def compiled(
     def function() -> Function:
         q = symbol("q", task.n) if strategy is None else strategy.expressions.q
         k = task.kinematics(q)
-        p, R, twist, dt, start = (
-            symbol("p", 3),
-            symbol("R", 3, 3),
-            symbol("twist", 6),
-            symbol("dt", 1),
-            symbol("start", task.n),
-        )
+        p, R = task.target_symbols()
+        twist, dt, start = symbol("twist", 6 * task.frames), symbol("dt", 1), symbol("start", task.n)
         dx, error = tracking(task, k, p, R, twist, dt)
         found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
@@ -152,7 +147,7 @@ def compiled(
         rates = function()
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            dq, rcond, margin = rates(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
+            dq, rcond, margin = rates(q, *task.target(pose), twist.ravel(), (dt,), q0)
             check_regular(task, name, q, rcond, margin)
             return dq
 

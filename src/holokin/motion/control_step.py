@@ -140,14 +140,20 @@ class _Compiled:
     def converted(self, *arguments: Any) -> tuple[Array, Array, Array]:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
         q, pose, twist, _ = self.function.input_shapes.values()
-        point = pose == (3,)  # of a position task: a whole pose and a whole twist will do
+        frames, point = self.strategy.task.frames, len(pose) == 1
+        one = () if frames == 1 else (frames,)
         a, b, c = arguments
-        T = _numbers("pose", b, ((4, 4), (3,)) if point else ((4, 4),))
-        v = _numbers("twist", c, ((6,), (3,)) if point else ((6,),))
-        if T.shape == (4, 4) and np.isfinite(T[3]).all():
-            right_last_row("pose", T)
-        whole = point and T.shape == (4, 4)
-        return _numbers("q", a, (q,)), T[:3, 3].copy() if whole else T, v[: twist[0]].copy()
+        every = (pose, *(((frames, 3),) if frames > 1 else ()))  # of a position task whole poses and twists will do, too
+        T = _numbers("pose", b, ((*one, 4, 4), *every) if point else ((*one, 4, 4),))
+        v = _numbers("twist", c, ((*one, 6), *every) if point else ((*one, 6),))
+        whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
+        for matrix in T.reshape(-1, 4, 4) if whole else ():
+            if np.isfinite(matrix[3]).all():
+                right_last_row("pose", matrix)
+        if point:
+            T = T[..., :3, 3].ravel()[: pose[0]] if whole else T
+            v = v[..., :3].ravel()[: twist[0]] if moved else v
+        return _numbers("q", a, (q,)), T.reshape(pose).copy(), v.reshape(twist).copy()
 
     def begin(self, _q0: Vector) -> Step:
         """A run: a step with memory and dt of its own. Raises (when it runs): SingularityError, ArgumentError."""
@@ -226,7 +232,7 @@ def _machine(
     def step(q: Any, pose: Any, twist: Any) -> Vector:
         try:
             fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
-            fit = fit and (len(pose) == 3 or pose[3].tolist() == [0.0, 0.0, 0.0, 1.0])
+            fit = fit and (pose.ndim == 1 or (len(pose) == 4 and pose[3].tolist() == [0.0, 0.0, 0.0, 1.0]))
         except AttributeError:  # no arrays
             fit = False
         if not fit:
@@ -353,11 +359,19 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if has_leaf(strategy) else 0
     point = task.orientation is None
-    pose, twist = (symbol("pose", 3), symbol("twist", 3)) if point else (symbol("pose", 4, 4), symbol("twist", 6))
-    p, R = (pose, SX.eye(3)) if point else (pose[:3, 3], pose[:3, :3])
+    F = task.frames
+    if point:
+        pose, twist, more = symbol("pose", task.point), symbol("twist", task.point), SX.zeros(3 * F - task.point, 1)
+        p, R = vertcat(pose, more), vertcat(*([SX.eye(3)] * F))
+        v = vertcat(twist, more)
+        whole = vertcat(*(vertcat(v[i : i + 3], SX.zeros(3, 1)) for i in range(0, 3 * F, 3)))
+    else:
+        pose, twist = symbol("pose", 4 * F, 4), symbol("twist", 6 * F)
+        whole = twist
+        p, R = (vertcat(*(pose[4 * f : 4 * f + 3, columns] for f in range(F))) for columns in (3, slice(3)))
     parameters = symbol("parameters", r + 3)
     c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
-    dx, error = tracking(task, e.kinematics, p, R, vertcat(twist, SX.zeros(3, 1)) if point else twist, dt)
+    dx, error = tracking(task, e.kinematics, p, R, whole, dt)
     found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:

@@ -21,11 +21,10 @@ from ..errors import (
     StartError,
     TrackingError,
 )
-from ..path import Path
 from ..progress import progress
-from ..robot import doubtful_unit
 from ..sampling import Plan, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy
+from ..synchronized import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
@@ -50,7 +49,7 @@ BLOCK = 10_000
 @typed
 def follow(
     strategy: Strategy,
-    path: Path,
+    path: AnyPath,
     q0: ArrayLike,
     *,
     samples: int = 500,
@@ -84,12 +83,12 @@ def follow(
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
-    tool = task.pose(start)
-    plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
+    tool = task.place(start)
+    plan = make_plan(task, path, whole("samples", samples), tool[1])
     off = task.error(start, *plan.first)
     if np.abs(off).max() > TOLERANCES.start:
-        unit = doubtful_unit(robot, plan.first[0], task.tip)
-        raise StartError(float(np.abs(off).max()), tool[:3, 3], plan.first[0], unit)
+        unit = task.doubtful_unit(plan.first[0])
+        raise StartError(float(np.abs(off).max()), tool[0], plan.first[0], unit)
     return _walk(strategy, leaf, plan, start, int(cycles), limits)
 
 

@@ -3,6 +3,9 @@ typedef struct {
   hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
 } hk_segment;
 
+/* Numbers of a target of HK_FRAMES frames: all their positions p, 3 each, then all rotations R, 9 each by rows. */
+enum { HK_TARGET = 12 * HK_FRAMES };
+
 static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
 static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
@@ -22,4 +25,9 @@ static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
   for (int i = 0; i < 3; i++)
     for (int j = 0; j < 3; j++)
       R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
+}
+
+/* The targets of all frames, whose segments lie `apart` from one another. */
+static void hk_targets(const hk_segment *s, long long apart, hk_t u, hk_t *to) {
+  for (int f = 0; f < HK_FRAMES; f++) hk_target(s + f * apart, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
 }
