@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
+from holokin.task_kinds import FrameTask
 from conftest import IRB_START, PANDA_START
 from holokin.robot import Joint, Robot, Tip
 
@@ -194,7 +195,7 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
     with pytest.raises(hk.HolokinError, match="units="):
         hk.custom_task(panda, lambda q: q[:2], units=("rad",))
     with pytest.raises(hk.HolokinError, match="rows of a task"):
-        hk.Task(panda, "axis", (0, 5), np.eye(3))
+        FrameTask(panda, "axis", (0, 5), np.eye(3))
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")

@@ -49,7 +49,9 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
+from .synchronized import synchronized, through
 from .task import Task
+from .task_kinds import stacked
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
@@ -132,8 +134,11 @@ __all__ = [
     "retime",
     "robot",
     "simulate",
+    "stacked",
     "stationary",
     "strategies",
+    "synchronized",
+    "through",
     "weighted",
     "with_base_pose",
     "with_tool",

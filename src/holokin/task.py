@@ -30,13 +30,16 @@ class Task(Value, ABC):
     `stacked`. `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
     """
 
-    cure = "make one with hk.position, hk.pose, hk.custom_task or hk.stacked"
-
     robot: Robot
     orientation: str | None
     """The kind of its orientation rows, None for positions alone."""
     rows: tuple[int, ...]
     """Which rows of the frames it has, six each: 6 f to 6 f + 2 the position of frame f, then its orientation."""
+
+    def __init_subclass__(cls) -> None:
+        if cls.__module__ != f"{__package__}.task_kinds":
+            cure = "tasks are final: use hk.pose, hk.custom_task, ..., and a constraint for a quantity of your own"
+            raise ArgumentError("a subclass of Task", cls.__name__, cure)
 
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"

@@ -42,10 +42,6 @@ class FrameTask(Task):
     frame: Frame = field(default_factory=TipFrame)
     axis: Vector = field(default_factory=lambda: np.array(UP))
 
-    def __init_subclass__(cls) -> None:
-        cure = "tasks are final: use hk.position or hk.pose, rows= of them, and a constraint for a quantity of your own"
-        raise ArgumentError("a subclass of Task", cls.__name__, cure)
-
     def __post_init__(self) -> None:
         kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "frame": Frame}
         for what, kind in kinds.items():

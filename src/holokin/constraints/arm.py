@@ -26,6 +26,7 @@ def arm_angle(
     joints: Sequence[Any] | None = None,
     reference: ArrayLike = (0.0, 0.0, 1.0),
     pole: ArrayLike | None = None,
+    tip: str | None = None,
 ) -> Constraint:
     """g(q) = psi, the angle of the plane shoulder-elbow-wrist about the line from shoulder to wrist [rad]. [EW23]
 
@@ -41,6 +42,7 @@ def arm_angle(
         reference: the direction V (3,), e_r of [EW23], the base's z axis by default.
         pole: the direction R (3,) of the stereographic kind, e_t of [EW23], perpendicular to V; by default a horizontal
             one, -x.
+        tip: of a robot with several arms, that of the one to hold; by default the task's, of several the first.
 
     Singular (REPRESENTATION; [EW23] call it algorithmic) where psi is not defined, and the error says at which of
     these: the arm is stretched or folded, so that the elbow is on the line from shoulder to wrist; the wrist is in the
@@ -65,7 +67,7 @@ def arm_angle(
     if joints is not None and (len(joints) != 3 or any(a == b for a, b in combinations(joints, 2))):
         raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
-    seen = _Seen(joints, conventional, V, R)
+    seen = _Seen(joints, conventional, V, R, tip)
     margin = least([distance for _, distance in seen.places])
     return Constraint(f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places)
 
@@ -81,10 +83,11 @@ class _Seen:
     conventional: bool
     V: Vector
     R: Vector
+    tip: str | None = None
 
     def vectors(self, task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
         """Elbow E, wrist W, and the direction w of the wrist (3,)."""
-        S, elbow, wrist = find_arm(task, self.joints).expressions(task, k, q)
+        S, elbow, wrist = find_arm(task, self.joints, self.tip).expressions(task, k, q)
         E, W = elbow - S, wrist - S
         return E, W, W / norm_2(W)
 

@@ -301,7 +301,8 @@ def controller(
         leaf = leaf_value(strategy, q0)
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
     if q0 is not None:
-        compiled.check(q0, strategy.task.pose(q0), np.zeros(6), compiled.parameters)
+        still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))
+        compiled.check(q0, strategy.task.pose(q0), still, compiled.parameters)
     return Controller(compiled)
 
 

@@ -68,7 +68,7 @@ static void hk_unpack(const hk_t *T, hk_t *to) {
 }
 
 /* How fast the row of a task goes along a way, of rows counted six a frame: x, y, z and the turns about them. */
-static hk_t hk_pace(const hk_way *way, int row) {
+static inline hk_t hk_pace(const hk_way *way, int row) {
   const hk_segment *line = way->line + row / 6;
   return row % 6 < 3 ? line->v[row % 6] : line->turn[row % 6 - 3];
 }
