@@ -2,6 +2,7 @@
 
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
+from .coordinates import coordinates
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
 from .extent import reach
@@ -31,6 +32,7 @@ __all__ = [
     "catalogue",
     "check_metres",
     "compose",
+    "coordinates",
     "doubtful_unit",
     "from_dh",
     "from_mjcf",
