@@ -14,6 +14,9 @@ from .path import CLOSED, CORNER, Path, Samples, Segment, as_point
 from .types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, numbers, positive, whole
 from .ways import rotation_matrix
 
+LOOKS = 64
+"""Points of a segment by which it is told which way round a path runs."""
+
 ALIKE = 1e-12
 """Share of the whole time within which two segments end together."""
 
@@ -70,6 +73,24 @@ class SynchronizedPaths(Value):
     def length(self) -> float:
         """Distance travelled by the point that goes farthest [m]."""
         return max(sum(s.length for s in track) for track in self.tracks)
+
+    @property
+    def speed(self) -> float:
+        """How fast that point goes [m/s], on the average."""
+        return self.length / self.duration
+
+    @property
+    def counter_clockwise(self) -> bool:
+        """Whether closed paths run counter-clockwise, as of `Path`, by the one that encloses most."""
+        p = self.on(*self._grid).position.reshape(-1, len(self.tracks), 3).swapaxes(0, 1)
+        areas = np.cross(p - p[:, :1], np.diff(p, axis=1, append=p[:, :1])).sum(axis=1)
+        return bool(areas.flat[np.argmax(np.abs(areas))] > 0)
+
+    @property
+    def _grid(self) -> tuple[Indices, Vector]:
+        """(segments, u) of some points of each segment."""
+        shares = np.linspace(0.0, 1.0, LOOKS, endpoint=False)
+        return np.repeat(np.arange(len(self.durations)), LOOKS), np.tile(shares, len(self.durations))
 
     @property
     def start(self) -> Vector:

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 from ..errors import ArgumentError
 from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
 from ..motion import TimedTrajectory, follow
-from .build import build_path, naming
+from .build import naming
 from .export import job_strategy
 from .motion_tables import ProgramTable, TimingTable
 from .schema import Job
+from .several_paths import build_paths
 
 
 def program_of_job(
@@ -37,7 +38,7 @@ def program_of_job(
     if table.get("acceleration") is None and table.get("profile") != "quintic":
         raise ArgumentError("acceleration", None, "give --acceleration, or a table [timing] in the job")
     with naming(file, "path"):
-        path = build_path(job, strategy.task, start, file)
+        path = build_paths(job, strategy.task, start, file)
     robot = strategy.task.robot
     walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
     try:

@@ -26,15 +26,14 @@ from ..errors import (
 )
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
-from ..path import Path
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
+from ..synchronized import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
     build_begin,
-    build_path,
     build_robot,
     build_start,
     build_strategy,
@@ -44,6 +43,7 @@ from .covering import build_covering
 from .motion_tables import TimingTable
 from .read import read_job
 from .schema import ExpectTable, Job
+from .several_paths import build_paths
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
@@ -106,7 +106,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "task"):
         tasks = job.task.tasks(robot, start)
     with naming(file, "path"):
-        path = build_path(job, tasks[0], start, file)
+        path = build_paths(job, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
@@ -153,7 +153,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: Path, start: Vector, method: str | None,
+    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None,
     invariant: Function | None,
 ) -> StrategyResult:  # fmt: skip
     asked = job.verdict
@@ -161,7 +161,7 @@ def _run_strategy(
     verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
-    def run(part: Path, samples: int, cycles: int) -> Trajectory:
+    def run(part: AnyPath, samples: int, cycles: int) -> Trajectory:
         try:
             return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
         except OutOfReachError:
@@ -211,7 +211,7 @@ def _metrics(
         kept = max(float(np.abs(v - values[0][0]).max()) for v in values)
     return metrics | {
         "defect": defect,
-        "tracking": max(w.tracking_error(unit) for w in walks for unit in ("m", "rad")),
+        "tracking": max(w.tracking_error(unit) for w in walks for unit in dict.fromkeys(w.row_units)),
         "sigma": min(float(w.sigma.min()) for w in walks),
         "speed": float(np.sqrt(np.sum(cycles.dq**2))) / size if size > 0 else np.nan,
         "peak_speed": peak,

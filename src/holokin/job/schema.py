@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ..errors import brief, closest
 from ..robot import FARTHEST
 from .motion_tables import ProgramTable, TimingTable
-from .robot_tables import RobotTable
+from .robot_tables import MOST_PARTS, RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Number, Positive, Table
 from .task_tables import TaskTable
@@ -88,6 +88,7 @@ class PathTable(Table):
     speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
+    others: Annotated[list[PathTable], Field(max_length=MOST_PARTS)] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> PathTable:

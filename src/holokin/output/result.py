@@ -12,8 +12,8 @@ import numpy as np
 from ..analysis import Verdict
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
-from ..path import Path
 from ..robot import Robot
+from ..synchronized import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 
@@ -125,7 +125,7 @@ class JobResult:
     robot: Robot
     task: str
     start: Vector
-    path: Path
+    path: AnyPath
     cycles: int
     strategies: tuple[StrategyResult, ...]
     seconds: float
