@@ -135,6 +135,13 @@ class Task(Value, ABC):
     def geometric_twin(self) -> Self:
         """The same task with "twist" for each full orientation, which has no singular angles."""
 
+    @abstractmethod
+    def chart(self, rotations: Matrix) -> Self:
+        """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0.
+
+        Along such a line the twists (v, w) are constant, so the geometric Jacobian serves for all full orientations.
+        """
+
     @property
     def angular(self) -> tuple[bool, ...]:
         """Which rows are of an orientation."""
@@ -355,6 +362,12 @@ class Task(Value, ABC):
         R, v, w = self.target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
         outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def of_one_tool(task: Task, what: str) -> None:
+    """Raises: ArgumentError: what is asked for serves tasks of one tool alone, and this one has several frames or none."""
+    if task.frames > 1 or not task.robot.tips:
+        raise ArgumentError(f"the task of {what}", task.name, "it serves one tool of a robot: take the task of one")
 
 
 def poses_expression(k: Kinematics) -> SX:

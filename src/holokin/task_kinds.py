@@ -138,6 +138,12 @@ class FrameTask(Task):
         """The same task with "twist" for a full orientation, which has no singular angles."""
         return replace(self, orientation="twist") if self.rotations else self
 
+    def chart(self, rotations: Matrix) -> FrameTask:
+        """With "twist", counted from the rotation (3, 3), for a full orientation."""
+        if self.rotations or self.robot.planar:
+            return replace(self, orientation="twist", reference=rotations)
+        return self
+
     def kinematics(self, q: SX) -> Kinematics:
         """The expressions of the frame."""
         return self.frame.kinematics(self.robot, q)
@@ -275,6 +281,11 @@ class StackedTask(Task):
     def geometric_twin(self) -> StackedTask:
         """That of geometric parts."""
         return replace(self, parts=tuple(part.geometric_twin for part in self.parts))
+
+    def chart(self, rotations: Matrix) -> StackedTask:
+        """Those of the parts."""
+        each = rotations.reshape(-1, 3, 3)
+        return replace(self, parts=tuple(part.chart(R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
         """Those of the parts, one below the other."""

@@ -147,6 +147,7 @@ def height(*joints: str | int) -> Constraint:
 
 def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
+    task.robot.check_links()
     name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
     return k.origins[str(name)]
 

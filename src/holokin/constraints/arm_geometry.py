@@ -132,6 +132,7 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None, tip: str | None = 
         if len(joints) != 3:
             raise ArgumentError("the points of an arm", joints, "name three: shoulder, elbow, wrist")
         return Arm(*(_named(task.robot, joint) for joint in joints))
+    task.robot.check_links()
     if tip is not None:
         task.robot.pose(np.zeros(task.n), tip)
     axes = _chain(task.robot, task.tip if tip is None else tip)

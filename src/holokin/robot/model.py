@@ -302,10 +302,13 @@ class Robot(Value):
             rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
             raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else "")
 
-    def _tip(self, name: str | None) -> Tip:
+    def check_links(self) -> None:
+        """Raises: ArgumentError: these are `coordinates`, without links."""
         if not self.tips:
-            cure = f"{self.name!r} has coordinates and no links: give their task by hk.custom_task"
-            raise ArgumentError("the tip whose pose is asked for", name, cure)
+            raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
+
+    def _tip(self, name: str | None) -> Tip:
+        self.check_links()
         if name is None:
             return self.tips[0]
         for tip in self.tips:
