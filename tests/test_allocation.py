@@ -1,4 +1,4 @@
-"""Tasks x = f(u) of coordinates without a robot: the thrusters of a supply vessel; and tasks of more than three rows."""
+"""Tasks x = f(u) of coordinates without a robot: the thrusters of a ship; and tasks of more than three rows."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IIWA_START
+from holokin.job import open_job, run_job
+from holokin.output.figures import figures
 from holokin.robot import Robot
 
 K = np.array([3.0, 3.0, 4.2, 6.55])
@@ -153,7 +155,9 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task) -> None:
     assert hk.drift(hk.moore_penrose(six), loop, Q0, samples=100).largest[0] > 1e-5
     ik = hk.inverse(law, Q0)
     assert np.abs(six(ik(points[2])) - points[2]).max() < 1e-9
-    assert hk.through(points, speed=0.1).duration == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 0.1)
+    assert hk.through(points, speed=0.1).duration == pytest.approx(
+        np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 0.1
+    )
     for bad, fault in (([points[0]], "at least two"), (points[[0, 0]], "repeated")):
         with pytest.raises(hk.HolokinError, match=fault):
             hk.through(bad)
@@ -192,3 +196,49 @@ def test_exported_c_of_an_allocation_and_of_five_rows_does_what_python_does(
         written = hk.export_c(law, tmp_path / name, start=start, name=name, vectors_count=4)
         assert all(line.endswith("passed") for line in hk.export.check(written))
     assert "a point of the task's coordinates, 5 numbers" in (tmp_path / "five" / "five.hpp").read_text("utf-8")
+
+
+def test_a_job_allocates_without_a_robot(tmp_path: Path) -> None:
+    file = tmp_path / "ship.toml"
+    file.write_text(
+        """title = "Thrusters"
+[robot]
+name = "ship"
+[robot.coordinates]
+names = ["bow", "stern", "azimuth"]
+lower = [-1, -1, -1.5]
+upper = 1.5
+units = ["1", "1", "rad"]
+[task]
+kind = "custom"
+expressions = ["10.75*stern*cos(azimuth)", "6*bow + 10.75*stern*sin(azimuth)"]
+units = ["100 kN", "100 kN"]
+[start]
+q = [0.3, 0.4, 0.5]
+[path]
+kind = "circle"
+center = [0, 1.0, 0]
+relative = true
+speed = 0.2
+samples = 40
+[strategies.moore-penrose]
+kind = "moore-penrose"
+[strategies.alike]
+kind = "custom"
+g = ["bow - stern"]
+[expect.moore-penrose]
+holonomic = false
+drift = { above = 0.01 }
+[expect.alike]
+drift = { below = 1e-12 }
+tracking = { below = 1e-9 }
+""",
+        "utf-8",
+    )
+    result = run_job(*open_job(str(file)))
+    assert result.passed
+    assert result.strategies[0].metrics["tracking"] > 0  # in units of the task's own
+    assert "robot" not in [stem for stem, _, _ in figures(result)]
+    file.write_text(file.read_text("utf-8").replace("[robot]\n", '[robot]\ntip = "a"\n'), "utf-8")
+    with pytest.raises(hk.HolokinError, match="tip stands beside coordinates"):
+        run_job(*open_job(str(file)))

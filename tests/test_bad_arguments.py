@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.task_kinds import FrameTask
 from conftest import (
     PANDA_START,
     PPR_CENTER,
@@ -30,6 +29,7 @@ from holokin.errors import (
     TaskTooLargeError,
     UnknownNameError,
 )
+from holokin.task_kinds import FrameTask
 
 PLANAR = {
     "robot": '[robot]\nname = "planar-3r"\n',

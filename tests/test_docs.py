@@ -53,6 +53,8 @@ EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
     "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
+    "two_hands.py": "pseudo-inverse: 0.00595, 0.01187, 0.01777 rad off",
+    "allocation.py": "pseudo-inverse: 0.03966, 0.07726, 0.1243 off",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
 }
 

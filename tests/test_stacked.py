@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from exported import STRICT
+from holokin.job import open_job, run_job
 from holokin.motion import InverseStatus
 from holokin.robot import Robot, to_urdf
 from holokin.synchronized import SynchronizedPaths
@@ -152,7 +153,8 @@ def test_native_steps_along_paths_are_those_of_the_virtual_machine(
     hands: hk.Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loop = circles(hands, 0.02)
-    turned = hk.synchronized(*(hk.line(p, p + [0.01, 0.01, 0.0], turn=[0.1, 0.0, 0.2]) for p in hands.pose(Q0)[:, :3, 3]))
+    points = hands.pose(Q0)[:, :3, 3]
+    turned = hk.synchronized(*(hk.line(p, p + [0.01, 0.01, 0.0], turn=[0.1, 0.0, 0.2]) for p in points))
     for path in (loop, turned):
         ends = []
         for native in ("0", "1"):
@@ -242,7 +244,8 @@ def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     back = both.reversed().at(shares * both.duration)
     assert np.abs(back.position - both.at((1 - shares) * both.duration).position).max() < 1e-9
     piece = both.part(0.25, 0.75)
-    assert np.abs(piece.at(shares * piece.duration).position - both.at((0.25 + shares / 2) * both.duration).position).max() < 1e-9
+    there = both.at((0.25 + shares / 2) * both.duration)
+    assert np.abs(piece.at(shares * piece.duration).position - there.position).max() < 1e-9
 
 
 def test_the_two_ways_of_synchronized_loops_meet_half_way(hands: hk.Task, held: hk.Strategy) -> None:
@@ -290,3 +293,62 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         assert f"ARMS_TARGET = {size[0]}," in header
         assert f"ARMS_TWIST = {size[1]} " in header
         subprocess.run(["cc", *STRICT, "-c", "arms.c", "-o", "arms.o"], cwd=tmp_path / name, check=True)
+
+
+def test_a_law_carried_along_straight_ways_of_both_hands_is_holonomic(hands: hk.Task) -> None:
+    law, loop = hk.radial(hk.moore_penrose(hands), Q0, steps=1), circles(hands, 0.02)
+    q = Q0 + np.random.default_rng(4).uniform(-0.05, 0.05, 14)
+    assert np.abs(hands.jacobian(q) @ law(q) - np.eye(12)).max() < 1e-9
+    assert hk.drift(law, loop, Q0, samples=20).largest[0] < 1e-12
+
+
+JOB = """title = "Two hands"
+[robot]
+name = "yumi"
+[task]
+kind = "stacked"
+parts = [{ kind = "pose", tip = "left_flange" }, { kind = "position", tip = "right_flange" }]
+[start]
+q = [0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2]
+[path]
+kind = "circle"
+center = [-0.02, 0, 0]
+relative = true
+samples = 40
+OTHERS
+[strategies.locked]
+kind = "lock"
+joints = ["left_joint_7", "right_joint_7", "right_joint_4", "right_joint_5", "right_joint_6"]
+[expect.locked]
+holonomic = true
+drift = { below = 1e-12 }
+tracking = { below = 1e-9 }
+[verdict]
+samples = 2
+"""
+MOVING = 'others = [{ kind = "circle", center = [0, 0.02, 0], relative = true }]'
+
+
+@pytest.mark.parametrize("others", [MOVING, ""])
+def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, tmp_path: Path) -> None:
+    """A hand without a path stays where it is."""
+    file = tmp_path / "hands.toml"
+    file.write_text(JOB.replace("OTHERS", others), "utf-8")
+    result = run_job(*open_job(str(file)))
+    assert result.passed
+    q = result.strategies[0].cycles.q
+    moved = [np.ptp([hands.pose(one)[f, :3, 3] for one in q], axis=0).max() for f in (0, 1)]
+    assert moved[0] == pytest.approx(0.04, rel=0.01)
+    assert moved[1] == pytest.approx(0.04 if others else 0.0, rel=0.01, abs=1e-9)
+
+
+def test_a_job_with_more_paths_than_hands_or_parts_in_parts_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "hands.toml"
+    many = MOVING.replace("}]", "}, " + MOVING.split("[", 1)[1].split("}")[0] + "}]")
+    for text, fault in (
+        (JOB.replace("OTHERS", many), "number of frames with a path is 3"),
+        (JOB.replace("OTHERS", "").replace('kind = "position",', 'kind = "stacked",'), "stacked needs parts"),
+    ):
+        file.write_text(text, "utf-8")
+        with pytest.raises(hk.HolokinError, match=fault):
+            run_job(*open_job(str(file)))

@@ -129,7 +129,7 @@ def custom_task(
 ) -> Task:
     """x = f(q) of your own: m CasADi expressions of q, for instance of `robot.kinematics(q)`, or of `coordinates`.
 
-    Its Jacobian is df/dq, its error x_d - x. A target is a point: (3,) of up to three rows, of which the rows of the task
+    Its Jacobian is df/dq, its error x_d - x. A target is a point: (3,) of up to three rows, of which those of the task
     count, and (m,) of more. Paths lead through such points, at a speed in the units of the rows: any `Path` of up to
     three rows, `through(points)` or `synchronized` paths of three rows each of more.
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from .arguments import Made
 from .errors import ShapeError
 from .robot import Kinematics, Robot, hessian_expression
-from .symbolic import SX, as_expression, cross, densify, jacobian, symbol, vertcat
+from .symbolic import SX, as_expression, cross, densify, horzcat, jacobian, symbol, vertcat
 from .types import Value
 
 
@@ -163,3 +163,10 @@ class ExpressionFrame(Made, Frame):
     def labels(self) -> tuple[str, ...]:
         """Those given."""
         return self.row_names
+
+
+def poses_expression(k: Kinematics) -> SX:
+    """The poses of all frames, one below the other, (4F, 4)."""
+    each = range(0, k.position.shape[0], 3)
+    last = SX([[0, 0, 0, 1]])
+    return vertcat(*(vertcat(horzcat(k.rotation[i : i + 3, :], k.position[i : i + 3]), last) for i in each))

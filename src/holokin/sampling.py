@@ -182,7 +182,11 @@ def turned(rotations: Array, start: Matrix) -> Array:
 def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -> Plan:
     """Plan one run of a path in at least `samples` steps. Raises: ArgumentError."""
     if len(path.tracks) != task.frames:
-        cure = f"give {task.frames} of them, one a frame of the task, by hk.synchronized" if task.frames > 1 else "give one"
+        cure = (
+            f"give {task.frames} of them, one a frame of the task, by hk.synchronized"
+            if task.frames > 1
+            else "give one"
+        )
         raise ArgumentError("the number of paths", len(path.tracks), cure)
     plan = Plan(path, task, samples, start_rotation)
     plan.counts  # noqa: B018  so that a bad number of samples is told here

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,7 +67,9 @@ class SynchronizedPaths(Value):
         rows = []
         for track, turned, start in zip(self.tracks, self._rotations, start_rotation.reshape(-1, 3, 3), strict=True):
             for s, R, seconds in zip(track, turned, self.durations, strict=False):
-                rows.append(np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start).ravel(), [seconds]]))
+                rows.append(
+                    np.concatenate([s.center, s.x, s.y, [s.angle], s.v, s.turn, (R @ start).ravel(), [seconds]])
+                )
         return np.array(rows, dtype=float)
 
     @property
@@ -136,11 +139,20 @@ class SynchronizedPaths(Value):
     def on(self, index: Indices, u: Vector) -> Samples:
         """All frames on the segments index (k,) at their parameter u (k,) in [0, 1]."""
         k, frames, seconds = len(u), len(self.tracks), self.durations[index][:, None]
-        p, v, w, R = np.empty((k, frames, 3)), np.empty((k, frames, 3)), np.empty((k, frames, 3)), np.empty((k, frames, 3, 3))
+        p, v, w, R = (
+            np.empty((k, frames, 3)),
+            np.empty((k, frames, 3)),
+            np.empty((k, frames, 3)),
+            np.empty((k, frames, 3, 3)),
+        )
         for f, track in enumerate(self.tracks):
             for i, segment in enumerate(track):
                 here = index == i
-                p[here, f], v[here, f], w[here, f] = segment.position(u[here]), segment.derivative(u[here]), segment.turn
+                p[here, f], v[here, f], w[here, f] = (
+                    segment.position(u[here]),
+                    segment.derivative(u[here]),
+                    segment.turn,
+                )
                 R[here, f] = rotation_matrix(u[here, None] * segment.turn) @ self._rotations[f, i]
         p, v, w, R = p.reshape(k, -1), v.reshape(k, -1) / seconds, w.reshape(k, -1) / seconds, R.reshape(k, -1, 3)
         if self.closed and k:  # closed paths end exactly where they start
@@ -264,7 +276,7 @@ def through(
     wide[:, : given.shape[1]] = corners
     zero = np.zeros(3)
     tracks = tuple(
-        tuple(Segment(a, zero, zero, 0.0, b - a, zero) for a, b in zip(line, line[1:], strict=False))
+        tuple(Segment(a, zero, zero, 0.0, b - a, zero) for a, b in pairwise(line))
         for line in wide.reshape(len(corners), frames, 3).swapaxes(0, 1)
     )
     return SynchronizedPaths(tracks, np.broadcast_to(each, len(moves)).copy())

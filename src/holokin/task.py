@@ -15,12 +15,12 @@ import numpy as np
 
 from .arguments import check, typed
 from .errors import ArgumentError, SingularityError, SingularityKind, UnknownNameError, shown
+from .frames import poses_expression
 from .robot import Kinematics, Robot, doubtful_unit
-from .symbolic import SX, Evaluator, Function, horzcat, jacobian, symbol, vertcat
+from .symbolic import SX, Evaluator, Function, jacobian, symbol, vertcat
 from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
-
 
 
 class Task(Value, ABC):
@@ -149,7 +149,7 @@ class Task(Value, ABC):
 
     @property
     def turns(self) -> bool:
-        """True when all angular rows are those of full orientations, and there are some: it knows the tool's rotation."""
+        """True when there are angular rows, all of full orientations: it knows the tool's rotation."""
         return 0 < sum(self.angular) == 3 * len(self.rotations)
 
     @property
@@ -197,7 +197,7 @@ class Task(Value, ABC):
         p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
         if at.ndim == 2:
             return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
-        finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
+        p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
         return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
 
     def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
@@ -222,8 +222,7 @@ class Task(Value, ABC):
 
     def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
-        p, R = targets_of(self.pose(q).reshape(1, self.frames, 4, 4))
-        return p[0], R[0]
+        return self.target(self.pose(q))
 
     def target(self, pose: Array) -> tuple[Vector, Matrix]:
         """Positions (3F,) and rotations (3F, 3) of a pose (4, 4), or of one for each frame (F, 4, 4), unchecked."""
@@ -246,7 +245,9 @@ class Task(Value, ABC):
 
         And the margins (k,) of the representation, for `check_representation`. Raises: ShapeError.
         """
-        out, margins = self._rates.batch(finite("the rotations", rotation, ("k", 3 * self.frames, 3)), velocity, angular)
+        out, margins = self._rates.batch(
+            finite("the rotations", rotation, ("k", 3 * self.frames, 3)), velocity, angular
+        )
         return out.reshape(-1, self.m), margins
 
     def check_representation(self, q: Vector, margin: float) -> None:
@@ -324,7 +325,9 @@ class Task(Value, ABC):
 
     @cached_property
     def _pose_at(self) -> Evaluator:
-        return self._pose.checked((4, 4) if self.frames == 1 else (self.frames, 4, 4), self.robot.checked, self._doubtful)
+        return self._pose.checked(
+            (4, 4) if self.frames == 1 else (self.frames, 4, 4), self.robot.checked, self._doubtful
+        )
 
     @cached_property
     def _value_at(self) -> Evaluator:
@@ -365,16 +368,9 @@ class Task(Value, ABC):
 
 
 def of_one_tool(task: Task, what: str) -> None:
-    """Raises: ArgumentError: what is asked for serves tasks of one tool alone, and this one has several frames or none."""
+    """Raises: ArgumentError: what is asked for serves one tool alone, and this task has several frames or none."""
     if task.frames > 1 or not task.robot.tips:
         raise ArgumentError(f"the task of {what}", task.name, "it serves one tool of a robot: take the task of one")
-
-
-def poses_expression(k: Kinematics) -> SX:
-    """The poses of all frames, one below the other, (4F, 4)."""
-    each = range(0, k.position.shape[0], 3)
-    last = SX([[0, 0, 0, 1]])
-    return vertcat(*(vertcat(horzcat(k.rotation[i : i + 3, :], k.position[i : i + 3]), last) for i in each))
 
 
 def targets_of(poses: Array) -> tuple[Matrix, Array]:

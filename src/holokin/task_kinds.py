@@ -303,7 +303,9 @@ class StackedTask(Task):
 
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """The errors of the parts."""
-        return self._stack(lambda part, f: part.error_expression(_frame(k, f), _three(position, f), _three(rotation, f)))
+        return self._stack(
+            lambda part, f: part.error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
+        )
 
     def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """The rates of the parts."""

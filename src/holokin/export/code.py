@@ -15,6 +15,7 @@ import numpy as np
 
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
+from ..frames import poses_expression
 from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT
@@ -22,7 +23,7 @@ from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
-from ..task import Task, poses_expression
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ROTATION, Vector
 
@@ -205,8 +206,7 @@ def _gather(task: Task) -> str:
         return "  hk_unpack(target, x + HK_N);\n"
     coordinates = "  for (int i = 0; i < 3 * HK_FRAMES; i++) x[HK_N + i] = i < HK_POSE ? target[i] : HK_C(0);\n"
     return (
-        coordinates
-        + "  for (int i = 0; i < 9 * HK_FRAMES; i++) x[HK_N + 3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);\n"
+        coordinates + "  for (int i = 0; i < 9 * HK_FRAMES; i++) x[HK_N + 3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);\n"
     )
 
 
@@ -226,7 +226,8 @@ def _pose_words(task: Task) -> dict[str, str]:
             "target_words": "a 4x4 matrix by rows, the tool in the base frame, 16 numbers"
             if not several
             else f"{frames} matrices 4x4 by rows, the frames in the base frame, {16 * frames} numbers",
-            "twist_words": f"{6 * frames} numbers, {'6 a frame, ' if several else ''}linear first, in the base frame [m/s, rad/s]",
+            "twist_words": f"{6 * frames} numbers, {'6 a frame, ' * several}linear first, "
+            "in the base frame [m/s, rad/s]",
         }
     if task.spatial:
         places = "a position" if not several else f"{frames} positions"

@@ -270,7 +270,8 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     if words["matrices"]:
         found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         turned = (
-            f"  for (int i = 0; i < {words['target']}; i++) target[i] = (real)vectors[0].target[i / 16 * 16 + 4 * (i % 4) + i / 4 % 4];\n"
+            f"  for (int i = 0; i < {words['target']}; i++)\n"
+            "    target[i] = (real)vectors[0].target[i / 16 * 16 + 4 * (i % 4) + i / 4 % 4];\n"
             f'  expect("step to a transposed target", {step}, {found}, dq, {n});\n'
         )
         if source.holonomic:

@@ -26,7 +26,12 @@ _OF = {
 }  # fmt: skip
 """The kinds of task that use a key."""
 
-_NEEDED = {"relative-pose": ("tip", "other"), "line-of-sight": ("point",), "custom": ("expressions", "units"), "stacked": ("parts",)}
+_NEEDED = {
+    "relative-pose": ("tip", "other"),
+    "line-of-sight": ("point",),
+    "custom": ("expressions", "units"),
+    "stacked": ("parts",),
+}
 
 
 class TaskTable(Table):

@@ -139,7 +139,9 @@ def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
         change, bend = _enclosed(enclosure, center, half, radius, Y)
     if enclosure is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
         change, bend = _sampled(strategy, center, half, radius, A, Y)
-    for first in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+    for (
+        first
+    ) in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
         rows = slice(first, first + 3)
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
     return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))

@@ -27,7 +27,7 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
-from .control_law import ControlLaw, Step, feedback, tracking
+from .control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .leaf import leaf_value
 
 LONGEST_STEP = 10.0
@@ -89,6 +89,9 @@ class Controller(ControlLaw):
             twist: the constant twist that takes the wanted pose of now there, (6,), linear first, in the base frame
                 [m/s, rad/s]; for a position task also the velocity (3,).
 
+        Of a task of F > 1 frames poses are (F, 4, 4) and twists (F, 6), or points and velocities both (F, 3); of a
+        `custom_task` of m > 3 rows a point (m,) and how fast it moves.
+
         Returns:
             dq (n,), a new array. It is zero where `status` is SINGULAR or NOT_FINITE; nothing is raised then.
 
@@ -143,9 +146,9 @@ class _Compiled:
         frames, point = self.strategy.task.frames, len(pose) == 1
         one = () if frames == 1 else (frames,)
         a, b, c = arguments
-        every = (pose, *(((frames, 3),) if frames > 1 else ()))  # of a position task whole poses and twists will do, too
-        T = _numbers("pose", b, ((*one, 4, 4), *every) if point else ((*one, 4, 4),))
-        v = _numbers("twist", c, ((*one, 6), *every) if point else ((*one, 6),))
+        points = (pose, (*one, 3)) if point else ()  # of a position task whole poses and twists will do, too
+        T = _numbers("pose", b, tuple(dict.fromkeys(((*one, 4, 4), *points))))
+        v = _numbers("twist", c, tuple(dict.fromkeys(((*one, 6), *points))))
         whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
         for matrix in T.reshape(-1, 4, 4) if whole else ():
             if np.isfinite(matrix[3]).all():
@@ -352,27 +355,17 @@ def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
 def step_function(strategy: Strategy, limits: bool) -> Function:
     """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), with parameters = (c, dt, K, K_g).
 
-    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `Controller.step`. One compiled step
+    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
     serves all parameters. room is the scale that position limits allow; given is finite where all arguments are, also
     those not needed.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if has_leaf(strategy) else 0
-    point = task.orientation is None
-    F = task.frames
-    if point:
-        pose, twist, more = symbol("pose", task.point), symbol("twist", task.point), SX.zeros(3 * F - task.point, 1)
-        p, R = vertcat(pose, more), vertcat(*([SX.eye(3)] * F))
-        v = vertcat(twist, more)
-        whole = vertcat(*(vertcat(v[i : i + 3], SX.zeros(3, 1)) for i in range(0, 3 * F, 3)))
-    else:
-        pose, twist = symbol("pose", 4 * F, 4), symbol("twist", 6 * F)
-        whole = twist
-        p, R = (vertcat(*(pose[4 * f : 4 * f + 3, columns] for f in range(F))) for columns in (3, slice(3)))
+    (pose, twist), (p, R, twists) = wanted_symbols(task)
     parameters = symbol("parameters", r + 3)
     c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
-    dx, error = tracking(task, e.kinematics, p, R, whole, dt)
+    dx, error = tracking(task, e.kinematics, p, R, twists, dt)
     found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:

@@ -11,7 +11,7 @@ singular postures and, when asked for, the joint limits. A are their slopes by z
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np

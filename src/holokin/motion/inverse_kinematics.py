@@ -181,7 +181,9 @@ class InverseKinematics(Value):
         q, status = self._go(p, R, self.start)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
             task = self.strategy.task
-            fact = f"the pose is out of reach of {task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
+            fact = (
+                f"the pose is out of reach of {task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
+            )
             raise OutOfReachError(fact, task.doubtful_unit(p) or "give a pose nearer to the base")
         return self._answer(q, status)
 

@@ -90,8 +90,8 @@ def drift(
 
 @typed
 def path_spread(
-    strategy: Strategy, path_a: AnyPath, path_b: AnyPath, q0: ArrayLike, *, samples: int = 500, method: str | None = None,
-    limits: bool = True,
+    strategy: Strategy, path_a: AnyPath, path_b: AnyPath, q0: ArrayLike, *, samples: int = 500,
+    method: str | None = None, limits: bool = True,
 ) -> Spread:  # fmt: skip
     """Follow two paths from the same start posture to the same tool pose and compare the joints.
 
@@ -99,7 +99,9 @@ def path_spread(
         ArgumentError when the paths end apart, and what `follow` raises.
     """
     if path_a.end.shape != path_b.end.shape:
-        raise ArgumentError("the frames of the two paths", (len(path_a.tracks), len(path_b.tracks)), "give equal numbers")
+        raise ArgumentError(
+            "the frames of the two paths", (len(path_a.tracks), len(path_b.tracks)), "give equal numbers"
+        )
     apart = float(np.linalg.norm(path_a.end - path_b.end))
     turned = float(np.abs(path_a.turned - path_b.turned).max())
     if max(apart, turned) > 1e-9:

@@ -19,9 +19,9 @@ continuously. Stretches follow one another where one's posture lies within the o
 from __future__ import annotations
 
 from ..errors import NativeError
+from ..frames import poses_expression
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
-from ..task import poses_expression
 from ..tolerances import TOLERANCES
 from ..types import ROTATION, kept
 from .branch import branch_code

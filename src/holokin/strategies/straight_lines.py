@@ -32,7 +32,7 @@ from ..symbolic import (
 )
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Vector, frozen, whole
+from ..types import ArrayLike, Vector, frozen, whole
 from .base import Strategy
 from .build import holonomic
 from .kinds import HolonomicStrategy
