@@ -31,7 +31,7 @@ LAYERS = [
     {"strategies"},
     {"ways"},
     {"path"},
-    {"synchronized"},
+    {"synchronized_paths"},
     {"workspaces"},
     {"trajectory"},
     {"sampling"},

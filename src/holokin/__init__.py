@@ -50,7 +50,7 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .synchronized import synchronized, through
+from .synchronized_paths import synchronized, through
 from .task import Task
 from .task_kinds import stacked
 from .trajectory import Status, Trajectory

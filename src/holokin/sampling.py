@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import ArgumentError
 from .path import Samples
-from .synchronized import AnyPath
+from .synchronized_paths import AnyPath
 from .task import Task
 from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory

@@ -29,7 +29,7 @@ from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
-from ..synchronized import AnyPath
+from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (

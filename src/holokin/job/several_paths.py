@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from ..errors import ArgumentError
-from ..synchronized import AnyPath, synchronized
+from ..synchronized_paths import AnyPath, synchronized
 from ..task import Task
 from ..task_kinds import parts_of
 from ..types import Vector

@@ -24,7 +24,7 @@ from ..errors import (
 from ..progress import progress
 from ..sampling import Plan, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy
-from ..synchronized import AnyPath
+from ..synchronized_paths import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole

@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError
 from ..strategies import Strategy
-from ..synchronized import AnyPath
+from ..synchronized_paths import AnyPath
 from ..trajectory import Trajectory
 from ..types import ArrayLike, Indices, Matrix, Value, Vector
 from .following import follow

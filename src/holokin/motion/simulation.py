@@ -13,7 +13,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, StartError
 from ..progress import progress
 from ..sampling import Plan, make_plan, record
-from ..synchronized import AnyPath
+from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory

@@ -13,7 +13,7 @@ from ..analysis import Verdict
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
 from ..robot import Robot
-from ..synchronized import AnyPath
+from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 

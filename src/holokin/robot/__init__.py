@@ -2,10 +2,10 @@
 
 from .catalog import beside, catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
-from .coordinates import coordinates
 from .dh import DHRow, from_dh
 from .export import to_mjcf, to_urdf
 from .extent import reach
+from .free_coordinates import coordinates
 from .inertia import mass_matrix_expression, potential_expression
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
