@@ -137,10 +137,11 @@ class Task(Value, ABC):
 
     @abstractmethod
     def chart(self, rotations: Matrix) -> Self:
-        """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0.
+        """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0."""
 
-        Along such a line the twists (v, w) are constant, so the geometric Jacobian serves for all full orientations.
-        """
+    @abstractmethod
+    def counted_from(self, rotations: Matrix) -> Self:
+        """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
 
     @property
     def angular(self) -> tuple[bool, ...]:

@@ -139,10 +139,17 @@ class FrameTask(Task):
         return replace(self, orientation="twist") if self.rotations else self
 
     def chart(self, rotations: Matrix) -> FrameTask:
-        """With "twist", counted from the rotation (3, 3), for a full orientation."""
+        """With "twist", counted from the rotation (3, 3), for a full orientation.
+
+        Along such a line the twist (v, w) is constant, so the geometric Jacobian serves.
+        """
         if self.rotations or self.robot.planar:
             return replace(self, orientation="twist", reference=rotations)
         return self
+
+    def counted_from(self, rotations: Matrix) -> FrameTask:
+        """With another reference (3, 3), where there is such a one."""
+        return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
     def kinematics(self, q: SX) -> Kinematics:
         """The expressions of the frame."""
@@ -286,6 +293,11 @@ class StackedTask(Task):
         """Those of the parts."""
         each = rotations.reshape(-1, 3, 3)
         return replace(self, parts=tuple(part.chart(R) for part, R in zip(self.parts, each, strict=True)))
+
+    def counted_from(self, rotations: Matrix) -> StackedTask:
+        """Those of the parts."""
+        each = rotations.reshape(-1, 3, 3)
+        return replace(self, parts=tuple(part.counted_from(R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
         """Those of the parts, one below the other."""
