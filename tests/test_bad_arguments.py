@@ -29,6 +29,7 @@ from holokin.errors import (
     TaskTooLargeError,
     UnknownNameError,
 )
+from holokin.task_kinds import FrameTask
 
 PLANAR = {
     "robot": '[robot]\nname = "planar-3r"\n',
@@ -223,11 +224,11 @@ def test_a_singular_start_is_refused_with_its_kind(
         (lambda _r, _t: hk.moore_penrose("panda"), "task is 'panda'; give a Task"),
         (lambda r, _t: hk.pose(r, tip=["hand"]), r"tip is \['hand'\]; give text or None"),
         (lambda _r, t: hk.constraints.stack(t, t), "give a Constraint"),
-        (lambda r, _t: hk.Task(r, "twist", ("x",), np.eye(3)), "rows of a task"),
-        (lambda r, _t: hk.Task(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
-        (lambda r, _t: hk.Task(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
-        (lambda r, _t: hk.Task(r, "rpy", (0, 1), np.eye(2)), "reference of a task"),
-        (lambda _r, _t: hk.Task("panda", None, (0, 1), np.eye(3)), "robot of a task is 'panda'; give a Robot"),
+        (lambda r, _t: FrameTask(r, "twist", ("x",), np.eye(3)), "rows of a task"),
+        (lambda r, _t: FrameTask(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
+        (lambda r, _t: FrameTask(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
+        (lambda r, _t: FrameTask(r, "rpy", (0, 1), np.eye(2)), "reference of a task"),
+        (lambda _r, _t: FrameTask("panda", None, (0, 1), np.eye(3)), "robot of a task is 'panda'; give a Robot"),
         (lambda _r, _t: type("Mine", (hk.Task,), {}), "tasks are final"),
     ],
 )

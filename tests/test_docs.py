@@ -59,6 +59,8 @@ EXAMPLES = {
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
     "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "waypoints_to_program.py": "1.102 m of path, 8 corners",
+    "two_hands.py": "pseudo-inverse: 0.00595, 0.01187, 0.01777 rad off",
+    "allocation.py": "pseudo-inverse: 0.03966, 0.07726, 0.1243 off",
     "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
     "timed_program.py": "arm7: 2.120 s",
     "rail_and_arm.py": "pseudo-inverse: 0.060 rad off",

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IRB_START, PANDA_START
 from holokin.robot import Joint, Robot, Tip
+from holokin.task_kinds import FrameTask
 
 
 @pytest.fixture(scope="module")
@@ -189,12 +190,14 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
         hk.pose(panda, "axis", axis=(0, 0, 0))
     with pytest.raises(hk.HolokinError, match="relative to"):
         hk.relative_pose(both_hands, "left", "left")
-    with pytest.raises(hk.HolokinError, match="one to three units"):
-        hk.custom_task(panda, lambda q: q[:4], units=("rad",) * 4)
+    with pytest.raises(hk.HolokinError, match="a unit of each row"):
+        hk.custom_task(panda, lambda q: q[:4], units=())
+    with pytest.raises(hk.HolokinError, match="8"):
+        hk.custom_task(panda, lambda q: ca.vertcat(q, q[0]), units=("rad",) * 8)
     with pytest.raises(hk.HolokinError, match="units="):
         hk.custom_task(panda, lambda q: q[:2], units=("rad",))
     with pytest.raises(hk.HolokinError, match="rows of a task"):
-        hk.Task(panda, "axis", (0, 5), np.eye(3))
+        FrameTask(panda, "axis", (0, 5), np.eye(3))
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")

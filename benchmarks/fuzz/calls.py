@@ -92,9 +92,12 @@ def calls() -> dict[str, Call]:
         "line_of_sight": (hk.line_of_sight, (robot, [0.1, 0.2, 0.3]), {"tip": None, "axis": "x", "name": "sight"}),
         "custom_task": (hk.custom_task, (robot, lambda q: q[:2]), {
             "units": ("rad", "rad"), "names": ("a", "b"), "name": "mine"}),
+        "stacked": (hk.stacked, (task, k["elbow"]), {}),
+        "coordinates": (hk.coordinates, (("a", "b"),), {
+            "lower": -1.0, "upper": [1.0, 2.0], "max_velocity": 1.0, "units": ("N", "rad"), "name": "u"}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
             "definition": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1],
-            "pole": [1, 0, 0]}),
+            "pole": [1, 0, 0], "tip": None}),
         "height": (lambda joint: hk.holonomic(task, constraints.height(joint)), (robot.joint_names[1],), {}),
         "lock": (lambda *j, **n: hk.holonomic(task, hk.lock(*j, **n)), (0,), {"name": "lock"}),
         "linear": (lambda *a, **n: hk.holonomic(task, hk.linear(*a, **n)), ([1.0, 0.0, -1.0],), {"name": "linear"}),
@@ -134,6 +137,8 @@ def calls() -> dict[str, Call]:
         "polyline": (hk.polyline, ([[0, 0], [1, 0], [1, 1]],), {
             "turns": [[0, 0, 0.1]] * 3, "closed": True, "speed": 0.1}),
         "join": (hk.join, (line, line), {}),
+        "synchronized": (hk.synchronized, (line, line, [0, 1, 0]), {"duration": 2.0}),
+        "through": (hk.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
         "retime": (hk.retime, (walk, robot), {
             "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,

@@ -36,6 +36,7 @@ def kit() -> dict[str, Any]:
     return {
         "robot": robot, "other": other, "q": q, "task": task, "law": law, "held": held, "loop": loop, "walk": walk,
         "two": replace(robot, tips=(*robot.tips, hk.robot.Tip("elbow", 0, np.eye(4)))),
+        "elbow": hk.position(robot, rows=[0]),
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
         "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": analysis.ball(q, 0.05), "g": hk.lock(0),
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),

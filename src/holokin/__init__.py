@@ -70,6 +70,7 @@ from .robot import (
     Robot,
     catalogue,
     compose,
+    coordinates,
     from_dh,
     from_mjcf,
     from_pinocchio,
@@ -86,7 +87,9 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
+from .synchronized_paths import synchronized, through
 from .task import Task
+from .task_kinds import stacked
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 from .workspaces import Workspace, workspace
@@ -130,6 +133,7 @@ __all__ = [
     "compose",
     "constraints",
     "controller",
+    "coordinates",
     "coupled",
     "coverage",
     "curvature",
@@ -187,8 +191,11 @@ __all__ = [
     "simulate",
     "spiral",
     "spline",
+    "stacked",
     "stationary",
     "strategies",
+    "synchronized",
+    "through",
     "to_mjcf",
     "to_urdf",
     "weighted",

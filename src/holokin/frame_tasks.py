@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from .arguments import typed
-from .errors import ArgumentError, UnknownNameError, shown
+from .errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
 from .representations import ORIENTATIONS, UP
 from .robot import Robot
-from .symbolic import SX, norm_2, symbol
+from .symbolic import SX, norm_2
 from .symbolic.geometry import frame_about, log_s2
 from .task import Task, chosen_rows
+from .task_kinds import FrameTask, stack
 from .types import ArrayLike, Matrix, Vector, finite
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": UP}
@@ -29,7 +30,7 @@ def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None
     """
     robot.pose(np.zeros(robot.n), tip)
     every = (0, 1) if robot.planar else (0, 1, 2)
-    return Task(robot, None, every if rows is None else chosen_rows(every, rows), np.eye(3), TipFrame(tip))
+    return FrameTask(robot, None, every if rows is None else chosen_rows(every, rows), np.eye(3), TipFrame(tip))
 
 
 @typed
@@ -114,7 +115,7 @@ def _pose_of(
         cure = f"use 'twist': the tool of a plane turns about one axis, and {orientation!r} is singular there"
         raise ArgumentError("orientation of a planar robot", orientation, cure)
     every = (0, 1, 5) if robot.planar else tuple(range(5 if orientation == "axis" else 6))
-    return Task(robot, orientation, every if rows is None else chosen_rows(every, rows), base, frame, along)
+    return FrameTask(robot, orientation, every if rows is None else chosen_rows(every, rows), base, frame, along)
 
 
 @typed
@@ -126,10 +127,11 @@ def custom_task(
     names: Sequence[str] | None = None,
     name: str = "custom",
 ) -> Task:
-    """x = f(q) of your own: one to three CasADi expressions of q, for instance of `robot.kinematics(q)`.
+    """x = f(q) of your own: m CasADi expressions of q, for instance of `robot.kinematics(q)`, or of `coordinates`.
 
-    Its Jacobian is df/dq, its error x_d - x. A target is a point (3,), of which the rows of the task count; paths lead
-    through such points, at a speed in the units of the rows.
+    Its Jacobian is df/dq, its error x_d - x. A target is a point: (3,) of up to three rows, of which those of the task
+    count, and (m,) of more. Paths lead through such points, at a speed in the units of the rows: any `Path` of up to
+    three rows, `through(points)` or `synchronized` paths of three rows each of more.
 
     Args:
         expression: q (n,) -> x (m,).
@@ -137,15 +139,23 @@ def custom_task(
         names: of each row; "x1", "x2", ... by default.
 
     Raises:
-        ArgumentError: not one to three rows. ShapeError: the expression has other rows. TaskTooLargeError: m > n.
+        ArgumentError: no rows. ShapeError: the expression has other rows. TaskTooLargeError: m > n.
     """
     labels = tuple(f"x{i + 1}" for i in range(len(units))) if names is None else tuple(names)
-    if not 1 <= len(units) <= 3 or len(labels) != len(units):
-        cure = "give one to three units, and as many names"
+    if not units or len(labels) != len(units):
+        cure = "give a unit of each row, and as many names"
         raise ArgumentError("the units and names of a task", (tuple(units), labels), cure)
-    frame = ExpressionFrame(name, expression, tuple(units), labels)
-    frame.kinematics(robot, symbol("q", robot.n))  # so that an expression that does not fit is refused here
-    return Task(robot, None, tuple(range(len(units))), np.eye(3), frame)
+    whole = ExpressionFrame(name, expression, tuple(units), labels)
+    whole.check(robot)  # so that an expression that does not fit is refused here
+    if len(units) > robot.n:
+        raise TaskTooLargeError(len(units), robot.n, robot.name)
+    parts = [
+        FrameTask(robot, None, tuple(range(len(frame.row_units))), np.eye(3), frame) for frame in whole.in_threes()
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    rows = tuple(6 * f + row for f, part in enumerate(parts) for row in part.rows)
+    return stack(parts, rows, name, len(units))
 
 
 @typed

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from .arguments import Made
 from .errors import ShapeError
 from .robot import Kinematics, Robot, hessian_expression
-from .symbolic import SX, as_expression, cross, densify, jacobian, vertcat
+from .symbolic import SX, as_expression, cross, densify, horzcat, jacobian, symbol, vertcat
 from .types import Value
 
 
@@ -20,6 +20,8 @@ class Frame(Value, ABC):
 
     has_hessians: ClassVar[bool] = False
     """Whether the derivatives of its Jacobian have a closed form."""
+    spatial: ClassVar[bool] = True
+    """Whether its coordinates are places of a tool in metres."""
 
     @abstractmethod
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
@@ -120,16 +122,32 @@ class ExpressionFrame(Made, Frame):
     expression: Callable[[SX], Any]
     row_units: tuple[str, ...]
     row_names: tuple[str, ...]
+    spatial = False
+
+    def check(self, robot: Robot) -> None:
+        """Raises: ShapeError: the expression has not as many rows as units."""
+        shape, rows = as_expression(self.expression(symbol("q", robot.n))).shape, len(self.row_units)
+        if shape != (rows, 1):
+            raise ShapeError(f"the expression of {self.name!r}", (rows, 1), shape, "units= has one entry a row")
+
+    def in_threes(self) -> list[ExpressionFrame]:
+        """Frames of three rows each, and one of the rest."""
+        if len(self.row_units) <= 3:
+            return [self]
+
+        def part(first: int) -> Callable[[SX], Any]:
+            return lambda q: as_expression(self.expression(q))[first : min(first + 3, len(self.row_units))]
+
+        return [
+            ExpressionFrame(self.name, part(i), self.row_units[i : i + 3], self.row_names[i : i + 3])
+            for i in range(0, len(self.row_units), 3)
+        ]
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
-        """The point, and its slope by q. Raises: ShapeError: the expression has not as many rows as units."""
-        x = as_expression(self.expression(q))
-        rows = len(self.row_units)
-        if x.shape != (rows, 1):
-            raise ShapeError(f"the expression of {self.name!r}", (rows, 1), x.shape, "units= has one entry a row")
+        """The point, and its slope by q."""
+        x, rows = as_expression(self.expression(q)), len(self.row_units)
         J = vertcat(densify(jacobian(x, q)), SX.zeros(6 - rows, robot.n))
-        origins = robot.kinematics(q).origins
-        return Kinematics(vertcat(x, SX.zeros(3 - rows, 1)), SX.eye(3), J, origins)
+        return Kinematics(vertcat(x, SX.zeros(3 - rows, 1)), SX.eye(3), J, robot.origins(q))
 
     @property
     def title(self) -> str:
@@ -145,3 +163,10 @@ class ExpressionFrame(Made, Frame):
     def labels(self) -> tuple[str, ...]:
         """Those given."""
         return self.row_names
+
+
+def poses_expression(k: Kinematics) -> SX:
+    """The poses of all frames, one below the other, (4F, 4)."""
+    each = range(0, k.position.shape[0], 3)
+    last = SX([[0, 0, 0, 1]])
+    return vertcat(*(vertcat(horzcat(k.rotation[i : i + 3, :], k.position[i : i + 3]), last) for i in each))

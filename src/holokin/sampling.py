@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from .errors import StartError
-from .path import Path, Samples
-from .robot import doubtful_unit
+from .errors import ArgumentError, StartError
+from .path import Samples
+from .synchronized_paths import AnyPath, paths_of
 from .task import Task
 from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory
@@ -36,7 +36,7 @@ class _Block:
 class Plan:
     """One cycle of a path in at least `samples` steps. Arrays over all steps are made when first asked for."""
 
-    path: Path
+    path: AnyPath
     task: Task
     samples: int
     start_rotation: Matrix
@@ -53,9 +53,9 @@ class Plan:
 
     @cached_property
     def first(self) -> tuple[Vector, Matrix]:
-        """Position (3,) and rotation (3, 3) at the start."""
+        """Position (3F,) and rotation (3F, 3) of the F frames at the start."""
         at = self.path.on(np.zeros(1, dtype=int), np.zeros(1))
-        return at.position[0], at.rotation[0] @ self.start_rotation
+        return at.position[0], turned(at.rotation, self.start_rotation)[0]
 
     @cached_property
     def h(self) -> Vector:
@@ -64,13 +64,13 @@ class Plan:
 
     @cached_property
     def position(self) -> Matrix:
-        """Wanted positions (steps, 3) at the ends of the steps."""
+        """Wanted positions (steps, 3F) at the ends of the steps."""
         return self._ends.position
 
     @cached_property
     def rotation(self) -> Array:
-        """Wanted rotations (steps, 3, 3) at the ends of the steps."""
-        return self._ends.rotation @ self.start_rotation
+        """Wanted rotations (steps, 3F, 3) at the ends of the steps."""
+        return turned(self._ends.rotation, self.start_rotation)
 
     @cached_property
     def rates(self) -> tuple[Matrix, Matrix, Matrix]:
@@ -83,13 +83,13 @@ class Plan:
         return tuple(self._rates_at(self.path.on(segment, u)) for u in (u0, (u0 + u1) / 2, u1))  # type: ignore[return-value]
 
     def target(self, step: int, share: float) -> tuple[Vector, Matrix]:
-        """Position (3,) and rotation (3, 3) at a share in [0, 1] of a step."""
+        """Position (3F,) and rotation (3F, 3) at a share in [0, 1] of a step."""
         if share == 1.0:
             block = self._block(step)
             return block.position[step % BLOCK], block.rotation[step % BLOCK]
         segment, u0, u1 = self._locate(np.array([step]))
         at = self.path.on(segment, u0 + share * (u1 - u0))
-        return at.position[0], at.rotation[0] @ self.start_rotation
+        return at.position[0], turned(at.rotation, self.start_rotation)[0]
 
     def where(self, done: int) -> str:
         """Where the tool is after some steps, all cycles counted, in words."""
@@ -106,8 +106,12 @@ class Plan:
 
     @cached_property
     def _bends(self) -> list[tuple[float, float]]:
-        pairs = zip(self.path.segments, self.counts.tolist(), strict=True)
-        return [(s.bend / k**2, s.sway / k) for s, k in pairs]
+        tracks = zip(*(path.segments for path in paths_of(self.path)), strict=True)
+        found = []
+        for segments, k in zip(tracks, self.counts.tolist(), strict=True):
+            bend, sway = np.linalg.norm([(s.bend, s.sway) for s in segments], axis=0).tolist()
+            found.append((bend / k**2, sway / k))
+        return found
 
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""
@@ -131,12 +135,12 @@ class Plan:
         if first not in self._kept:
             segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
             found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
-            turned = [at.rotation @ self.start_rotation for at in found]
-            pairs = zip(found, turned, strict=True)
+            rotations = [turned(at.rotation, self.start_rotation) for at in found]
+            pairs = zip(found, rotations, strict=True)
             rates, margins = zip(*(self.task.rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
-            self._kept[first] = _Block(found[2].position, turned[2], h, rates, np.min(margins, axis=0))
+            self._kept[first] = _Block(found[2].position, rotations[2], h, rates, np.min(margins, axis=0))
         return self._kept[first]
 
     @cached_property
@@ -153,7 +157,7 @@ class Plan:
         )
 
     def _rates_at(self, at: Samples) -> Matrix:
-        rates, margins = self.task.rates(at.rotation @ self.start_rotation, at.velocity, at.angular)
+        rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
         self._check(margins.min(initial=np.inf))
         return rates
 
@@ -170,13 +174,25 @@ class Plan:
         return self.path.on(segment, u1)
 
 
-def make_plan(task: Task, path: Path, samples: int, start_rotation: Matrix) -> Plan:
-    """Plan one run of a path in at least `samples` steps, from the path's own rotation if it has one, or from another.
+def turned(rotations: Array, start: Matrix) -> Array:
+    """The rotations (k, 3F, 3) of F frames that were turned by a path, from those (3F, 3) at its start."""
+    each = rotations.reshape(len(rotations), -1, 3, 3) @ start.reshape(-1, 3, 3)
+    return each.reshape(rotations.shape)
+
+
+def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -> Plan:
+    """Plan one run of a path in at least `samples` steps, from the path's own rotations if it has any, or from others.
 
     Raises:
         ArgumentError.
     """
-    plan = Plan(path, task, samples, start_rotation if path.rotation is None else path.rotation)
+    paths = paths_of(path)
+    if len(paths) != task.frames:
+        several = f"give {task.frames} of them, one a frame of the task, by hk.synchronized"
+        raise ArgumentError("the number of paths", len(paths), several if task.frames > 1 else "give one")
+    begun = start_rotation.reshape(-1, 3, 3)
+    own = [R if one.rotation is None else one.rotation for one, R in zip(paths, begun, strict=True)]
+    plan = Plan(path, task, samples, np.vstack(own))
     plan.counts  # noqa: B018  so that a bad number of samples is told here
     return plan
 
@@ -186,9 +202,10 @@ def check_start(plan: Plan, q: Vector) -> None:
     task, (p, R) = plan.task, plan.first
     off = float(np.abs(task.error(q, p, R)).max())
     if off > TOLERANCES.start:
-        tool = task.pose(q)
-        turned = float(np.linalg.norm(rotation_vector(R @ tool[:3, :3].T)))
-        raise StartError(off, tool[:3, 3], p, doubtful_unit(task.robot, p, task.tip), turned)
+        here, tools = task.place(q)
+        gaps = R.reshape(-1, 3, 3) @ np.swapaxes(tools.reshape(-1, 3, 3), 1, 2)
+        angle = float(np.linalg.norm(rotation_vector(gaps), axis=-1).max())
+        raise StartError(off, here, p, task.doubtful_unit(p), angle)
 
 
 def record(

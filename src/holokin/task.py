@@ -1,82 +1,61 @@
 """`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
 
-Rows are position first, then orientation, of the pose of a frame: the tool's, or another one, see `frames`. `twist` has
-the geometric Jacobian, whose angular rows are not the derivative of any coordinates; the other representations have
-x = f(q) and J = df/dq.
+A task is about one frame or several: the poses of F frames, six rows each. Its kinds are in `task_kinds`. A target is
+the positions p (3F,) and the rotations R (3F, 3) of all frames, one below the other: p (3,) and R (3, 3) of one frame.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from .arguments import check, typed
-from .errors import ArgumentError, SingularityError, SingularityKind, TaskTooLargeError, UnknownNameError, shown
-from .frames import Frame, TipFrame
-from .representations import ORIENTATIONS, UP, Representation, representation
-from .robot import Kinematics, Robot
-from .symbolic import SX, Evaluator, Function, horzcat, jacobian, symbol, vertcat
+from .errors import ArgumentError, SingularityError, SingularityKind, UnknownNameError, shown
+from .frames import poses_expression
+from .robot import Kinematics, Robot, doubtful_unit
+from .symbolic import SX, Evaluator, Function, jacobian, symbol, vertcat
 from .symbolic.null_space import minors, null_space
 from .tolerances import TOLERANCES
 from .types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 
 
-@dataclass(frozen=True, eq=False)
-class Task(Value):
-    """x = f(q), of m rows chosen from (x, y, z) and three orientation rows, or two of an axis.
+class Task(Value, ABC):
+    """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
 
-    `orientation` is one of "twist", "zyz", "rpy", "rotation-vector", "axis", or None for position only.
-    `reference` (3, 3) is the rotation that "rotation-vector" counts from, log(R reference^T), and that "axis" does: the
-    direction R a of the axis a of the tool is reached from `reference` a by a turn about (ax, ay), which are
-    perpendicular to it. `axis` (3,) is a, in the tool's frame.
-    `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
+    Make one with `position`, `pose`, `relative_pose`, `line_of_sight`, `custom_task`, and put them together with
+    `stacked`. `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
     """
 
     robot: Robot
     orientation: str | None
+    """The kind of its orientation rows, None for positions alone."""
     rows: tuple[int, ...]
-    reference: Matrix
-    frame: Frame = field(default_factory=TipFrame)
-    axis: Vector = field(default_factory=lambda: np.array(UP))
+    """Which rows of the frames it has, six each: 6 f to 6 f + 2 the position of frame f, then its orientation."""
 
     def __init_subclass__(cls) -> None:
-        cure = "tasks are final: use hk.position or hk.pose, rows= of them, and a constraint for a quantity of your own"
-        raise ArgumentError("a subclass of Task", cls.__name__, cure)
-
-    def __post_init__(self) -> None:
-        kinds = {"robot": Robot, "orientation": str | None, "rows": tuple[int, ...], "frame": Frame}
-        for what, kind in kinds.items():
-            check(f"the {what} of a task", kind, getattr(self, what))
-        if self.orientation not in (None, *ORIENTATIONS):
-            raise UnknownNameError("orientation", shown(self.orientation), ORIENTATIONS)
-        last = 2 + len(self.representation.row_names)
-        if not self.rows or not set(self.rows) <= set(range(last + 1)) or len(set(self.rows)) < len(self.rows):
-            cure = f"name each of 0 to {last} at most once, and at least one"
-            raise ArgumentError("the rows of a task", self.rows, cure)
-        finite("the reference of a task", self.reference, (3, 3))
-        finite("the axis of a task", self.axis, (3,))
-        super().__post_init__()
-        if self.m > self.n:
-            raise TaskTooLargeError(self.m, self.n, self.robot.name)
-        angular = sum(i > 2 for i in self.rows)
-        if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
-            cure = "one or two angular velocities give no orientation to return to: keep all three, none, or take 'rpy'"
-            raise ArgumentError("the number of angular rows of a twist task", angular, cure)
+        if cls.__module__ != f"{__package__}.task_kinds":
+            cure = "tasks are final: use hk.pose, hk.custom_task, ..., and a constraint for a quantity of your own"
+            raise ArgumentError("a subclass of Task", cls.__name__, cure)
 
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
 
     @typed
-    def __getitem__(self, index: int | slice | Sequence[int]) -> Task:
+    def __getitem__(self, index: int | slice | Sequence[int]) -> Self:
         """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
-        return replace(self, rows=chosen_rows(self.rows, index))
+        return self.with_rows(chosen_rows(self.rows, index))
 
-    def __iter__(self) -> Iterator[Task]:
+    def __iter__(self) -> Iterator[Self]:
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
         return (self[i] for i in range(self.m))
+
+    @abstractmethod
+    def with_rows(self, rows: tuple[int, ...]) -> Self:
+        """The same task with other rows."""
 
     @property
     def m(self) -> int:
@@ -89,46 +68,95 @@ class Task(Value):
         return self.robot.n
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """For instance "pose (zyz) of panda"."""
-        kind = "position" if self.orientation is None else f"pose ({self.orientation})"
-        return f"{self.frame.title or kind} of {self.robot.name}"
 
     @property
+    @abstractmethod
     def row_names(self) -> tuple[str, ...]:
         """Name of each row."""
-        names = (*self.frame.labels, *self.representation.row_names)
-        return tuple(names[i] for i in self.rows)
 
     @property
+    @abstractmethod
     def units(self) -> tuple[str, ...]:
         """Of each row: "m" or "rad", or what an expression of the user's own is in."""
-        return tuple(self.frame.units[i] if i < 3 else "rad" for i in self.rows)
 
     @property
+    @abstractmethod
     def tip(self) -> str | None:
-        """The tip of the robot that shows where the frame is; None is the robot's first one."""
-        return self.frame.tip
-
-    @cached_property
-    def representation(self) -> Representation:
-        """That of the orientation; of a task of positions alone the geometric one, of which it has no row."""
-        return representation(self.orientation or "twist", self.reference, self.axis)
+        """The tip of the robot that shows where the frame is, the first one of several; None is the robot's first."""
 
     @property
+    @abstractmethod
+    def frames(self) -> int:
+        """How many frames F it is about."""
+
+    @property
+    @abstractmethod
+    def point(self) -> int:
+        """Numbers that say where all its frames are, when it has no orientation rows: 3F, fewer of some expressions."""
+
+    @property
+    @abstractmethod
+    def spatial(self) -> bool:
+        """True when its targets are places of tools in metres."""
+
+    def doubtful_unit(self, position: Array) -> str:
+        """What to say of target positions (..., 3F) that are all too far away to be in metres; empty of others."""
+        return doubtful_unit(self.robot, position.reshape(-1, 3), self.tip) if self.spatial else ""
+
+    @property
+    @abstractmethod
+    def has_hessians(self) -> bool:
+        """Whether the derivatives of its geometric Jacobian have a closed form."""
+
+    @abstractmethod
+    def hessians(self, q: SX) -> list[SX]:
+        """H_i (n, n) of its rows, dJ_ia / dq_b, in closed form, where there is one."""
+
+    @property
+    @abstractmethod
     def geometric(self) -> bool:
         """True when J is of the geometric rows: no representation by angles has a part in it."""
-        return self.orientation in (None, "twist")
 
     @property
+    @abstractmethod
     def exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
-        return self.orientation != "twist" or all(i < 3 for i in self.rows) or self.robot.planar
+
+    @property
+    @abstractmethod
+    def rotations(self) -> tuple[int, ...]:
+        """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
+
+    @property
+    @abstractmethod
+    def geometric_twin(self) -> Self:
+        """The same task with "twist" for each full orientation, which has no singular angles."""
+
+    @abstractmethod
+    def chart(self, rotations: Matrix) -> Self:
+        """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0."""
+
+    @abstractmethod
+    def counted_from(self, rotations: Matrix) -> Self:
+        """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
+
+    @property
+    def angular(self) -> tuple[bool, ...]:
+        """Which rows are of an orientation."""
+        return tuple(row % 6 > 2 for row in self.rows)
 
     @property
     def turns(self) -> bool:
-        """True when all three angular rows belong to the task, so that it knows the tool's rotation."""
-        return self.orientation is not None and sum(i > 2 for i in self.rows) == 3
+        """True when there are angular rows, all of full orientations: it knows the tool's rotation."""
+        return 0 < sum(self.angular) == 3 * len(self.rotations)
+
+    @property
+    def by_angles(self) -> bool:
+        """True when some angular rows are not those of a full orientation."""
+        return sum(self.angular) > 3 * len(self.rotations)
 
     def __call__(self, q: ArrayLike) -> Vector:
         """x = f(q), (n,) -> (m,) [m, rad]. The angular rows of a twist task show log(R reference^T).
@@ -161,17 +189,28 @@ class Task(Value):
         Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi]. At many postures
         (k, n), to targets (k, 3), (k, 3, 3) or to one for all, it is (k, m).
 
+        Of F frames positions are (3F,) or (F, 3), and rotations (3F, 3) or (F, 3, 3).
+
         Raises:
             ShapeError, NotFiniteError, ArgumentError.
         """
         at = numbers("q", q)
+        p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
         if at.ndim == 2:
-            return self.error_function.batch(self.robot.postures(at), position, rotation).reshape(len(at), self.m)
-        p, R = finite("the position", position, (3,)), finite("the rotation", rotation, (3, 3))
+            return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
+        p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
         return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
 
+    def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
+        """Positions or rotations of all frames, where they stand side by side, one below the other."""
+        array = numbers("a target", given)
+        side = (self.frames, *each)
+        if self.frames > 1 and array.shape[-len(side) :] == side:
+            return array.reshape(*array.shape[: -len(side)], 3 * self.frames, *each[1:])
+        return array
+
     def pose(self, q: ArrayLike) -> Matrix:
-        """Pose (4, 4) of the frame at q (n,).
+        """Pose (4, 4) of the frame at q (n,), or those of several (F, 4, 4).
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers.
@@ -179,9 +218,17 @@ class Task(Value):
         return self._pose_at.call(q)
 
     def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3) of the frame at postures (k, n)."""
-        T = self._pose.batch(self.robot.postures(Q)).reshape(-1, 4, 4)
-        return T[:, :3, 3], T[:, :3, :3]
+        """Positions (k, 3F) and rotations (k, 3F, 3) of the frames at postures (k, n)."""
+        return targets_of(self._pose.batch(self.robot.postures(Q)).reshape(-1, self.frames, 4, 4))
+
+    def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
+        """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
+        return self.target(self.pose(q))
+
+    def target(self, pose: Array) -> tuple[Vector, Matrix]:
+        """Positions (3F,) and rotations (3F, 3) of a pose (4, 4), or of one for each frame (F, 4, 4), unchecked."""
+        p, R = targets_of(pose.reshape(1, self.frames, 4, 4))
+        return p[0], R[0]
 
     def value_batch(self, Q: Matrix) -> Matrix:
         """f at postures (k, n) -> (k, m)."""
@@ -195,11 +242,13 @@ class Task(Value):
         return J.reshape(len(Q), self.m, self.n), margin
 
     def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
-        """x' of a tool turned by R (k, 3, 3) that moves with v (k, 3), w (k, 3) -> (k, m), unchecked.
+        """x' of tools turned by R (k, 3F, 3) that move with v (k, 3F), w (k, 3F) -> (k, m), unchecked.
 
         And the margins (k,) of the representation, for `check_representation`. Raises: ShapeError.
         """
-        out, margins = self._rates.batch(finite("the rotations", rotation, ("k", 3, 3)), velocity, angular)
+        out, margins = self._rates.batch(
+            finite("the rotations", rotation, ("k", 3 * self.frames, 3)), velocity, angular
+        )
         return out.reshape(-1, self.m), margins
 
     def check_representation(self, q: Vector, margin: float) -> None:
@@ -209,34 +258,48 @@ class Task(Value):
 
     # --- expressions -----------------------------------------------------------------------------------------
 
+    @abstractmethod
     def kinematics(self, q: SX) -> Kinematics:
-        """The expressions of the frame."""
-        return self.frame.kinematics(self.robot, q)
+        """The expressions of the frame; of several, one below the other."""
 
+    @abstractmethod
     def value_expression(self, k: Kinematics) -> SX:
         """x = f(q) as an expression (m,)."""
-        return self._select(vertcat(k.position, self.representation.value(k.rotation)))  # (1)
 
+    @abstractmethod
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
-        if self.geometric:
-            return self._select(k.jacobian)  # (2)
-        return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
+    @abstractmethod
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
-        return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
 
+    @abstractmethod
     def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
-        """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
-        return self._select(vertcat(v, self.representation.rates(R, w)))
+        """x' (m,) of tools turned by R (3F, 3) that move with v (3F,), w (3F,)."""
 
+    @abstractmethod
     def margin_expression(self, rotation: SX) -> SX:
-        """Distance of the representation from its singularity; 1 where there is none."""
-        return SX(1) if all(i < 3 for i in self.rows) else self.representation.margin(rotation)
+        """Distance of the representations from their singularities; 1 where there is none."""
 
-    def _select(self, six: SX) -> SX:
-        return six[list(self.rows), :]
+    def turning_expression(self, k: Kinematics, J: SX) -> SX:
+        """J with the geometric rows of each full orientation, whatever its representation."""
+        if not self.rotations:
+            return J
+        turning = SX(J)
+        for first in self.rotations:
+            for row in range(first, first + 3):
+                turning[row, :] = k.jacobian[self.rows[row], :]
+        return turning
+
+    def velocities(self, twist: SX) -> tuple[SX, SX]:
+        """v (3F,) and w (3F,) of twists, one after the other (6F,)."""
+        each = range(0, 6 * self.frames, 6)
+        return vertcat(*(twist[i : i + 3] for i in each)), vertcat(*(twist[i + 3 : i + 6] for i in each))
+
+    def target_symbols(self) -> tuple[SX, SX]:
+        """Symbols of a target: p (3F,) and R (3F, 3)."""
+        return symbol("p", 3 * self.frames), symbol("R", 3 * self.frames, 3)
 
     # --- numeric functions, built once -------------------------------------------------------------------------
 
@@ -259,11 +322,13 @@ class Task(Value):
     @cached_property
     def _pose(self) -> Function:
         q, k = self._symbols
-        return Function("pose", {"q": q}, {"T": vertcat(horzcat(k.rotation, k.position), SX([[0, 0, 0, 1]]))})
+        return Function("pose", {"q": q}, {"T": poses_expression(k)})
 
     @cached_property
     def _pose_at(self) -> Evaluator:
-        return self._pose.checked((4, 4), self.robot.checked, self._doubtful)
+        return self._pose.checked(
+            (4, 4) if self.frames == 1 else (self.frames, 4, 4), self.robot.checked, self._doubtful
+        )
 
     @cached_property
     def _value_at(self) -> Evaluator:
@@ -293,14 +358,26 @@ class Task(Value):
 
     @cached_property
     def _error(self) -> tuple[dict[str, SX], SX]:
-        (q, k), p, R = self._symbols, symbol("p", 3), symbol("R", 3, 3)
+        (q, k), (p, R) = self._symbols, self.target_symbols()
         return {"q": q, "p": p, "R": R}, self.error_expression(k, p, R)
 
     @cached_property
     def _rates(self) -> Function:
-        R, v, w = symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
+        R, v, w = self.target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
         outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def of_one_tool(task: Task, what: str) -> None:
+    """Raises: ArgumentError: what is asked for serves one tool alone, and this task has several frames or none."""
+    if task.frames > 1 or not task.robot.tips:
+        raise ArgumentError(f"the task of {what}", task.name, "it serves one tool of a robot: take the task of one")
+
+
+def targets_of(poses: Array) -> tuple[Matrix, Array]:
+    """Positions (k, 3F) and rotations (k, 3F, 3) of poses (k, F, 4, 4)."""
+    k, frames = poses.shape[:2]
+    return poses[..., :3, 3].reshape(k, 3 * frames), poses[..., :3, :3].reshape(k, 3 * frames, 3)
 
 
 def chosen_rows(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:

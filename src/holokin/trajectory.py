@@ -127,13 +127,14 @@ class Trajectory(Value):
 
     @typed
     def tracking_error(self, unit: str = "m") -> float:
-        """Largest task error over all samples: norm of the rows in "m", or of those in "rad".
+        """Largest task error over all samples: norm of the rows in "m", or of those in "rad", or in a unit of your own.
 
         Raises:
             ArgumentError: another unit.
         """
-        if unit not in ("m", "rad"):
-            raise ArgumentError("unit", unit, "use 'm' or 'rad'")
+        known = tuple(dict.fromkeys(("m", "rad", *self.row_units)))
+        if unit not in known:
+            raise ArgumentError("unit", unit, f"use {' or '.join(map(repr, known))}")
         rows = [i for i, u in enumerate(self.row_units) if u == unit]
         return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows and len(self) else 0.0
 

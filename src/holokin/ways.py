@@ -14,6 +14,7 @@ class StraightWay(Value):
     """p(s) = position + s move, R(s) = exp(s turn) rotation, s from 0 to 1: the twist (move, turn) is constant.
 
     One way, of (3,), (3, 3), (3,), (3,); or many side by side, of (k, 3), (k, 3, 3), (k, 3), (k, 3), or from one pose.
+    One way of several frames is of (3F,), (3F, 3), (3F,), (3F,).
     """
 
     position: Vector
@@ -26,14 +27,18 @@ class StraightWay(Value):
         parts = self.position, self.rotation, self.move, self.turn
         p, R, v, w = parts if which is None else (part[which] for part in parts)
         s = np.asarray(share)[..., None]
-        return p + s * v, rotation_matrix(s * w) @ R
+        if R.shape[-2] == 3:
+            return p + s * v, rotation_matrix(s * w) @ R
+        return p + s * v, (rotation_matrix((s * w).reshape(-1, 3)) @ R.reshape(-1, 3, 3)).reshape(R.shape)
 
 
 def straight(position: Vector, rotation: Array, end: Vector, end_rotation: Array) -> StraightWay:
     """The straight way from a pose to another, by the shorter turn; or ways between many."""
-    return StraightWay(
-        position, rotation, end - position, rotation_vector(end_rotation @ np.swapaxes(rotation, -1, -2))
-    )
+    if rotation.shape[-2] == 3:
+        turn = rotation_vector(end_rotation @ np.swapaxes(rotation, -1, -2))
+    else:
+        turn = rotation_vector(end_rotation.reshape(-1, 3, 3) @ np.swapaxes(rotation.reshape(-1, 3, 3), -1, -2)).ravel()
+    return StraightWay(position, rotation, end - position, turn)
 
 
 def rotation_vector(R: Array) -> Array:

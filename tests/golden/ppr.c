@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x3e2d8275baea42a6U
+#if PPR_EXPORT != 0x69ae3f6716acac5eU
 #error "these files are of different exports: export again"
 #endif
 
@@ -25,6 +25,8 @@
 #define HK_N 3
 #define HK_M 2
 #define HK_R 1
+#define HK_FRAMES 1
+#define HK_MATRICES 0
 #define HK_POSE 3
 #define HK_TWIST 3
 #define HK_PARAMETERS (HK_R + 3)
@@ -694,11 +696,11 @@ static int hk_refuse(int count, hk_t *out) {
 }
 
 #define HK_ROTATION 1e-05
-/* 1 where a wanted pose of `count` numbers, a position or a matrix by rows, can be one: the last row of a matrix is 0 0 0 1,
+/* 1 where wanted poses of `count` numbers, a point or 4x4 matrices by rows, can be such: the last row of a matrix is 0 0 0 1,
    which is not so where the matrix is transposed, as by a library that keeps matrices by columns. */
 static int hk_posed(const hk_t *pose, int count) {
-  for (int i = 12; i < count; i++)
-    if (!(HK_FABS(pose[i] - HK_C(i == 15)) < HK_C(HK_ROTATION))) return 0;
+  for (int i = 0; HK_MATRICES && i < count; i++)
+    if (i % 16 >= 12 && !(HK_FABS(pose[i] - HK_C(i % 16 == 15)) < HK_C(HK_ROTATION))) return 0;
   return 1;
 }
 
@@ -747,7 +749,7 @@ void ppr_start(ppr_real q[3]) {
 }
 
 int ppr_pose(const ppr_real q[3], ppr_real T[16]) {
-  hk_t y[18];
+  hk_t y[16 + 2];
   if (!hk_finite(q, HK_N)) return hk_refuse(16, T);
   hk_pose_body(q, y);
   return hk_deliver(y, 16, T);
@@ -801,29 +803,6 @@ int ppr_constraint(const ppr_real q[3], ppr_real g[1]) {
   return hk_deliver(y, HK_R, g);
 }
 
-/* (q, p, R, c) in a row; 0 where something is not finite. */
-static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) {
-  for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  for (int i = 0; i < 3; i++) {
-    x[HK_N + i] = target[i];
-    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = i == j ? HK_C(1) : HK_C(0);
-  }
-  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = c[i];
-  return hk_finite(x, HK_N + 12 + HK_R) && hk_finite(target, HK_POSE);
-}
-
-int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
-    ppr_real dq[3]) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3];
-  if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
-  if (!hk_posed(target, HK_POSE)) {
-    hk_refuse(HK_N, dq);
-    return PPR_NOT_A_ROTATION;
-  }
-  hk_leaf_body(x, y);
-  return hk_deliver(y, HK_N, dq);
-}
-
 /* 1 where a joint is beyond its limits. */
 static int hk_beyond(const hk_t *q) {
   if (q[0] > HK_C(5.000000001)) return 1;
@@ -844,9 +823,10 @@ static const int hk_angular[] = {0}; /* rows of g that are angles */
 #define HK_LONGEST 0.1
 #define HK_DIRECTIONS 8
 #define HK_SWITCH 0.001
-#define HK_TURN -1
-#define HK_ANGULAR 0
+#define HK_TURNS 0
+#define HK_ANGLES 0
 #define HK_ROWS 2
+static const int hk_turns[] = {0};
 static void hk_extended_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
   (void)y;
@@ -1037,7 +1017,8 @@ static void hk_change_body(const hk_t *x, hk_t *y) {
 }
 /* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
    A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
-   HK_TURN: the first of the three angular rows of a task that turns, or -1. */
+   hk_turns: the first of the three angular rows of each rotation among them, HK_TURNS of these; HK_ANGLES: 1 where there
+   are angular rows besides. */
 typedef struct {
   hk_t center[HK_N], half[HK_N], along[HK_N], radius, change, bend, inverse;
 } hk_tube;
@@ -1178,15 +1159,15 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
   for (int i = 0; i < HK_N; i++)
     for (int j = 0; j < HK_ROWS; j++) size += Y[i * HK_N + j] * Y[i * HK_N + j];
   tube->inverse = HK_SQRT(size);
-#if HK_TURN >= 0
-  hk_t turns = HK_C(0), rates = HK_C(0); /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
-  for (int i = 0; i < HK_N; i++)
-    for (int j = HK_TURN; j < HK_TURN + 3; j++) {
-      turns += Y[i * HK_N + j] * Y[i * HK_N + j];
-      rates += A[j * HK_N + i] * A[j * HK_N + i];
-    }
-  tube->change += HK_C(1.2) * tube->radius * HK_SQRT(HK_C(HK_N)) * HK_SQRT(turns) * HK_SQRT(rates);
-#endif
+  for (int f = 0; f < HK_TURNS; f++) { /* an error's rotation vector turns its own axes, by at most 0.6 of itself */
+    hk_t turns = HK_C(0), rates = HK_C(0);
+    for (int i = 0; i < HK_N; i++)
+      for (int j = hk_turns[f]; j < hk_turns[f] + 3; j++) {
+        turns += Y[i * HK_N + j] * Y[i * HK_N + j];
+        rates += A[j * HK_N + i] * A[j * HK_N + i];
+      }
+    tube->change += HK_C(1.2) * tube->radius * HK_SQRT(HK_C(HK_N)) * HK_SQRT(turns) * HK_SQRT(rates);
+  }
 }
 
 static hk_t hk_shrink(hk_t change) {
@@ -1270,7 +1251,7 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   hk_t margin, most = HK_C(0);
   for (int i = 0; i < HK_N; i++) x[i] = q[i] + width * rate[i];
   if (!hk_newton(x, rules, &margin)) return HK_C(0.5);
-  const hk_t steep = HK_TURN >= 0 ? turn : HK_ANGULAR ? turn / HK_FMIN(HK_C(1), margin) : HK_C(0);
+  const hk_t steep = HK_ANGLES ? turn / HK_FMIN(HK_C(1), margin) : HK_TURNS ? turn : HK_C(0);
   const hk_t fits = hk_branch_step(branch, q, x, width * width * (arc + HK_C(2) * (steep * steep)));
   if (!(fits >= HK_C(1))) return fits;
   for (int i = 0; i < HK_N; i++) {
@@ -1282,18 +1263,23 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   return most > rules->creep ? fits : HK_C(-1);
 }
 
-/* A straight way with an even turn of the tool, and rotations by rotation vectors: the same as ways.py. */
+/* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
 typedef struct {
-  hk_t center[3], v[3], turn[3], rotation[9];
-} hk_line;
+  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
+} hk_segment;
+
+/* Numbers of a target of HK_FRAMES frames: all their positions p, 3 each, then all rotations R, 9 each by rows. */
+enum { HK_TARGET = 12 * HK_FRAMES };
 
 static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
-/* R = exp(w) times a rotation, both by rows. */
-static void hk_turned(const hk_t *w, const hk_t *rotation, hk_t *R) {
+static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
+  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
+  for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
+  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
   const hk_t angle = HK_SQRT(hk_square(w));
   if (angle == HK_C(0)) {
-    for (int i = 0; i < 9; i++) R[i] = rotation[i];
+    for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
     return;
   }
   const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
@@ -1303,20 +1289,19 @@ static void hk_turned(const hk_t *w, const hk_t *rotation, hk_t *R) {
                      t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
   for (int i = 0; i < 3; i++)
     for (int j = 0; j < 3; j++)
-      R[3 * i + j] = E[3 * i] * rotation[j] + E[3 * i + 1] * rotation[3 + j] + E[3 * i + 2] * rotation[6 + j];
+      R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
 }
 
-static void hk_target(const hk_line *s, hk_t u, hk_t *p, hk_t *R) {
-  for (int i = 0; i < 3; i++) p[i] = s->center[i] + u * s->v[i];
-  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
-  hk_turned(w, s->rotation, R);
+/* The targets of all frames, whose segments lie `apart` from one another. */
+static void hk_targets(const hk_segment *s, long long apart, hk_t u, hk_t *to) {
+  for (int f = 0; f < HK_FRAMES; f++) hk_target(s + f * apart, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
 }
 
-/* The straight way of the tool from one pose to another, turning evenly about one axis, and of the level to that of a
-   leaf. hk_angular: rows of g that are angles. */
+/* The straight ways of all frames from one pose to another, each turning evenly about one axis, and of the level to that
+   of a leaf. turn: the size of all turns together. hk_angular: rows of g that are angles. */
 typedef struct {
-  hk_line line;
-  hk_t end[12], level[HK_R + 1], change[HK_R + 1], turn;
+  hk_segment line[HK_FRAMES];
+  hk_t end[HK_TARGET], level[HK_R + 1], change[HK_R + 1], turn;
 } hk_way;
 
 /* The rotation vector of a rotation matrix by rows, by the quaternion's largest part. */
@@ -1336,22 +1321,28 @@ static void hk_turning(const hk_t *E, hk_t *w) {
   for (int i = 0; i < 3; i++) w[i] = size > HK_C(0) ? angle * (v[i] / size) : HK_C(0);
 }
 
-/* The way from the pose (p, R) of a posture on the level g to the pose `to` on the leaf c. */
+/* The way from the poses (p, R) of a posture on the level g to the poses `to` on the leaf c. */
 static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
-  hk_line *line = &way->line;
-  hk_t E[9];
-  for (int i = 0; i < 12; i++) way->end[i] = to[i];
-  for (int i = 0; i < 3; i++) {
-    line->center[i] = from[i];
-    line->v[i] = to[i] - from[i];
-    for (int j = 0; j < 3; j++) {
-      line->rotation[3 * i + j] = from[3 + 3 * i + j];
-      E[3 * i + j] = HK_C(0);
-      for (int k = 0; k < 3; k++) E[3 * i + j] += to[3 + 3 * i + k] * from[3 + 3 * j + k];
+  hk_t square = HK_C(0), E[9];
+  for (int i = 0; i < HK_TARGET; i++) way->end[i] = to[i];
+  for (int f = 0; f < HK_FRAMES; f++) {
+    hk_segment *line = way->line + f;
+    const hk_t *p = from + 3 * f, *R = from + 3 * HK_FRAMES + 9 * f, *there = to + 3 * HK_FRAMES + 9 * f;
+    for (int i = 0; i < 3; i++) {
+      line->center[i] = p[i];
+      line->v[i] = to[3 * f + i] - p[i];
+      line->x[i] = line->y[i] = HK_C(0);
+      for (int j = 0; j < 3; j++) {
+        line->rotation[3 * i + j] = R[3 * i + j];
+        E[3 * i + j] = HK_C(0);
+        for (int k = 0; k < 3; k++) E[3 * i + j] += there[3 * i + k] * R[3 * j + k];
+      }
     }
+    line->angle = line->duration = HK_C(0);
+    hk_turning(E, line->turn);
+    square += hk_square(line->turn);
   }
-  hk_turning(E, line->turn);
-  way->turn = HK_SQRT(hk_square(line->turn));
+  way->turn = HK_SQRT(square);
   for (int i = 0; i < HK_R; i++) {
     const hk_t gap = c[i] - g[i];
     way->level[i] = g[i];
@@ -1361,9 +1352,24 @@ static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_
 
 /* (p, R, c) of the way at a share, after q in x. */
 static void hk_aim(const hk_way *way, hk_t share, hk_t *x) {
-  hk_target(&way->line, share, x + HK_N, x + HK_N + 3);
-  for (int i = 0; i < 12 && share == HK_C(1); i++) x[HK_N + i] = way->end[i]; /* to the last bit */
-  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = way->level[i] + share * way->change[i];
+  hk_targets(way->line, 1, share, x + HK_N);
+  for (int i = 0; i < HK_TARGET && share == HK_C(1); i++) x[HK_N + i] = way->end[i]; /* to the last bit */
+  for (int i = 0; i < HK_R; i++) x[HK_N + HK_TARGET + i] = way->level[i] + share * way->change[i];
+}
+
+/* (p, R) of 4x4 matrices by rows, one a frame. */
+static void hk_unpack(const hk_t *T, hk_t *to) {
+  for (int f = 0; f < HK_FRAMES; f++, T += 16)
+    for (int i = 0; i < 3; i++) {
+      to[3 * f + i] = T[4 * i + 3];
+      for (int j = 0; j < 3; j++) to[3 * HK_FRAMES + 9 * f + 3 * i + j] = T[4 * i + j];
+    }
+}
+
+/* How fast the row of a task goes along a way, of rows counted six a frame: x, y, z and the turns about them. */
+static inline hk_t hk_pace(const hk_way *way, int row) {
+  const hk_segment *line = way->line + row / 6;
+  return row % 6 < 3 ? line->v[row % 6] : line->turn[row % 6 - 3];
 }
 
 /* 1 where the rows of R are perpendicular, of length 1 and right-handed. */
@@ -1376,6 +1382,13 @@ static int hk_rotates(const hk_t *R) {
       const hk_t dot = R[3 * i] * R[3 * j] + R[3 * i + 1] * R[3 * j + 1] + R[3 * i + 2] * R[3 * j + 2];
       sound &= HK_FABS(dot - (i == j ? HK_C(1) : HK_C(0))) < HK_C(HK_ROTATION);
     }
+  return sound;
+}
+
+/* 1 where that is so of the rotations of all frames of a target. */
+static int hk_all_rotate(const hk_t *to) {
+  int sound = 1;
+  for (int f = 0; f < HK_FRAMES; f++) sound &= hk_rotates(to + 3 * HK_FRAMES + 9 * f);
   return sound;
 }
 
@@ -1471,12 +1484,33 @@ static int hk_go(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   return 0;
 }
 
+/* (q, p, R, c) in a row; 0 where something is not finite. */
+static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) {
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+  for (int i = 0; i < 3 * HK_FRAMES; i++) x[HK_N + i] = i < HK_POSE ? target[i] : HK_C(0);
+  for (int i = 0; i < 9 * HK_FRAMES; i++) x[HK_N + 3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);
+  for (int i = 0; i < HK_R; i++) x[HK_N + HK_TARGET + i] = c[i];
+  return hk_finite(x, HK_N + HK_TARGET + HK_R) && hk_finite(target, HK_POSE);
+}
+
+int ppr_leaf_step(const ppr_real q[3], const ppr_real target[3], const ppr_real c[1],
+    ppr_real dq[3]) {
+  hk_t x[HK_N + HK_TARGET + HK_R], y[HK_N + 3];
+  if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
+  if (!hk_posed(target, HK_POSE)) {
+    hk_refuse(HK_N, dq);
+    return PPR_NOT_A_ROTATION;
+  }
+  hk_leaf_body(x, y);
+  return hk_deliver(y, HK_N, dq);
+}
+
 int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], int most) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], T[18], from[12], at[HK_N];
+  hk_t x[HK_N + HK_TARGET + HK_R], y[HK_N + 3], g[HK_R + 2], T[16 * HK_FRAMES + 2], from[HK_TARGET], at[HK_N];
   hk_rules rules;
   hk_way way;
   if (!hk_gather(q, target, c, x)) return PPR_NOT_FINITE;
-  if (!hk_posed(target, HK_POSE) || !hk_rotates(x + HK_N + 3)) return PPR_NOT_A_ROTATION;
+  if (!hk_posed(target, HK_POSE) || !hk_all_rotate(x + HK_N)) return PPR_NOT_A_ROTATION;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);
@@ -1490,10 +1524,8 @@ int ppr_inverse(ppr_real q[3], const ppr_real target[3], const ppr_real c[1], in
   rules.tries = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return PPR_SINGULAR;
   hk_pose_body(q, T);
-  for (int i = 0; i < 3; i++) {
-    from[i] = T[4 * i + 3];
-    for (int j = 0; j < 3; j++) from[3 + 3 * i + j] = HK_POSE == 3 ? (i == j ? HK_C(1) : HK_C(0)) : T[4 * i + j];
-  }
+  hk_unpack(T, from);
+  for (int i = 0; !HK_MATRICES && i < 9 * HK_FRAMES; i++) from[3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);
   hk_constraint_body(q, g);
   hk_way_to(from, g, x + HK_N, c, &way);
   for (int i = 0; i < HK_N; i++) at[i] = q[i];

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x3e2d8275baea42a6U
+#define PPR_EXPORT 0x69ae3f6716acac5eU
 
 #ifdef __cplusplus
 extern "C" {

@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0x3e2d8275baea42a6U, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0x69ae3f6716acac5eU, "ppr.h is of another export");
 
 namespace ppr {
 

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x3e2d8275baea42a6U
+#if PPR_EXPORT != 0x69ae3f6716acac5eU
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x3e2d8275baea42a6U
+#if PPR_VECTORS != 0x69ae3f6716acac5eU
 #error "these files are of different exports: export again"
 #endif
 

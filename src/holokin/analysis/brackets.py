@@ -59,7 +59,7 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
 
 def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
-    if not (isinstance(strategy, FrameStrategy) and strategy.task.geometric and strategy.task.frame.has_hessians):
+    if not (isinstance(strategy, FrameStrategy) and strategy.task.geometric and strategy.task.has_hessians):
         return None
     return strategy.constant_inverse_weight
 
@@ -90,8 +90,7 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
 
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
-    every = task.frame.hessians(task.robot, e.q)
-    H, W = [every[row] for row in task.rows], as_expression(weight)
+    H, W = task.hessians(e.q), as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 
 

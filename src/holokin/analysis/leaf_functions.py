@@ -48,8 +48,7 @@ class LeafFunction(Value):
         """
         q = self.strategy.task.robot.checked(q)
         v, task, n = self._back(q), self.strategy.task, len(q)
-        pose = self._pose
-        V = np.reshape(task.error_and_slope(q, pose[:3, 3], pose[:3, :3])[1], (task.m, n))
+        V = np.reshape(task.error_and_slope(q, *task.target(self._pose))[1], (task.m, n))
 
         def slope(y: Matrix, v: Vector) -> Matrix:
             dq, dD, rcond, margin = self._flow(y[:, 0], v, y[:, 1:], V)
@@ -66,14 +65,13 @@ class LeafFunction(Value):
         robot, task = self.strategy.task.robot, self.strategy.task
         q, corner = robot.checked(q), robot.checked(by)
         direct = transport(self.strategy, q, self._back(q))
-        pose = task.pose(corner)
-        there = transport(self.strategy, q, task.error(q, pose[:3, 3], pose[:3, :3]))
+        there = transport(self.strategy, q, task.error(q, *task.place(corner)))
         return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
 
     def _back(self, q: Vector) -> Vector:
         """The straight way (m,) from the tool pose at q to the reference, in task rates."""
-        pose = self._pose
-        return self.strategy.task.error(q, pose[:3, 3], pose[:3, :3])
+        task = self.strategy.task
+        return task.error(q, *task.target(self._pose))
 
     @cached_property
     def _pose(self) -> Matrix:

@@ -19,7 +19,7 @@ from ..frame_tasks import pose
 from ..motion import as_control_law
 from ..path import Path, circle, polyline
 from ..robot import Robot
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..types import ArrayLike
 from .history import ask_history
 from .judge import Repeatability
@@ -148,6 +148,7 @@ def audit(
             representation is singular at the start.
     """
     chosen = task if task is not None else pose(robot)
+    of_one_tool(chosen, "an audit")
     if chosen.robot is not robot:
         raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
     q0 = robot.checked(start, "the start posture")

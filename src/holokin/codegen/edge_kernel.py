@@ -29,7 +29,7 @@ class EdgeKernel:
         self, joints: int, rows: int, code: str, stretches: str, constants: Mapping[str, float], operations: int
     ) -> None:
         self._joints, self._rows = joints, rows
-        head = f"#define HK_N {joints}\n"
+        head = f"#define HK_N {joints}\n#define HK_FRAMES 1\n"
         head += "".join(f"#define HK_EDGE_{key} {value!r}\n" for key, value in constants.items())
         parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
         if stretches:

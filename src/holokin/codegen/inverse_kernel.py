@@ -29,7 +29,8 @@ class InverseKernel:
     """
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, more: str, stretches: str) -> None:
-        head = f"#define HK_N {inputs[0][0]}\n"
+        frames = inputs[1][0] // 3
+        head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {frames}\n#define HK_MATRICES 1\n"
         code = body(made, inputs, outputs, "hk_leaf_body") + more
         parts = [*map(prelude, ("branch.c", "newton.c", "line.c", "way.c", "fold.c"))]
         if stretches:
@@ -43,6 +44,7 @@ class InverseKernel:
         self._poses.argtypes = [ctypes.c_longlong, *places, ctypes.c_int, *places]
         self._poses.restype = None
         self._joints = inputs[0][0]
+        self._pose = (4, 4) if frames == 1 else (frames, 4, 4)
 
     def calls(
         self, context: Vector, cold: Callable[..., Any], warm: Callable[..., Any]
@@ -53,13 +55,13 @@ class InverseKernel:
             context: what poses.c reads besides.
         """
         n, found = self._joints, []
-        for name, shapes, other in (("cold", ((4, 4),), cold), ("warm", ((4, 4), (n,)), warm)):
+        for name, shapes, other in (("cold", (self._pose,), cold), ("warm", (self._pose, (n,)), warm)):
             function = getattr(self._library, f"hk_call_{name}")
             found.append(bound_call(function, shapes, ((n,),), other, (self._library, context), context))
         return None if None in found else (found[0], found[1])
 
     def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
-        """The statuses of many poses (k, 12); q (k, n) becomes where their ways ended. The GIL is free meanwhile."""
+        """The statuses of many targets (k, 12F); q (k, n) becomes where their ways ended. The GIL is free meanwhile."""
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
         most = threads or os.cpu_count() or 1

@@ -106,7 +106,7 @@ class FollowKernel:
         self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "", build: bool = True
     ) -> None:
         state = sum(int(np.prod(shape)) for shape in inputs)
-        head = f"#define HK_N {inputs[0][0]}\n#define HK_STATE {state}\n"
+        head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
         drivers = {
             "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
             "velocity": ("hk_rate_body", "velocity.c"),
@@ -184,9 +184,10 @@ class StepKernel:
         """
         glue = _glue()
         if glue is not None:
-            address, (joints,), point = ctypes.cast(self._run, ctypes.c_void_p).value, *self.shapes[:2]
-            kept = self._library, parameters
-            return glue.bind(address, parameters.ctypes.data, joints, len(point) == 1, memory, convert, kept)
+            address, (joints,), pose = ctypes.cast(self._run, ctypes.c_void_p).value, *self.shapes[:2]
+            kept, point = (self._library, parameters), pose[0] if len(pose) == 1 else 0
+            frames = -(-point // 3) if point else pose[0] // 4
+            return glue.bind(address, parameters.ctypes.data, joints, point, frames, memory, convert, kept)
         run, parameters_at, copies = self._run, parameters.ctypes.data, _Copies(self.shapes)
 
         def step(*arguments: Any) -> Array:

@@ -26,6 +26,7 @@ def arm_angle(
     joints: Sequence[Any] | None = None,
     reference: ArrayLike = (0.0, 0.0, 1.0),
     pole: ArrayLike | None = None,
+    tip: str | None = None,
 ) -> Constraint:
     """g(q) = psi, the angle of the plane shoulder-elbow-wrist about the line from shoulder to wrist [rad]. [EW23]
 
@@ -41,6 +42,7 @@ def arm_angle(
         reference: the direction V (3,), e_r of [EW23], the base's z axis by default.
         pole: the direction R (3,) of the stereographic kind alone, e_t of [EW23], perpendicular to V; by default a
             horizontal one, -x.
+        tip: of a robot with several arms, that of the one to hold; by default the task's, of several the first.
 
     Singular (REPRESENTATION; [EW23] call it algorithmic) where psi is not defined, and the error says at which of
     these: the arm is stretched or folded, so that the elbow is on the line from shoulder to wrist; the wrist is in the
@@ -70,7 +72,7 @@ def arm_angle(
     if joints is not None and (len(joints) != 3 or any(a == b for a, b in combinations(joints, 2))):
         raise ArgumentError("the points of an arm angle", joints, "name three: shoulder, elbow, wrist")
 
-    seen = _Seen(joints, conventional, V, R)
+    seen = _Seen(joints, conventional, V, R, tip)
     margin = least([distance for _, distance in seen.places])
     return Constraint(f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places)
 
@@ -86,10 +88,11 @@ class _Seen:
     conventional: bool
     V: Vector
     R: Vector
+    tip: str | None = None
 
     def vectors(self, task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
         """Elbow E, wrist W, and the direction w of the wrist (3,)."""
-        S, elbow, wrist = find_arm(task, self.joints).expressions(task, k, q)
+        S, elbow, wrist = find_arm(task, self.joints, self.tip).expressions(task, k, q)
         E, W = elbow - S, wrist - S
         return E, W, W / norm_2(W)
 
@@ -149,6 +152,7 @@ def height(*joints: str | int) -> Constraint:
 
 def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
+    task.robot.check_links()
     name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
     return k.origins[str(name)]
 

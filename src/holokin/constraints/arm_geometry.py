@@ -107,7 +107,7 @@ class _Place:
 
 
 @typed
-def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
+def find_arm(task: Task, joints: Sequence[Any] | None = None, tip: str | None = None) -> Arm:
     """Shoulder, elbow and wrist on the chain from the base to the task's tip, and which points these are.
 
     The shoulder is where three consecutive hinges meet, the elbow on the next hinge, at its point next to the shoulder,
@@ -123,6 +123,7 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
     Args:
         joints: shoulder, elbow and wrist named: each a joint, by name or by index in q, for the origin of its frame, or
             (joint, (x, y, z)), for a point in that frame [m].
+        tip: of a robot with several arms, that of the one to look at; by default the task's, of several the first.
 
     Raises:
         NoArmError: no such joints; it lists those of the chain. UnknownNameError: an unknown joint. ArgumentError.
@@ -131,7 +132,10 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None) -> Arm:
         if len(joints) != 3:
             raise ArgumentError("the points of an arm", joints, "name three: shoulder, elbow, wrist")
         return Arm(*(_named(task.robot, joint) for joint in joints))
-    axes = _chain(task.robot, task.tip)
+    task.robot.check_links()
+    if tip is not None:
+        task.robot.pose(np.zeros(task.n), tip)
+    axes = _chain(task.robot, task.tip if tip is None else tip)
     for first in range(len(axes) - 6, -1, -1):
         shoulder, wrist = _meeting(axes[first : first + 3]), _meeting(axes[first + 4 : first + 7])
         if wrist is None or len(axes) < first + 7:

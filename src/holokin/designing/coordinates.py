@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import ArgumentError
 from ..symbolic import SX, Function, jacobian, symbol, vertcat
 from ..task import Task
+from ..task_kinds import FrameTask, parts_of
 from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 MOVES = 1e-6
@@ -31,7 +32,7 @@ class Coordinates(Value):
     `spread` (d,) [m or rad] is their standard deviation along the columns.
     """
 
-    chart: Task
+    chart: FrameTask
     P: Matrix
     middle: Vector
     scale: Vector
@@ -57,14 +58,15 @@ class Coordinates(Value):
         return (self.chart.value_batch(Q) - self.middle) @ self.P / self.scale
 
 
-def chart_of(task: Task, rotation: Matrix) -> Task:
+def chart_of(task: Task, rotation: Matrix) -> FrameTask:
     """The task's rows in coordinates with J = df/dq: a full orientation by the rotation vector about the middle one."""
-    if task.turns:
-        return replace(task, orientation="rotation-vector", reference=rotation)
-    return replace(task, reference=rotation) if task.robot.planar else task
+    one = parts_of(task)[0]
+    if one.turns:
+        return replace(one, orientation="rotation-vector", reference=rotation)
+    return replace(one, reference=rotation) if one.robot.planar else one
 
 
-def coordinates_of(chart: Task, Q: Matrix) -> Coordinates:
+def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
     """The coordinates in which the tool poses at postures (k, n) vary.
 
     Raises:

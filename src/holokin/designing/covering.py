@@ -12,7 +12,7 @@ from ..motion.reach import nearest_postures
 from ..progress import progress
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Indices, Matrix, Vector
 from ..workspaces import PoseRange, Workspace
@@ -66,6 +66,7 @@ def coverage(
         ShapeError, NotFiniteError.
     """
     task, robot = strategy.task, strategy.task.robot
+    of_one_tool(task, "coverage")
     start = robot.checked(q0, "the start posture")
     if limits:
         robot.check_limits(start)
@@ -134,6 +135,7 @@ def posture_reach(task: Task, workspace: Workspace, near: ArrayLike, *, samples:
         ShapeError, NotFiniteError, ArgumentError.
     """
     poses = workspace.poses(samples, seed)
+    of_one_tool(task, "coverage")
     check_metres(task.robot, poses, task.tip)
     begin = task.robot.checked(near, "the posture to begin from")
     return _search(task, poses, np.tile(begin, (len(poses), 1)), True)

@@ -12,7 +12,7 @@ from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..types import Array, ArrayLike, Matrix, Value, Vector, not_negative, whole
 from ..workspaces import Workspace
 from .coordinates import Polynomial, chart_of, coordinates_of
@@ -179,6 +179,7 @@ def design(
         OutOfReachError: the middle of the workspace is not reached from the start.
     """
     robot, goal = task.robot, as_objective(objective)
+    of_one_tool(task, "design")
     q0 = start_posture(robot, start)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"

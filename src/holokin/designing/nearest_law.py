@@ -29,7 +29,7 @@ from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..types import Matrix, Value, Vector, frozen, whole
 from ..workspaces import Cylinder, Sphere, sobol
 from .coordinates import chart_of, coordinates_of
@@ -117,6 +117,7 @@ def nearest(
         SingularityError: the given law is singular in the region.
     """
     task = strategy.task
+    of_one_tool(task, "nearest")
     r = task.n - task.m
     if r == 0:
         raise ArgumentError("the number of redundant joints", 0, "each tool pose has its joints already")

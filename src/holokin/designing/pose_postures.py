@@ -8,7 +8,7 @@ each from the best postures before: the least found may then be too high.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -87,7 +87,7 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
     """The postures at tool poses p (S, 3), R (S, 3, 3), on the self-motions of Q (S, n) and of those that Newton's
     method finds from so many starts at each pose.
     """
-    task = replace(task, orientation="twist") if task.turns else task  # which has no singular angles on the way
+    task = task.geometric_twin  # which has no singular angles on the way
     S = len(Q)
     pose = np.repeat(np.arange(S), starts)
     found, arrived = postures_from(task, spread(task.robot, starts * S), p[pose], R[pose])

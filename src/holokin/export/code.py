@@ -15,6 +15,7 @@ import numpy as np
 
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
+from ..frames import poses_expression
 from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT
@@ -22,6 +23,7 @@ from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
+from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ROTATION, Vector
 
@@ -113,8 +115,7 @@ class Source:
         """By the name of their C; results first, then rcond and margin."""
         s = self.strategy
         e = s.expressions
-        T = SX.eye(4)
-        T[:3, :3], T[:3, 3] = e.kinematics.rotation, e.kinematics.position
+        T = poses_expression(e.kinematics)
         found = {
             "pose": _checked("pose", {"q": e.q}, {"T": T}, SX(1)),
             "gain": s.gain,
@@ -133,9 +134,9 @@ class Source:
     def words(self) -> dict[str, Any]:
         """What the templates need."""
         s, task, robot = self.strategy, self.strategy.task, self.strategy.task.robot
-        position, r = task.orientation is None, len(self.leaf)
+        position, r, frames = task.orientation is None, len(self.leaf), task.frames
         constraint = self.holonomic.constraint if self.holonomic else None
-        units = ", ".join("m/s" if unit == "m" else "rad/s" for unit in task.units)
+        units = ", ".join(f"{unit}/s" for unit in task.units)
         t = TOLERANCES
         return {
             "name": self.name,
@@ -144,15 +145,11 @@ class Source:
             "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
             if constraint
             else "The strategy keeps no leaf; whether it is repeatable is for `holokin run` to tell.",
-            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": 3 if position else 16,
-            "twist": 3 if position else 6,
+            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task.point if position else 16 * frames,
+            "twist": task.point if position else 6 * frames, "frames": frames, "matrices": int(not position),
+            "poses": 16 * frames, **_pose_words(task),
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
-            "pose_note": " A wanted pose is a position, 3 numbers." if position else "",
             "pose_checked": _pose_checked(position, self.holonomic is not None),
-            "target_words": "a position in the base frame, 3 numbers" if position else
-            "a 4x4 matrix by rows, the tool in the base frame, 16 numbers",
-            "twist_words": "a velocity in the base frame, 3 numbers [m/s]" if position else
-            "6 numbers, linear first, in the base frame [m/s, rad/s]",
             "singular_words": "J, [J; J_g] or H loses rank, the representation does, or a result overflows",
             "leaf_member": f"  {self.name}_real leaf[{r}];         /* c = g(q) of the leaf to hold */\n" if r else "",
             "and_leaf": " and to the leaf" if r else "",
@@ -171,7 +168,7 @@ class Source:
             ),
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
             "leaf_copy": "  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];\n" if r else "",
-            "gather": _gather(position),
+            "gather": _gather(task),
             "angular": ", ".join(str(int(flag)) for flag in (constraint.angular if constraint else ())),
             "beyond": _beyond(self) or "  (void)q;\n",
             "limit_words": "" if self.limits else "\n   Without limits: joints and their speeds are not watched.",
@@ -203,16 +200,47 @@ def _checked(name: str, inputs: Mapping[str, SX], outputs: Mapping[str, SX], mar
     return Function(name, inputs, {**outputs, "rcond": SX(1), "margin": margin})
 
 
-def _gather(position: bool) -> str:
-    if position:
-        return (
-            "  for (int i = 0; i < 3; i++) {\n    x[HK_N + i] = target[i];\n"
-            "    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = i == j ? HK_C(1) : HK_C(0);\n  }\n"
-        )
+def _gather(task: Task) -> str:
+    """C that puts a wanted pose behind the joints: positions, then rotations."""
+    if task.orientation is not None:
+        return "  hk_unpack(target, x + HK_N);\n"
+    coordinates = "  for (int i = 0; i < 3 * HK_FRAMES; i++) x[HK_N + i] = i < HK_POSE ? target[i] : HK_C(0);\n"
     return (
-        "  for (int i = 0; i < 3; i++) {\n    x[HK_N + i] = target[4 * i + 3];\n"
-        "    for (int j = 0; j < 3; j++) x[HK_N + 3 + 3 * i + j] = target[4 * i + j];\n  }\n"
+        coordinates + "  for (int i = 0; i < 9 * HK_FRAMES; i++) x[HK_N + 3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);\n"
     )
+
+
+def _pose_words(task: Task) -> dict[str, str]:
+    """What the texts call poses, targets and twists of a task."""
+    frames, point, several = task.frames, task.point, task.frames > 1
+    shown = {
+        "pose_words": "The tool's pose" if not several else f"The poses of {frames} frames, one after the other,",
+        "pose_kind": "4x4" if not several else f"{frames} of 4x4",
+        "pose_of": "the tool in the base frame"
+        if not several
+        else f"{frames} frames in the base frame, one after the other",
+    }
+    if task.orientation is not None:
+        return shown | {
+            "pose_note": "",
+            "target_words": "a 4x4 matrix by rows, the tool in the base frame, 16 numbers"
+            if not several
+            else f"{frames} matrices 4x4 by rows, the frames in the base frame, {16 * frames} numbers",
+            "twist_words": f"{6 * frames} numbers, {'6 a frame, ' * several}linear first, "
+            "in the base frame [m/s, rad/s]",
+        }
+    if task.spatial:
+        places = "a position" if not several else f"{frames} positions"
+        return shown | {
+            "pose_note": f" A wanted pose is {places}, {point} numbers.",
+            "target_words": f"{places} in the base frame, {point} numbers",
+            "twist_words": f"{'a velocity' if not several else 'velocities'} in the base frame, {point} numbers [m/s]",
+        }
+    return shown | {
+        "pose_note": f" A wanted pose is a point of the task's coordinates, {point} numbers.",
+        "target_words": f"a point of the task's coordinates, {point} numbers",
+        "twist_words": f"how fast that point moves, {point} numbers",
+    }
 
 
 def line(words: str) -> str:

@@ -87,7 +87,8 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
-    twist = _single(rng.uniform(-0.2, 0.2, 3 if s.task.orientation is None else 6))
+    task, frames = s.task, s.task.frames
+    twist = _single(rng.uniform(-0.2, 0.2, task.point if task.orientation is None else 6 * frames))
     G, rcond, margin = s.gain(q)
     if not (rcond > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
@@ -95,7 +96,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     if only_precise and not precise:
         return None
     pose = _single(s.task.pose(there))
-    target = pose[:3, 3] if s.task.orientation is None else pose
+    target, position, rotation = _wanted(task, pose)
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
@@ -108,12 +109,11 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     }  # fmt: skip
     if holonomic := source.holonomic:
         c = _single(np.atleast_1d(holonomic.constraint_value(there)))
-        position, rotation = pose[:3, 3], np.eye(3) if s.task.orientation is None else pose[:3, :3]
         try:
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_way(tool_at(s.task, q), (position, pose[:3, :3]), levels)
+                q, straight_way(tool_at(task, q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -138,18 +138,32 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.start
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    way = straight_way(tool_at(task, start), (pose[:3, 3], pose[:3, :3]), (source.leaf, source.leaf))
+    way = straight_way(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
     try:
         found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, way)
     except HolokinError:
         return None
-    return np.ravel(pose[:3, 3] if task.orientation is None else pose), found
+    return np.ravel(_wanted(task, pose)[0]), found
 
 
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
-    """x' (m,) of a tool at a pose that moves with a twist (6,), or with a velocity (3,)."""
-    v, w = np.concatenate([twist, np.zeros(3)])[:6].reshape(2, 1, 3)
-    return task.rates(pose[None, :3, :3], v, w)[0][0]
+    """x' (m,) of frames at poses that move with twists (6F,), or with the velocity of a point."""
+    v, w = np.zeros(3 * task.frames), np.zeros(3 * task.frames)
+    if task.orientation is None:
+        v[: task.point] = twist
+    else:
+        v, w = (part.ravel() for part in twist.reshape(-1, 2, 3).swapaxes(0, 1))
+    return task.rates(task.target(pose)[1][None], v[None], w[None])[0][0]
+
+
+def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
+    """(target as the step takes it, positions (3F,), rotations (3F, 3)) of wanted poses (4, 4) or (F, 4, 4)."""
+    p, R = task.target(pose)
+    if task.orientation is not None:
+        return pose.reshape(-1, 4), p, R
+    known = p.copy()
+    known[task.point :] = 0.0
+    return p[: task.point], known, np.tile(np.eye(3), (task.frames, 1))
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:
@@ -173,10 +187,10 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     The four digits are those of the terms that add up to dq, G u and the feedback of the leaf. Besides, rounding the
     inputs moves the result by what nudges of them show.
     """
-    s, position = source.strategy, source.strategy.task.orientation is None
+    s, task = source.strategy, source.strategy.task
     q, G = values["q"], np.abs(values["gain"].reshape(s.task.n, -1))
     dt, gain, constraint_gain = source.parameters[-3:]
-    error = np.abs(s.task.error(q, pose[:3, 3], np.eye(3) if position else pose[:3, :3]))
+    error = np.abs(task.error(q, *_wanted(task, pose)[1:]))
     terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if holonomic := source.holonomic:
         L, here = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
@@ -187,13 +201,13 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
         near, to, parameters = _nudged(q, rng), pose.copy(), source.parameters
-        to[:3, 3], to[:3, :3] = _nudged(pose[:3, 3], rng, 0.0), _nudged(pose[:3, :3], rng)
+        to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-3] = _nudged(parameters[:-3], rng)
-        target = to[:3, 3] if position else to
+        target, place, turned = _wanted(task, to)
         found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if holonomic:
-            turned, level = np.eye(3) if position else to[:3, :3], _nudged(values["c"], rng)
-            found["leaf"] = leaf_step(holonomic)(near, to[:3, 3], turned, level)[0]
+            level = _nudged(values["c"], rng)
+            found["leaf"] = leaf_step(holonomic)(near, place, turned, level)[0]
         for key, value in found.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}
@@ -253,10 +267,11 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = turned = ""
-    if words["target"] == 16:
+    if words["matrices"]:
         found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         turned = (
-            f"  for (int i = 0; i < 16; i++) target[i] = (real)vectors[0].target[4 * (i % 4) + i / 4];\n"
+            f"  for (int i = 0; i < {words['target']}; i++)\n"
+            "    target[i] = (real)vectors[0].target[i / 16 * 16 + 4 * (i % 4) + i / 4 % 4];\n"
             f'  expect("step to a transposed target", {step}, {found}, dq, {n});\n'
         )
         if source.holonomic:

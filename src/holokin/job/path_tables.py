@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from ..path import frame_pose
 from ..robot import FARTHEST
 from ..types import Matrix
-from .robot_tables import FrameTable, Three
+from .robot_tables import MOST_PARTS, FrameTable, Three
 from .table import Formula, Length, Number, Positive, Table
 
 MOST_POINTS = 10_000
@@ -103,6 +103,7 @@ class PathTable(Table):
     speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
+    others: Annotated[list[PathTable], Field(max_length=MOST_PARTS)] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> PathTable:

@@ -13,8 +13,9 @@ from ..motion import TimedTrajectory, follow
 from .build import naming
 from .export import job_strategy
 from .motion_tables import ProgramTable, TimingTable
-from .path_building import build_entry, build_path
+from .path_building import build_entry
 from .schema import Job
+from .several_paths import build_paths
 
 
 def program_of_job(
@@ -40,7 +41,7 @@ def program_of_job(
             "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
         )
     with naming(file, "path"):
-        path, _ = build_path(job, strategy.task, start, file)
+        path, _ = build_paths(job, strategy.task, start, file)
         start, _ = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
     walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)

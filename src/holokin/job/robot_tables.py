@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..robot import Robot, assembled, beside, load
-from .table import Length, Number, Table
+from ..robot import Robot, assembled, beside, coordinates, load
+from .table import Length, Number, Numbers, Table
 
 MOST_PARTS = 32
 """Robots of which one is put together."""
@@ -56,16 +56,34 @@ class PartTable(ModelTable, FrameTable):
     prefix: str = ""
 
 
+class CoordinatesTable(Table):
+    """[robot.coordinates]: coordinates u with limits and no links, for a custom task."""
+
+    names: Names
+    lower: Number | Numbers | None = None
+    upper: Number | Numbers | None = None
+    max_velocity: Number | Numbers | None = None
+    units: str | Names = "1"
+
+
 class RobotTable(ModelTable):
-    """[robot]: a catalogue name, or a path (a model or .toml) relative to the job file; or parts, one on the other."""
+    """[robot]: a catalogue name, or a path (a model or .toml) relative to the job file; or parts, one on the other.
+
+    Or coordinates without links.
+    """
 
     name: str | None = None
     base_pose: FrameTable | None = None
     parts: Annotated[list[PartTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
     order: Names | None = None
+    coordinates: CoordinatesTable | None = None
 
     @model_validator(mode="after")
     def _something(self) -> RobotTable:
+        if self.coordinates is not None:
+            if more := sorted(self.model_fields_set - {"name", "coordinates"}):
+                raise ValueError(f"{more[0]} stands beside coordinates; they have no links: leave it out")
+            return self
         if self.name is None and self.parts is None:
             raise ValueError("it names no robot; give name, or parts")
         chosen = sorted(self.model_fields_set & {"tip", "base", "locked", "args"})
@@ -76,6 +94,9 @@ class RobotTable(ModelTable):
 
 def robot_of_job(table: RobotTable, file: Path) -> Robot:
     """The robot of a job; a path counts from the job file's folder. Raises: as `load` and `compose`."""
+
+    if table.coordinates is not None:
+        return coordinates(**table.coordinates.model_dump(exclude_none=True), name=table.name or "coordinates")
 
     def loaded(given: Mapping[str, Any]) -> Robot:
         return load(beside(given["name"], file.parent), **{key: v for key, v in given.items() if key != "name"})

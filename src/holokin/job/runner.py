@@ -27,10 +27,10 @@ from ..errors import (
 from ..errors.moving import KEPT
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
-from ..path import Path
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
+from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..trajectory import Status, Trajectory
 from ..types import Vector
@@ -44,9 +44,10 @@ from .build import (
 from .check_tables import ChecksTable
 from .covering import build_covering
 from .motion_tables import TimingTable
-from .path_building import build_entry, build_path
+from .path_building import build_entry
 from .read import read_job
 from .schema import ExpectTable, Job
+from .several_paths import build_paths
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
@@ -118,7 +119,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "task"):
         tasks = job.task.tasks(robot, start)
     with naming(file, "path"):
-        path, notes = build_path(job, tasks[0], start, file)
+        path, notes = build_paths(job, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
@@ -169,7 +170,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: Path, start: Vector, method: str | None,
+    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None,
     invariant: Function | None,
 ) -> StrategyResult:  # fmt: skip
     asked = job.verdict
@@ -177,7 +178,7 @@ def _run_strategy(
     verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
-    def run(part: Path, samples: int, cycles: int) -> Trajectory:
+    def run(part: AnyPath, samples: int, cycles: int) -> Trajectory:
         try:
             return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
         except PathError as problem:
@@ -225,7 +226,7 @@ def _metrics(
         kept = max(float(np.abs(v - values[0][0]).max()) for v in values)
     return metrics | {
         "defect": defect,
-        "tracking": max(w.tracking_error(unit) for w in walks for unit in ("m", "rad")),
+        "tracking": max(w.tracking_error(unit) for w in walks for unit in dict.fromkeys(w.row_units)),
         "sigma": min(float(w.sigma.min()) for w in walks),
         "speed": float(np.sqrt(np.sum(cycles.dq**2))) / size if size > 0 else np.nan,
         "peak_speed": peak,

@@ -220,11 +220,12 @@ class ArmAngle(ConstraintTable):
     joints: Annotated[list[str | int | tuple[str | int, Three]], Field(min_length=3, max_length=3)] | None = None
     reference: Three = Field(default=[0.0, 0.0, 1.0])
     pole: Three | None = None
+    tip: str | None = None
 
     def constraint(self, task: Task) -> Constraint:
         """As `arm_angle`."""
         return constraints.arm_angle(
-            definition=self.definition, joints=self.joints, reference=self.reference, pole=self.pole
+            definition=self.definition, joints=self.joints, reference=self.reference, pole=self.pole, tip=self.tip
         )
 
 

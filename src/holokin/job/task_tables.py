@@ -9,39 +9,48 @@ from pydantic import Field, model_validator
 from ..frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from ..robot import Robot
 from ..task import Task
+from ..task_kinds import stacked
 from ..types import Vector
-from .robot_tables import Three
-from .table import Formula, Table, column
+from .robot_tables import MOST_PARTS, Three
+from .table import MOST_JOINTS, Formula, Table, column
 
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
 Axis = Literal["x", "y", "z"] | Three
 
 _OF = {
     "orientation": ("pose", "relative-pose"), "rows": ("position", "pose", "relative-pose"),
-    "axis": ("pose", "relative-pose", "line-of-sight"), "tip": ("relative-pose",), "other": ("relative-pose",),
+    "axis": ("pose", "relative-pose", "line-of-sight"), "tip": ("position", "pose", "relative-pose", "line-of-sight"),
+    "other": ("relative-pose",),
     "point": ("line-of-sight",), "expressions": ("custom",), "units": ("custom",), "names": ("custom",),
+    "parts": ("stacked",),
 }  # fmt: skip
 """The kinds of task that use a key."""
 
-_NEEDED = {"relative-pose": ("tip", "other"), "line-of-sight": ("point",), "custom": ("expressions", "units")}
+_NEEDED = {
+    "relative-pose": ("tip", "other"),
+    "line-of-sight": ("point",),
+    "custom": ("expressions", "units"),
+    "stacked": ("parts",),
+}
 
 
 class TaskTable(Table):
-    """[task]: position, pose, the pose of one tip in another's frame, a camera's line of sight, or formulas.
+    """[task]: position, pose, the pose of one tip in another's frame, a camera's line of sight, formulas, or several.
 
     A list of orientations runs every strategy once for each.
     """
 
-    kind: Literal["position", "pose", "relative-pose", "line-of-sight", "custom"] = "position"
+    kind: Literal["position", "pose", "relative-pose", "line-of-sight", "custom", "stacked"] = "position"
     orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
     axis: Axis = "z"
     rows: Annotated[list[int], Field(max_length=6)] | None = None
     tip: str | None = None
     other: str | None = None
     point: Three | None = None
-    expressions: Annotated[list[Formula], Field(min_length=1, max_length=3)] | None = None
-    units: Annotated[list[str], Field(min_length=1, max_length=3)] | None = None
-    names: Annotated[list[str], Field(min_length=1, max_length=3)] | None = None
+    expressions: Annotated[list[Formula], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
+    units: Annotated[list[str], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
+    names: Annotated[list[str], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
+    parts: Annotated[list[TaskTable], Field(min_length=2, max_length=MOST_PARTS)] | None = None
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> TaskTable:
@@ -56,6 +65,8 @@ class TaskTable(Table):
                 raise ValueError(f"a task of kind {self.kind!r} does not use {key}; leave it out")
         if "axis" in self.model_fields_set and self.kind != "line-of-sight" and "axis" not in self._orientations:
             raise ValueError('axis serves orientation = "axis"; leave it out')
+        if any(isinstance(part.orientation, list) or part.kind == "stacked" for part in self.parts or []):
+            raise ValueError("a part of a stacked task has one orientation, and no parts of its own; choose one")
         return self
 
     @property
@@ -65,15 +76,20 @@ class TaskTable(Table):
     def tasks(self, robot: Robot, start: Vector) -> list[Task]:
         """One task, or one for each orientation of a list; what counts from a reference does so from the start."""
         if self.kind == "position":
-            return [position(robot, rows=self.rows)]
+            return [position(robot, self.tip, rows=self.rows)]
         if self.kind == "line-of-sight":
-            return [line_of_sight(robot, self.point or (), axis=self.axis)]
+            return [line_of_sight(robot, self.point or (), axis=self.axis, tip=self.tip)]
         if self.kind == "custom":
             formulas = column(self.expressions or [], robot)
             return [custom_task(robot, formulas, units=self.units or (), names=self.names, name="task")]
         if self.kind == "pose":
-            at = robot.pose(start)[:3, :3]
-            return [pose(robot, kind, reference=at, axis=self.axis, rows=self.rows) for kind in self._orientations]
+            at = robot.pose(start, self.tip)[:3, :3]
+            return [
+                pose(robot, kind, reference=at, axis=self.axis, tip=self.tip, rows=self.rows)
+                for kind in self._orientations
+            ]
+        if self.kind == "stacked":
+            return [stacked(*(part.tasks(robot, start)[0] for part in self.parts or []))]
         tip, other = self.tip or "", self.other or ""
         at = relative_pose(robot, tip, other).pose(start)[:3, :3]
         return [

@@ -51,8 +51,8 @@ def impedance_with_memory(
             "rcond": extended.rcond(),
             "margin": task.margin_expression(k.rotation),
         }
-        R, twist = symbol("R", 3, 3), symbol("twist", 6)
-        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, twist[:3], twist[3:])})
+        R, twist = task.target_symbols()[1], symbol("twist", 6 * task.frames)
+        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, *task.velocities(twist))})
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
     def begin(q0: Vector) -> Step:
@@ -68,7 +68,7 @@ def impedance_with_memory(
                 check_regular(task, name, at, rcond, margin)
                 return np.append(dq, dF)
 
-            dx = np.atleast_1d(wanted(pose[:3, :3], twist))
+            dx = np.atleast_1d(wanted(task.target(pose)[1], twist.ravel()))
             y = runge_kutta(slope, np.append(np.zeros(task.n), F), dt, dx, dx, dx)
             F = y[task.n :]
             return y[: task.n] / dt

@@ -57,7 +57,7 @@ to sample longer ones."""
 def turning(strategy: HolonomicStrategy) -> RowExpressions:
     """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
     e, task = strategy.expressions, strategy.task
-    return replace(e, J=e.kinematics.jacobian[list(task.rows), :]) if task.turns else e
+    return replace(e, J=task.turning_expression(e.kinematics, e.J)) if task.rotations else e
 
 
 @kept
@@ -139,8 +139,10 @@ def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
         change, bend = _enclosed(enclosure, center, half, radius, Y)
     if enclosure is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
         change, bend = _sampled(strategy, center, half, radius, A, Y)
-    if strategy.task.turns:  # the rotation vector of the error turns its own axes, by at most 0.6 of its length
-        rows = [i for i, row in enumerate(strategy.task.rows) if row > 2]
+    for (
+        first
+    ) in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+        rows = slice(first, first + 3)
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
     return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
 
@@ -181,14 +183,13 @@ def _sampled(
 def branch_code(strategy: HolonomicStrategy) -> str:
     """C that branch.c needs: numbers, the extended Jacobian and, where there is one, the enclosure of its change."""
     task, change = strategy.task, enclosed_change(strategy)
-    turn = next((i for i, row in enumerate(task.rows) if row > 2), -1) if task.turns else -1
-    angular = int(any(row > 2 for row in task.rows))
     numbers = {
         "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
-        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURN": turn, "ANGULAR": angular,
-        "ROWS": task.m,
+        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task.rotations),
+        "ANGLES": int(task.by_angles), "ROWS": task.m,
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
+    head += f"static const int hk_turns[] = {{{', '.join(map(str, task.rotations or (0,)))}}};\n"
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
     return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
 

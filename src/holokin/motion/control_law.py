@@ -16,7 +16,7 @@ from ..arguments import Made
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, check_regular
-from ..symbolic import SX, Function, Solution, symbol
+from ..symbolic import SX, Function, Solution, symbol, vertcat
 from ..task import Task
 from ..types import Matrix, Value, Vector
 
@@ -25,6 +25,7 @@ Step = Callable[[Vector, Matrix, Vector, float], Vector]
 
 q (n,): the joints now. pose (4, 4): where the tool is wanted at the end of the step. twist (6,): the constant twist
 (linear first, base frame) that takes the wanted pose of now there. dt [s]: the step. dq (n,): joint rates over it.
+Of a task of F > 1 frames poses are (F, 4, 4) and twists (F, 6).
 """
 
 
@@ -79,12 +80,28 @@ class Symbols:
     start: SX
 
 
+def wanted_symbols(task: Task) -> tuple[tuple[SX, SX], tuple[SX, SX, SX]]:
+    """(pose, twist) as a control step takes them, and of these (p, R, twists) as `tracking` does.
+
+    pose (4F, 4) and twist (6F,), one frame below the other; or both (point,), where the task has no orientation.
+    """
+    F, point = task.frames, task.point
+    if task.orientation is not None:
+        pose, twist = symbol("pose", 4 * F, 4), symbol("twist", 6 * F)
+        p, R = (vertcat(*(pose[4 * f : 4 * f + 3, columns] for f in range(F))) for columns in (3, slice(3)))
+        return (pose, twist), (p, R, twist)
+    pose, twist, more = symbol("pose", point), symbol("twist", point), SX.zeros(3 * F - point, 1)
+    v = vertcat(twist, more)
+    twists = vertcat(*(vertcat(v[i : i + 3], SX.zeros(3, 1)) for i in range(0, 3 * F, 3)))
+    return (pose, twist), (vertcat(pose, more), vertcat(*([SX.eye(3)] * F)), twists)
+
+
 def tracking(task: Task, k: Kinematics, p: SX, R: SX, twist: SX, dt: SX) -> tuple[SX, SX]:
     """(x', e), both (m,): the wanted task rate, and the task error to where the tool is wanted now.
 
     It is wanted at the pose (p, R) after dt, and moves there with the twist (6,), so e = error to (p, R) - dt x'.
     """
-    dx = task.rates_expression(R, twist[:3], twist[3:])
+    dx = task.rates_expression(R, *task.velocities(twist))
     return dx, task.error_expression(k, p, R) - dt * dx
 
 
@@ -134,13 +151,8 @@ def compiled(
     def function() -> Function:
         q = symbol("q", task.n) if strategy is None else strategy.expressions.q
         k = task.kinematics(q)
-        p, R, twist, dt, start = (
-            symbol("p", 3),
-            symbol("R", 3, 3),
-            symbol("twist", 6),
-            symbol("dt", 1),
-            symbol("start", task.n),
-        )
+        p, R = task.target_symbols()
+        twist, dt, start = symbol("twist", 6 * task.frames), symbol("dt", 1), symbol("start", task.n)
         dx, error = tracking(task, k, p, R, twist, dt)
         found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
@@ -152,7 +164,7 @@ def compiled(
         rates = function()
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            dq, rcond, margin = rates(q, pose[:3, 3], pose[:3, :3], twist, (dt,), q0)
+            dq, rcond, margin = rates(q, *task.target(pose), twist.ravel(), (dt,), q0)
             check_regular(task, name, q, rcond, margin)
             return dq
 

@@ -27,7 +27,7 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
-from .control_law import ControlLaw, Step, feedback, tracking
+from .control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .leaf import leaf_value
 
 LONGEST_STEP = 10.0
@@ -89,6 +89,9 @@ class Controller(ControlLaw):
             twist: the constant twist that takes the wanted pose of now there, (6,), linear first, in the base frame
                 [m/s, rad/s]; for a position task also the velocity (3,).
 
+        Of a task of F > 1 frames poses are (F, 4, 4) and twists (F, 6), or points and velocities both (F, 3); of a
+        `custom_task` of m > 3 rows a point (m,) and how fast it moves.
+
         Returns:
             dq (n,), a new array. It is zero where `status` is SINGULAR or NOT_FINITE; nothing is raised then.
 
@@ -140,14 +143,20 @@ class _Compiled:
     def converted(self, *arguments: Any) -> tuple[Array, Array, Array]:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
         q, pose, twist, _ = self.function.input_shapes.values()
-        point = pose == (3,)  # of a position task: a whole pose and a whole twist will do
+        frames, point = self.strategy.task.frames, len(pose) == 1
+        one = () if frames == 1 else (frames,)
         a, b, c = arguments
-        T = _numbers("pose", b, ((4, 4), (3,)) if point else ((4, 4),))
-        v = _numbers("twist", c, ((6,), (3,)) if point else ((6,),))
-        if T.shape == (4, 4) and np.isfinite(T[3]).all():
-            right_last_row("pose", T)
-        whole = point and T.shape == (4, 4)
-        return _numbers("q", a, (q,)), T[:3, 3].copy() if whole else T, v[: twist[0]].copy()
+        points = (pose, (*one, 3)) if point else ()  # of a position task whole poses and twists will do, too
+        T = _numbers("pose", b, tuple(dict.fromkeys(((*one, 4, 4), *points))))
+        v = _numbers("twist", c, tuple(dict.fromkeys(((*one, 6), *points))))
+        whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
+        for matrix in T.reshape(-1, 4, 4) if whole else ():
+            if np.isfinite(matrix[3]).all():
+                right_last_row("pose", matrix)
+        if point:
+            T = T[..., :3, 3].ravel()[: pose[0]] if whole else T
+            v = v[..., :3].ravel()[: twist[0]] if moved else v
+        return _numbers("q", a, (q,)), T.reshape(pose).copy(), v.reshape(twist).copy()
 
     def begin(self, _q0: Vector) -> Step:
         """A run: a step with memory and dt of its own. Raises (when it runs): SingularityError, ArgumentError."""
@@ -226,7 +235,7 @@ def _machine(
     def step(q: Any, pose: Any, twist: Any) -> Vector:
         try:
             fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
-            fit = fit and (len(pose) == 3 or pose[3].tolist() == [0.0, 0.0, 0.0, 1.0])
+            fit = fit and (pose.ndim == 1 or (len(pose) == 4 and pose[3].tolist() == [0.0, 0.0, 0.0, 1.0]))
         except AttributeError:  # no arrays
             fit = False
         if not fit:
@@ -295,7 +304,8 @@ def controller(
         leaf = leaf_value(strategy, q0)
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
     if q0 is not None:
-        compiled.check(q0, strategy.task.pose(q0), np.zeros(6), compiled.parameters)
+        still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))
+        compiled.check(q0, strategy.task.pose(q0), still, compiled.parameters)
     return Controller(compiled)
 
 
@@ -345,19 +355,17 @@ def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
 def step_function(strategy: Strategy, limits: bool) -> Function:
     """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), with parameters = (c, dt, K, K_g).
 
-    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `Controller.step`. One compiled step
+    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
     serves all parameters. room is the scale that position limits allow; given is finite where all arguments are, also
     those not needed.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if has_leaf(strategy) else 0
-    point = task.orientation is None
-    pose, twist = (symbol("pose", 3), symbol("twist", 3)) if point else (symbol("pose", 4, 4), symbol("twist", 6))
-    p, R = (pose, SX.eye(3)) if point else (pose[:3, 3], pose[:3, :3])
+    (pose, twist), (p, R, twists) = wanted_symbols(task)
     parameters = symbol("parameters", r + 3)
     c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
-    dx, error = tracking(task, e.kinematics, p, R, vertcat(twist, SX.zeros(3, 1)) if point else twist, dt)
+    dx, error = tracking(task, e.kinematics, p, R, twists, dt)
     found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:

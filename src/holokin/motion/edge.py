@@ -11,7 +11,7 @@ singular postures and, when asked for, the joint limits. A are their slopes by z
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -62,10 +62,10 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     the same in metres and millimetres. Its slope (n,) is that of log rcond^2 by q.
     """
     e, task = turning(strategy), strategy.task
-    geometric = replace(task, orientation="twist") if task.turns else task
+    geometric = task.geometric_twin
     n, m, k = task.n, task.m, e.kinematics
     p, R, length = symbol("p", 3), symbol("R", 3, 3), symbol("length", 1)
-    scale = vertcat(*(length if row > 2 else SX(1) for row in task.rows))
+    scale = vertcat(*(length if angular else SX(1) for angular in task.angular))
     one = SX.eye(n)
     found = e.rate(one[:m, :], one[m:, :])
     Y = found.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
@@ -164,7 +164,7 @@ class Edge(Value):
     @cached_property
     def linear(self) -> Flags:
         """Which rows of e are positions (m,)."""
-        return np.array([row < 3 for row in self.strategy.task.rows])
+        return ~np.array(self.strategy.task.angular)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

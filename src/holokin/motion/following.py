@@ -21,10 +21,10 @@ from ..errors import (
     TrackingError,
 )
 from ..errors.moving import KEPT
-from ..path import Path
 from ..progress import progress
 from ..sampling import Plan, check_start, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy
+from ..synchronized_paths import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
@@ -49,7 +49,7 @@ BLOCK = 10_000
 @typed
 def follow(
     strategy: Strategy,
-    path: Path,
+    path: AnyPath,
     q0: ArrayLike,
     *,
     samples: int = 500,
@@ -85,8 +85,7 @@ def follow(
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
-    tool = task.pose(start)
-    plan = make_plan(task, path, whole("samples", samples), tool[:3, :3])
+    plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     check_start(plan, start)
     return _walk(strategy, leaf, plan, start, int(cycles), limits)
 

@@ -12,7 +12,7 @@ from ..arguments import check, typed
 from ..codegen import InverseKernel, engine, weak
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
-from ..robot import Robot, doubtful_unit, start_posture
+from ..robot import Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..tolerances import TOLERANCES
 from ..types import (
@@ -60,6 +60,8 @@ class InverseKinematics(Value):
     def __call__(self, pose: ArrayLike) -> Vector:
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
 
+        Of a task of several frames poses are (F, 4, 4), or points (F, 3), or the numbers of a `custom_task` (d,).
+
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
         function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at unless
         `inverse` was told to: `robot.check_limits(q)` does.
@@ -99,9 +101,7 @@ class InverseKinematics(Value):
         """
         if threads is not None:
             whole("threads", threads)
-        given = numbers("tool poses", poses)
-        if given.shape[1:] not in ((4, 4), (3,), (2,)):
-            raise ShapeError("tool poses", "(k, 4, 4), (k, 3) or (k, 2)", given.shape)
+        given = self._shaped("each of the tool poses", numbers("tool poses", poses))
         p, R = self._targets(given)
         last = np.full((len(given), len(self.start)), np.nan)
         if self._kernel is not None:
@@ -152,9 +152,9 @@ class InverseKinematics(Value):
                 step without q. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
-        given = numbers("a tool pose", pose)
-        if given.shape not in ((4, 4), (3,), (2,)):
-            raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", given.shape)
+        given = self._shaped("a tool pose", numbers("a tool pose", pose)[None])[0]
+        if self.strategy.task.frames > 1:
+            raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
         begin, (p, R) = None, self._targets(given[None])
         if q is None:
             self._target(given)
@@ -180,9 +180,11 @@ class InverseKinematics(Value):
         p, R = self._target(pose)
         q, status = self._go(p, R, self.start)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
-            robot, tip = self.strategy.task.robot, self.strategy.task.tip
-            fact = f"the pose is out of reach of {robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
-            raise OutOfReachError(fact, doubtful_unit(robot, p[None], tip) or "give a pose nearer to the base")
+            task = self.strategy.task
+            fact = (
+                f"the pose is out of reach of {task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
+            )
+            raise OutOfReachError(fact, task.doubtful_unit(p) or "give a pose nearer to the base")
         return self._answer(q, status)
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
@@ -236,26 +238,40 @@ class InverseKinematics(Value):
 
     def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
         """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
-        wanted = finite("a tool pose", pose)
-        if wanted.shape not in ((4, 4), (3,), (2,)):
-            raise ShapeError("a tool pose", "(4, 4), (3,) or (2,)", wanted.shape)
-        p, R = self._targets((tool_pose("a tool pose", wanted) if wanted.ndim == 2 else wanted)[None])
+        wanted = self._shaped("a tool pose", finite("a tool pose", pose)[None])[0]
+        for one in wanted.reshape(-1, 4, 4) if wanted.shape[-2:] == (4, 4) else ():
+            tool_pose("a tool pose", one)
+        p, R = self._targets(wanted[None])
         return p[0], R[0]
 
+    def _shaped(self, what: str, given: Array) -> Array:
+        """Poses (k, 4, 4) or points (k, 3), (k, 2); of several frames (k, F, 4, 4), (k, F, 3) or (k, point).
+
+        Raises: ShapeError.
+        """
+        frames, point = self.strategy.task.frames, self.strategy.task.point
+        shapes = ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (point,))
+        if given.shape[1:] not in shapes:
+            raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:])
+        return given
+
     def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
-        """Positions (k, 3) and rotations (k, 3, 3); of zeros, which is none, where the last row is no pose's."""
-        if wanted.shape[1:] == (4, 4):
+        """Positions (k, 3F) and rotations (k, 3F, 3); of zeros, which is none, where the last row is no pose's."""
+        k, (p, R) = len(wanted), self._place
+        if wanted.shape[-2:] == (4, 4):
             with np.errstate(invalid="ignore"):
-                gap = last_row_gap(wanted)[:, None, None]
-                R = np.where(gap < ROTATION, wanted[:, :3, :3], 0.0 * gap)  # not a number where that row is not finite
-            return np.ascontiguousarray(wanted[:, :3, 3]), R
-        missing = np.broadcast_to(self._pose[wanted.shape[1] : 3, 3], (len(wanted), 3 - wanted.shape[1]))
-        return np.hstack([wanted, missing]), np.broadcast_to(self._pose[:3, :3], (len(wanted), 3, 3))
+                gap = last_row_gap(wanted)[..., None, None]
+                turned = np.where(gap < ROTATION, wanted[..., :3, :3], 0.0 * gap)  # NaN where that row is not finite
+            return np.ascontiguousarray(wanted[..., :3, 3]).reshape(k, -1), turned.reshape(k, -1, 3)
+        points = wanted.reshape(k, -1)
+        missing = np.broadcast_to(p[points.shape[1] :], (k, len(p) - points.shape[1]))
+        return np.hstack([points, missing]), np.broadcast_to(R, (k, *R.shape))
 
     def _refused(self, p: Matrix, R: Array) -> Indices:
         """The statuses of bad poses; REACHED for the others."""
         status = np.full(len(p), int(InverseStatus.REACHED), dtype=np.intp)
-        status[~(rotation_gap(R) < ROTATION)] = InverseStatus.NOT_A_ROTATION
+        turned = rotation_gap(R.reshape(len(p), -1, 3, 3)).max(axis=1)
+        status[~(turned < ROTATION)] = InverseStatus.NOT_A_ROTATION
         status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
         return status
 
@@ -277,12 +293,12 @@ class InverseKinematics(Value):
         robot, slack = self.strategy.task.robot, TOLERANCES.limit
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
-        place = self._pose[:3, 3], self._pose[:3, :3].ravel()
-        return frozen(np.concatenate([self.start, *place, self._leaf, low, high, [self._side]]))
+        p, R = self._place
+        return frozen(np.concatenate([self.start, p, R.ravel(), self._leaf, low, high, [self._side]]))
 
     @cached_property
-    def _pose(self) -> Matrix:
-        return frozen(self.strategy.task.pose(self.start))
+    def _place(self) -> tuple[Vector, Matrix]:
+        return self.strategy.task.place(self.start)
 
     @cached_property
     def _leaf(self) -> Vector:
@@ -290,7 +306,7 @@ class InverseKinematics(Value):
 
     @cached_property
     def _side(self) -> float:
-        return float(leaf_step(self.strategy)(self.start, self._pose[:3, 3], self._pose[:3, :3], self._leaf)[3])
+        return float(leaf_step(self.strategy)(self.start, *self._place, self._leaf)[3])
 
 
 def _steps(step: ArrayLike, joints: int) -> Vector:
@@ -304,8 +320,8 @@ def _steps(step: ArrayLike, joints: int) -> Vector:
 
 
 def _in_rows(p: Matrix, R: Array) -> Matrix:
-    """(k, 12): positions, and rotations by rows."""
-    return np.ascontiguousarray(np.hstack([p, R.reshape(-1, 9)]))
+    """(k, 12F): positions, and rotations by rows."""
+    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), -1)]))
 
 
 def _beyond(robot: Robot, q: Vector) -> bool:

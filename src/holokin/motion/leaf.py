@@ -80,7 +80,7 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    p, R, c = symbol("p", 3), symbol("R", 3, 3), symbol("c", task.n - task.m)
+    (p, R), c = task.target_symbols(), symbol("c", task.n - task.m)
     found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
     outputs = {
         "dq": found.X,
@@ -185,10 +185,8 @@ def leaf_walk(
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
-    angular = any(row > 2 for row in strategy.task.rows)
-    angles = angular and not strategy.task.turns
-    pose = strategy.task.pose(q0)
-    side = correct(q0, pose[:3, 3], pose[:3, :3], leaf_value(strategy, q0))[3]
+    angular, angles = any(strategy.task.angular), strategy.task.by_angles
+    side = correct(q0, *strategy.task.place(q0), leaf_value(strategy, q0))[3]
 
     def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
         nonlocal rate
@@ -232,9 +230,8 @@ def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
 
 
 def tool_at(task: Task, q: Vector) -> Pose:
-    """(position, rotation) of the tool at a posture (n,)."""
-    pose = task.pose(q)
-    return pose[:3, 3], pose[:3, :3]
+    """(position, rotation) of the tool at a posture (n,); of several frames, see `Task`."""
+    return task.place(q)
 
 
 def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:

@@ -14,7 +14,7 @@ from ..constraints import find_arm
 from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..types import ArrayLike, Matrix, Value, Vector, positive, whole
 from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
@@ -125,6 +125,7 @@ def obstruction(
     """
     if isinstance(over, Directions):
         task = law if isinstance(law, Task) else law.task
+        of_one_tool(task, "obstruction")
         if not task.turns:
             raise ArgumentError("the task", task.name, "give one with the tool's orientation, hk.pose(robot)")
         start, arm = task.robot.checked(q0, "the start posture"), find_arm(task, over.joints)

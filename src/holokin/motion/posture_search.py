@@ -12,7 +12,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
-from ..task import Task
+from ..task import Task, of_one_tool
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..workspaces import sobol
@@ -102,6 +102,7 @@ def all_postures(
         ShapeError, ArgumentError.
     """
     task, count = strategy.task, whole("starts", starts)
+    of_one_tool(task, "all_postures")
     if count > MOST_STARTS:
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
     wanted = tool_pose("a tool pose", finite("a tool pose", pose, (4, 4)))

@@ -46,7 +46,7 @@ def rays_from(strategy: HolonomicStrategy) -> Vector | None:
     That is where its label is arc length, and straight ways of the tool are those of its transport.
     """
     transport, task = strategy.looped.transport, strategy.task
-    straight = task.turns or task.robot.planar or all(row < 3 for row in task.rows)
+    straight = task.turns or task.robot.planar or not any(task.angular)
     return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
 
 

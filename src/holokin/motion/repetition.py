@@ -8,8 +8,8 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError
-from ..path import Path
 from ..strategies import Strategy
+from ..synchronized_paths import AnyPath, paths_of
 from ..trajectory import Trajectory
 from ..types import ArrayLike, Indices, Matrix, Value, Vector
 from .following import follow
@@ -75,7 +75,7 @@ class Spread(Value):
 
 @typed
 def drift(
-    strategy: Strategy, path: Path, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: str | None = None,
+    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: str | None = None,
     limits: bool = True,
 ) -> Drift:  # fmt: skip
     """Follow a closed path for some cycles and say where the joints stand after each.
@@ -90,14 +90,18 @@ def drift(
 
 @typed
 def path_spread(
-    strategy: Strategy, path_a: Path, path_b: Path, q0: ArrayLike, *, samples: int = 500, method: str | None = None,
-    limits: bool = True,
+    strategy: Strategy, path_a: AnyPath, path_b: AnyPath, q0: ArrayLike, *, samples: int = 500,
+    method: str | None = None, limits: bool = True,
 ) -> Spread:  # fmt: skip
     """Follow two paths from the same start posture to the same tool pose and compare the joints.
 
     Raises:
         ArgumentError when the paths end apart, and what `follow` raises.
     """
+    if path_a.end.shape != path_b.end.shape:
+        raise ArgumentError(
+            "the frames of the two paths", (len(paths_of(path_a)), len(paths_of(path_b))), "give equal numbers"
+        )
     apart = float(np.linalg.norm(path_a.end - path_b.end))
     turned = float(np.abs(path_a.turned - path_b.turned).max())
     if max(apart, turned) > 1e-9:

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
-from ..path import Path
 from ..progress import progress
 from ..sampling import Plan, check_start, make_plan, record
+from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..trajectory import Status, Trajectory
 from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
@@ -24,7 +24,7 @@ from .control_law import ControlLaw, Step, as_control_law
 def simulate(
     law: object,
     task: Task,
-    path: Path,
+    path: AnyPath,
     q0: ArrayLike,
     *,
     dt: float = 0.01,
@@ -62,11 +62,11 @@ def simulate(
         positive("patience", patience, "give positive seconds, or None")
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"simulating {cycles} cycles", path.gap)
-    tool = task.pose(start)
+    tool = task.place(start)
     steps = np.ceil(path.duration / dt - 1e-9)
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
-    plan = make_plan(task, path, int(steps), tool[:3, :3])
+    plan = make_plan(task, path, int(steps), tool[1])
     check_start(plan, start)
     return _Run(chosen, task, plan, start, cycles).go(patience)
 
@@ -166,12 +166,18 @@ def _flaw(answer: object, n: int) -> str:
 
 
 def _targets(plan: Plan) -> tuple[Array, Matrix]:
-    """Wanted poses (k, 4, 4) at the ends of the steps, and the constant twists (k, 6) that lead there."""
+    """Wanted poses (k, 4, 4) at the ends of the steps, and the constant twists (k, 6) that lead there.
+
+    Of F > 1 frames (k, F, 4, 4) and (k, F, 6).
+    """
     from scipy.spatial.transform import Rotation
 
-    p = np.vstack([plan.first[0][None], plan.position])
-    R = np.concatenate([plan.first[1][None], plan.rotation])
-    poses = np.tile(np.eye(4), (plan.steps, 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = p[1:], R[1:]
-    turned = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).as_rotvec()
-    return poses, np.hstack([np.diff(p, axis=0), turned]) / plan.h[:, None]
+    k, frames = plan.steps, plan.task.frames
+    p = np.vstack([plan.first[0][None], plan.position]).reshape(-1, frames, 3)
+    R = np.concatenate([plan.first[1][None], plan.rotation]).reshape(-1, frames, 3, 3)
+    poses = np.tile(np.eye(4), (k, frames, 1, 1))
+    poses[..., :3, 3], poses[..., :3, :3] = p[1:], R[1:]
+    turns = (R[1:] @ R[:-1].swapaxes(-1, -2)).reshape(-1, 3, 3)
+    turned = Rotation.from_matrix(turns).as_rotvec().reshape(k, frames, 3)
+    twists = np.concatenate([np.diff(p, axis=0), turned], axis=-1) / plan.h[:, None, None]
+    return (poses, twists) if frames > 1 else (poses[:, 0], twists[:, 0])

@@ -19,6 +19,7 @@ continuously. Stretches follow one another where one's posture lies within the o
 from __future__ import annotations
 
 from ..errors import NativeError
+from ..frames import poses_expression
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tolerances import TOLERANCES
@@ -74,7 +75,7 @@ inverse kinematics is asked in loops, where no answer is better than a late one.
 def node(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
     e, task = strategy.expressions, strategy.task
-    p, R, c, one = symbol("p", 3), symbol("R", 3, 3), symbol("c", task.n - task.m), SX.eye(task.n)
+    (p, R), c, one = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
     found = e.rate(
         horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
         horzcat(strategy.leaf_gap(c), one[task.m :, :]),
@@ -150,9 +151,7 @@ def stretch_code(strategy: HolonomicStrategy) -> str:
 def _place_code(strategy: HolonomicStrategy) -> str:
     """C of the tool's pose and of the constraint, which poses.c needs."""
     e = strategy.expressions
-    T = SX.eye(4)
-    T[:3, :3], T[:3, 3] = e.kinematics.rotation, e.kinematics.position
-    pose = Function("pose", {"q": e.q}, {"T": T})
+    pose = Function("pose", {"q": e.q}, {"T": poses_expression(e.kinematics)})
     level = "static void hk_constraint_body(const hk_t *q, hk_t *g) { (void)q, (void)g; }\n"
     if strategy.task.n > strategy.task.m:
         level = strategy.constraint_value.c("hk_constraint_body")

@@ -24,7 +24,7 @@ def path_rate(strategy: Strategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    p, R, v, w = symbol("p", 3), symbol("R", 3, 3), symbol("v", 3), symbol("w", 3)
+    (p, R), v, w = task.target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
     found = e.rate(task.rates_expression(R, v, w))
     error, off = task.error_expression(e.kinematics, p, R), SX(0)
     for i in range(task.m):

@@ -41,9 +41,10 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
     from matplotlib import rc_context
 
-    with rc_context(style()):
+    if result.robot.tips:
         caption = "The robot at the start (grey) and where each way has led it: clockwise (wide, blue) and "
-        yield "robot", caption + "counter-clockwise (thin, red), in one picture.", robot_figure(result)
+        with rc_context(style()):
+            yield "robot", caption + "counter-clockwise (thin, red), in one picture.", robot_figure(result)
     for strategy in result.drawn:
         if strategy.ways is not None:
             with rc_context(style()):

@@ -14,8 +14,8 @@ from ..analysis import Verdict
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
-from ..path import Path
 from ..robot import Robot
+from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 
@@ -131,7 +131,7 @@ class JobResult:
     robot: Robot
     task: str
     start: Vector
-    path: Path
+    path: AnyPath
     cycles: int
     strategies: tuple[StrategyResult, ...]
     seconds: float

@@ -2,7 +2,7 @@
 
 from .curves import even_curve
 from .editing import blended, passes, with_leads
-from .path import Path, Samples, as_point, frame_pose, join
+from .path import Path, Samples, as_point, corners_of, frame_pose, join
 from .segments import Segment, arc_segment, line_segment
 from .shapes import arc, circle, line, polyline
 from .splines import path_of, spline
@@ -19,6 +19,7 @@ __all__ = [
     "as_point",
     "blended",
     "circle",
+    "corners_of",
     "even_curve",
     "figure_eight",
     "frame_pose",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -223,12 +224,7 @@ class Path(Value):
     @cached_property
     def corners(self) -> tuple[int, ...]:
         """Segments at whose start the tool's velocity jumps; 0 among them where a closed path ends in a corner."""
-        k = len(self.segments)
-        start, end = (self.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
-        after = np.hstack([start.velocity, start.angular])
-        jump = np.abs(after - np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)).max(axis=1)
-        found = jump > CORNER * np.abs(after).max(axis=1)
-        return tuple(int(i) for i in np.flatnonzero(found) if i > 0 or self.closed)
+        return corners_of(self, len(self.segments))
 
     def counts(self, samples: int) -> Indices:
         """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
@@ -303,6 +299,15 @@ class Path(Value):
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
         """The same curve at another speed [m/s], and angular speed [rad/s]."""
         return replace(self, speed=speed, angular_speed=self.angular_speed if angular_speed is None else angular_speed)
+
+
+def corners_of(path: Any, k: int) -> tuple[int, ...]:
+    """Of k segments those at whose start a velocity jumps; 0 among them where a closed path ends in a corner."""
+    start, end = (path.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
+    after = np.hstack([start.velocity, start.angular])
+    before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
+    found = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+    return tuple(int(i) for i in np.flatnonzero(found) if i > 0 or path.closed)
 
 
 @typed

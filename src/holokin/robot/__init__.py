@@ -7,6 +7,7 @@ from .dh import DHRow, from_dh
 from .drives import SERVOS, Servo, servo
 from .export import to_mjcf, to_urdf
 from .extent import reach
+from .free_coordinates import coordinates
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
 from .links import DENSITY, knows_masses, weighed
@@ -48,6 +49,7 @@ __all__ = [
     "chain_length",
     "check_metres",
     "compose",
+    "coordinates",
     "doubtful_unit",
     "from_dh",
     "from_mjcf",

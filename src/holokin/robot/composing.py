@@ -68,6 +68,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     carrying: set[str] = set()
     on = BASE
     for part in given:
+        part.robot.check_links()
         on = on if part.on is None else part.on
         mount = _mount(on, tips)
         carrying.add(mount.name)
@@ -141,6 +142,7 @@ def with_tool(
         UnknownNameError: no such tip. ArgumentError: another tip has that name. ShapeError, NotFiniteError.
     """
     T = pose_matrix(finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,)))
+    robot.check_links()
     carrier = robot.tips[0].name if tip is None else tip
     if carrier not in [t.name for t in robot.tips]:
         raise UnknownNameError("tip", carrier, [t.name for t in robot.tips])

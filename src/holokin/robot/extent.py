@@ -29,6 +29,7 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     """
     from scipy.optimize import minimize
 
+    robot.check_links()
     known = {t.name: t for t in robot.tips}
     if tip is not None and tip not in known:
         raise UnknownNameError("tip", tip, tuple(known))

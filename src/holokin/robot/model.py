@@ -29,13 +29,17 @@ MOST_MOVING = 1_000
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none."""
+    """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none.
+
+    `given_unit`: of one that belongs to no joint, see `coordinates`.
+    """
 
     name: str
     kind: str
     lower: float = -np.inf
     upper: float = np.inf
     max_velocity: float = np.inf
+    given_unit: str = ""
 
     def __post_init__(self) -> None:
         for what, value in (("lower", self.lower), ("upper", self.upper), ("max_velocity", self.max_velocity)):
@@ -47,8 +51,8 @@ class Coordinate:
 
     @property
     def unit(self) -> str:
-        """ "m" for a prismatic joint, "rad" for a revolute one."""
-        return "m" if self.kind == "prismatic" else "rad"
+        """ "m" for a prismatic joint, "rad" for a revolute one; else what was given."""
+        return self.given_unit or ("m" if self.kind == "prismatic" else "rad")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +141,8 @@ class Robot(Value):
                 raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
-        return f"Robot({self.name!r}, n={self.n}, tip={self.tips[0].name!r})"
+        tip = f", tip={self.tips[0].name!r}" if self.tips else ""
+        return f"Robot({self.name!r}, n={self.n}{tip})"
 
     @property
     def n(self) -> int:
@@ -180,7 +185,7 @@ class Robot(Value):
             along = abs(float((rotations[-1] @ joint.axis) @ z))
             if abs(along - (0.0 if joint.kind == "prismatic" else 1.0)) > 1e-12:
                 return False
-        return True
+        return bool(self.joints)
 
     @typed
     def joint_index(self, joint: str | int) -> int:
@@ -206,8 +211,14 @@ class Robot(Value):
         J = SX.zeros(6, self.n)
         for coordinate, gain, v, w in self._columns(frames, joint, p):
             J[:, coordinate] = J[:, coordinate] + gain * vertcat(v, w)
-        origins = {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
-        return Kinematics(p, R, densify(J), origins)
+        return Kinematics(p, R, densify(J), self._origins(frames))
+
+    def origins(self, q: SX) -> dict[str, SX]:
+        """The origin (3,) of every joint's frame, by the joint's name, as expressions."""
+        return self._origins(self._frames(q))
+
+    def _origins(self, frames: list[tuple[SX, SX]]) -> dict[str, SX]:
+        return {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
 
     def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
@@ -254,6 +265,8 @@ class Robot(Value):
 
     def skeleton(self, q: ArrayLike) -> list[Matrix]:
         """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
+        if not self.tips:
+            return []
         origins = self._skeleton(self.checked(q)).reshape(-1, 3)
         lines = []
         for tip in self.tips:
@@ -291,7 +304,13 @@ class Robot(Value):
             rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
             raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else "")
 
+    def check_links(self) -> None:
+        """Raises: ArgumentError: these are `coordinates`, without links."""
+        if not self.tips:
+            raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
+
     def _tip(self, name: str | None) -> Tip:
+        self.check_links()
         if name is None:
             return self.tips[0]
         for tip in self.tips:

@@ -8,7 +8,6 @@ given strategy as the fit is good.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -60,9 +59,7 @@ def fitted(
         raise ArgumentError("the number of postures", 0, "give a few hundred")
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = null_space(task.jacobian(q0))
-    chart = task
-    if task.orientation in ("twist", "rotation-vector"):  # rotation vectors jump half a turn from their reference
-        chart = replace(task, reference=task.pose(q0)[:3, :3])
+    chart = task.counted_from(task.place(q0)[1])  # rotation vectors jump half a turn from their reference
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)

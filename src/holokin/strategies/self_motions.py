@@ -201,7 +201,7 @@ def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array
 
 def correction(task: Task, q: Vector, pose: Matrix) -> Vector:
     """The least joint motion (n,) that, to first order, takes the tool to a pose."""
-    least = np.linalg.lstsq(task.jacobian(q), task.error(q, pose[:3, 3], pose[:3, :3]), rcond=None)[0]
+    least = np.linalg.lstsq(task.jacobian(q), task.error(q, *task.target(pose)), rcond=None)[0]
     return np.asarray(least, dtype=float)
 
 

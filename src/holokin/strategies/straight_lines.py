@@ -32,7 +32,7 @@ from ..symbolic import (
 )
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Vector, frozen, whole
+from ..types import ArrayLike, Vector, frozen, whole
 from .base import Strategy
 from .build import holonomic
 from .kinds import HolonomicStrategy
@@ -138,7 +138,7 @@ class _Lines:
 
     def value(self, q: SX) -> SX:
         """x."""
-        return self.chart.value_expression(self.chart.robot.kinematics(q, self.chart.tip))
+        return self.chart.value_expression(self.chart.kinematics(q))
 
     def away(self, q: SX) -> SX:
         """How far the tool is from the centre (m,)."""
@@ -191,7 +191,7 @@ class _Lines:
 def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     """The lines to the tool pose at q0."""
     task = strategy.task
-    chart = _chart(task, task.pose(q0)[:3, :3])
+    chart = task.chart(task.place(q0)[1])
     charted = replace(strategy, task=chart)
     e, dx, w = charted.expressions, symbol("dx", task.m), symbol("w", task.n)
     moved = e.rate(dx, written_out=True)
@@ -222,14 +222,3 @@ def _kept(build: Callable[[SX], _Ray]) -> Callable[[SX], _Ray]:
         return last[0][1]
 
     return ray
-
-
-def _chart(task: Task, center: Matrix) -> Task:
-    """The same rows in coordinates whose straight lines from the centre are p0 + t v, exp(t w) R0.
-
-    Along such a line the twist is (v, w), constant, so the geometric Jacobian serves for all full orientations.
-    """
-    angular = sum(i > 2 for i in task.rows)
-    if angular == 3 or task.robot.planar:
-        return replace(task, orientation="twist", reference=center)
-    return task

@@ -1,6 +1,7 @@
 /* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
    A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
-   HK_TURN: the first of the three angular rows of a task that turns, or -1. */
+   hk_turns: the first of the three angular rows of each rotation among them, HK_TURNS of these; HK_ANGLES: 1 where there
+   are angular rows besides. */
 typedef struct {
   hk_t center[HK_N], half[HK_N], along[HK_N], radius, change, bend, inverse;
 } hk_tube;
@@ -141,15 +142,15 @@ static void hk_lay(hk_tube *tube, const hk_t *q, const hk_t *half) {
   for (int i = 0; i < HK_N; i++)
     for (int j = 0; j < HK_ROWS; j++) size += Y[i * HK_N + j] * Y[i * HK_N + j];
   tube->inverse = HK_SQRT(size);
-#if HK_TURN >= 0
-  hk_t turns = HK_C(0), rates = HK_C(0); /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
-  for (int i = 0; i < HK_N; i++)
-    for (int j = HK_TURN; j < HK_TURN + 3; j++) {
-      turns += Y[i * HK_N + j] * Y[i * HK_N + j];
-      rates += A[j * HK_N + i] * A[j * HK_N + i];
-    }
-  tube->change += HK_C(1.2) * tube->radius * HK_SQRT(HK_C(HK_N)) * HK_SQRT(turns) * HK_SQRT(rates);
-#endif
+  for (int f = 0; f < HK_TURNS; f++) { /* an error's rotation vector turns its own axes, by at most 0.6 of itself */
+    hk_t turns = HK_C(0), rates = HK_C(0);
+    for (int i = 0; i < HK_N; i++)
+      for (int j = hk_turns[f]; j < hk_turns[f] + 3; j++) {
+        turns += Y[i * HK_N + j] * Y[i * HK_N + j];
+        rates += A[j * HK_N + i] * A[j * HK_N + i];
+      }
+    tube->change += HK_C(1.2) * tube->radius * HK_SQRT(HK_C(HK_N)) * HK_SQRT(turns) * HK_SQRT(rates);
+  }
 }
 
 static hk_t hk_shrink(hk_t change) {

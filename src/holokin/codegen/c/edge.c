@@ -218,11 +218,11 @@ static int hk_moved(const hk_edge *edge, const hk_look *at, const hk_t *z, hk_t 
   hk_way way;
   hk_straight(edge, at->tool, goal, &way);
   for (int i = 0; z && i < 3; i++) {
-    way.line.v[i] = hk_times(at->twist + i * HK_M, z, HK_M);
-    way.line.turn[i] = hk_times(at->twist + (3 + i) * HK_M, z, HK_M);
+    way.line[0].v[i] = hk_times(at->twist + i * HK_M, z, HK_M);
+    way.line[0].turn[i] = hk_times(at->twist + (3 + i) * HK_M, z, HK_M);
   }
   if (z)
-    hk_target(&way.line, share, x + HK_N, x + HK_N + 3);
+    hk_target(way.line, share, x + HK_N, x + HK_N + 3);
   else
     hk_aim(&way, share, x);
   for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = edge->level[i];

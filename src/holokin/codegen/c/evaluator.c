@@ -13,7 +13,7 @@ typedef int (*hk_sample_t)(const double *const *in, double *const *out, const do
 
 typedef struct {
   int dims; /* 0 for a float */
-  npy_intp size, dim[2];
+  npy_intp size, dim[3];
 } hk_shape;
 
 typedef struct {
@@ -38,7 +38,7 @@ static const double *hk_numbers(PyObject *given, const hk_shape *wanted, double 
     for (int d = 0; d < wanted->dims; d++)
       if (PyArray_DIM(array, d) != wanted->dim[d]) return NULL;
     if (PyArray_ISCARRAY_RO(array)) return (const double *)PyArray_DATA(array);
-    if (!fits) return NULL;
+    if (!fits || wanted->dims > 2) return NULL;
     const npy_intp columns = wanted->dims == 2 ? wanted->dim[1] : 1, rows = columns ? wanted->size / columns : 0;
     for (npy_intp i = 0; i < rows; i++)
       for (npy_intp j = 0; j < columns; j++) {
@@ -116,13 +116,13 @@ static PyObject *hk_call(PyObject *self, PyObject *const *args, size_t flagged, 
   return hk_call_other(e, args, flagged, names);
 }
 
-/* Shapes of Python, tuples of at most two whole numbers. Returns how many, or -1 with an error set. */
+/* Shapes of Python, tuples of at most three whole numbers. Returns how many, or -1 with an error set. */
 static int hk_shapes(PyObject *given, hk_shape *shapes) {
   const Py_ssize_t count = PyTuple_GET_SIZE(given);
   if (count > HK_MOST) goto wrong;
   for (Py_ssize_t i = 0; i < count; i++) {
     PyObject *shape = PyTuple_GET_ITEM(given, i);
-    if (!PyTuple_Check(shape) || PyTuple_GET_SIZE(shape) > 2) goto wrong;
+    if (!PyTuple_Check(shape) || PyTuple_GET_SIZE(shape) > 3) goto wrong;
     shapes[i].dims = (int)PyTuple_GET_SIZE(shape);
     shapes[i].size = 1;
     for (int d = 0; d < shapes[i].dims; d++) {

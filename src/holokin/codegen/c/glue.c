@@ -24,7 +24,7 @@ typedef struct {
   hk_step_t step;
   const double *parameters;
   Py_ssize_t joints;
-  int point;          /* the task is a position: poses (3,) and twists (3,) will do */
+  int point, frames;  /* numbers of a position, where the task is one: points and their velocities will do; how many frames */
   PyObject *size;     /* joints, for numpy.empty */
   PyObject *memory;   /* memory.enter() -> address of out, each thread's own */
   PyObject *convert;  /* convert(q, pose, twist) -> the same as plain arrays, or an error that says what is wrong */
@@ -65,12 +65,22 @@ static const double *hk_numbers(PyObject *given, int rank, Py_ssize_t size) {
   return (const double *)a->data;
 }
 
+/* The same of what has `rows` and columns for each of several frames, side by side or one below the other. */
+static const double *hk_numbers_of(PyObject *given, int frames, Py_ssize_t rows, Py_ssize_t columns) {
+  const hk_array *a = (const hk_array *)given;
+  if (Py_TYPE(given) != hk_array_type || a->type != hk_double || (a->flags & HK_PLAIN) != HK_PLAIN) return NULL;
+  const int side = a->rank == 3 && a->shape[0] == frames && a->shape[1] == rows && a->shape[2] == columns;
+  const int below = a->rank == 2 && a->shape[0] == frames * rows && a->shape[1] == columns;
+  const int flat = rows == 1 && a->rank == 1 && a->shape[0] == frames * columns;
+  return side || below || flat ? (const double *)a->data : NULL;
+}
+
 /* 1 where the last row of a pose is not 0 0 0 1, as where it is transposed; what is not finite the step itself refuses. */
-static int hk_odd_row(const double *pose) {
+static int hk_odd_row(const double *pose, int frames) {
   int odd = 0;
-  for (int i = 12; i < 16; i++) {
-    const double off = pose[i] - (i == 15);
-    odd |= off - off == 0.0 && !(off < HK_OFF && off > -HK_OFF);
+  for (int i = 0; i < 16 * frames; i++) {
+    const double off = pose[i] - (i % 16 == 15);
+    odd |= i % 16 >= 12 && off - off == 0.0 && !(off < HK_OFF && off > -HK_OFF);
   }
   return odd;
 }
@@ -78,10 +88,16 @@ static int hk_odd_row(const double *pose) {
 /* The step of three plain arrays. Returns 1, or 0 where they are none. */
 static int hk_run(const hk_bound *b, PyObject *const *args, double *out) {
   double point[3];
-  const double *q = hk_numbers(args[0], 1, b->joints), *pose = hk_numbers(args[1], 2, 4);
-  const double *twist = hk_numbers(args[2], 1, 6);
-  if (pose && hk_odd_row(pose)) return 0;
-  if (b->point) {
+  const double *q = hk_numbers(args[0], 1, b->joints), *pose, *twist;
+  if (b->frames > 1) {
+    pose = b->point ? hk_numbers(args[1], 1, b->point) : hk_numbers_of(args[1], b->frames, 4, 4);
+    twist = b->point ? hk_numbers(args[2], 1, b->point) : hk_numbers_of(args[2], b->frames, 1, 6);
+  } else {
+    pose = hk_numbers(args[1], 2, 4);
+    twist = hk_numbers(args[2], 1, 6);
+  }
+  if (pose && !(b->point && b->frames > 1) && hk_odd_row(pose, b->frames)) return 0;
+  if (b->point && b->frames == 1) {
     for (int i = 0; pose && i < 3; i++) point[i] = pose[4 * i + 3];
     pose = pose ? point : hk_numbers(args[1], 1, 3);
     twist = twist ? twist : hk_numbers(args[2], 1, 3); /* of a whole twist the first three are the velocity */
@@ -145,15 +161,16 @@ static PyMethodDef hk_call_def = {"step", (PyCFunction)(void (*)(void))hk_call, 
 static PyObject *hk_bind(PyObject *module, PyObject *args) {
   PyObject *step, *parameters, *memory, *convert, *kept, *capsule, *callable;
   Py_ssize_t joints;
-  int point;
+  int point, frames;
   (void)module;
-  if (!PyArg_ParseTuple(args, "OOnpOOO", &step, &parameters, &joints, &point, &memory, &convert, &kept)) return NULL;
+  if (!PyArg_ParseTuple(args, "OOniiOOO", &step, &parameters, &joints, &point, &frames, &memory, &convert, &kept)) return NULL;
   hk_bound *b = (hk_bound *)PyMem_Malloc(sizeof(hk_bound));
   if (!b) return PyErr_NoMemory();
   b->step = (hk_step_t)(size_t)PyLong_AsVoidPtr(step);
   b->parameters = (const double *)PyLong_AsVoidPtr(parameters);
   b->joints = joints;
   b->point = point;
+  b->frames = frames;
   b->size = PyLong_FromSsize_t(joints);
   Py_INCREF(memory);
   Py_INCREF(convert);

@@ -3,6 +3,9 @@ typedef struct {
   hk_t center[3], v[3], turn[3], rotation[9];
 } hk_line;
 
+/* Numbers of a target of HK_FRAMES frames: all their positions p, 3 each, then all rotations R, 9 each by rows. */
+enum { HK_TARGET = 12 * HK_FRAMES };
+
 static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
 /* R = exp(w) times a rotation, both by rows. */
@@ -26,4 +29,9 @@ static void hk_target(const hk_line *s, hk_t u, hk_t *p, hk_t *R) {
   for (int i = 0; i < 3; i++) p[i] = s->center[i] + u * s->v[i];
   const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
   hk_turned(w, s->rotation, R);
+}
+
+/* The targets of all frames at a share of their lines. */
+static void hk_targets(const hk_line *s, hk_t u, hk_t *to) {
+  for (int f = 0; f < HK_FRAMES; f++) hk_target(s + f, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
 }

@@ -36,7 +36,7 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   hk_t margin, most = HK_C(0);
   for (int i = 0; i < HK_N; i++) x[i] = q[i] + width * rate[i];
   if (!hk_newton(x, rules, &margin)) return HK_C(0.5);
-  const hk_t steep = HK_TURN >= 0 ? turn : HK_ANGULAR ? turn / HK_FMIN(HK_C(1), margin) : HK_C(0);
+  const hk_t steep = HK_ANGLES ? turn / HK_FMIN(HK_C(1), margin) : HK_TURNS ? turn : HK_C(0);
   const hk_t fits = hk_branch_step(branch, q, x, width * width * (arc + HK_C(2) * (steep * steep)));
   if (!(fits >= HK_C(1))) return fits;
   for (int i = 0; i < HK_N; i++) {

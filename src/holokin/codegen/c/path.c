@@ -14,6 +14,11 @@ static void hk_on(const hk_segment *s, double u, double *p, double *R) {
   hk_turned(w, s->rotation, R);
 }
 
+/* The targets of all frames, whose segments lie `apart` from one another. */
+static void hk_all_on(const hk_segment *s, long long apart, double u, double *to) {
+  for (int f = 0; f < HK_FRAMES; f++) hk_on(s + f * apart, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
+}
+
 static void hk_cross(const double *a, const double *b, double *c) {
   for (int i = 0; i < 3; i++) c[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
 }

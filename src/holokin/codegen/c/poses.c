@@ -1,9 +1,9 @@
-/* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers first; hk_constraint_body: q -> g.
-   A context is a row of numbers: the start, its pose (p, R), the leaf c, the joints' lower and upper limits, the sign of
+/* The doors of inverse kinematics. hk_pose_body: q -> (T, ...), 16 numbers a frame first; hk_constraint_body: q -> g.
+   A context is a row of numbers: the start, its poses (p, R), the leaf c, the joints' lower and upper limits, the sign of
    det there. It is only read, so that threads may share it. */
 #include <string.h>
 
-enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + 12, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N,
+enum { HK_START = 0, HK_FROM = HK_N, HK_LEAF = HK_FROM + HK_TARGET, HK_LOWER = HK_LEAF + HK_R, HK_UPPER = HK_LOWER + HK_N,
        HK_SIDE = HK_UPPER + HK_N };
 enum { HK_REACHED, HK_CLAMPED, HK_LIMIT, HK_LEAF_ENDS, HK_AT_SINGULAR, HK_NOT_CONVERGED, HK_NOT_FINITE, HK_NOT_A_ROTATION,
        HK_OTHER_BRANCH };
@@ -27,7 +27,7 @@ static int hk_beyond_limits(const double *q, const double *context) {
 
 /* The way from q, whose pose and level are given, to a pose `to` (p, R). q becomes the posture where it ended. */
 static int hk_answer(double *q, const double *from, const double *g, const double *to, const double *context) {
-  double x[HK_N + 12 + HK_R], y[HK_N + 3];
+  double x[HK_N + HK_TARGET + HK_R], y[HK_N + 3];
   hk_rules rules = hk_ours;
   hk_way way;
   rules.side = context[HK_SIDE];
@@ -45,71 +45,65 @@ static int hk_answer(double *q, const double *from, const double *g, const doubl
 /* From the start. */
 static int hk_cold(const double *to, const double *context, double *q) {
   for (int i = 0; i < HK_N; i++) q[i] = NAN;
-  if (!hk_finite(to, 12)) return HK_NOT_FINITE;
-  if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
+  if (!hk_finite(to, HK_TARGET)) return HK_NOT_FINITE;
+  if (!hk_all_rotate(to)) return HK_NOT_A_ROTATION;
   for (int i = 0; i < HK_N; i++) q[i] = context[HK_START + i];
   return hk_answer(q, context + HK_FROM, context + HK_LEAF, to, context);
 }
 
 /* From the posture in q; region: one of the law, about whatever posture, which becomes one about q where it was none. */
 static int hk_warm(const double *to, const double *context, hk_region *region, double *q) {
-  double T[18], from[12], g[HK_R + 1], x[HK_N + 12 + HK_R], y[HK_N + 3];
-  if (!hk_finite(to, 12) || !hk_finite(q, HK_N)) return HK_NOT_FINITE;
-  if (!hk_rotates(to + 3)) return HK_NOT_A_ROTATION;
+  double T[16 * HK_FRAMES + 2], from[HK_TARGET], g[HK_R + 1], x[HK_N + HK_TARGET + HK_R], y[HK_N + 3];
+  if (!hk_finite(to, HK_TARGET) || !hk_finite(q, HK_N)) return HK_NOT_FINITE;
+  if (!hk_all_rotate(to)) return HK_NOT_A_ROTATION;
 #ifdef HK_STRETCHES
   hk_rules rules = hk_ours;
   rules.side = context[HK_SIDE];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  for (int i = 0; i < 12 + HK_R; i++) x[HK_N + i] = i < 12 ? to[i] : context[HK_LEAF + i - 12];
+  for (int i = 0; i < HK_TARGET + HK_R; i++) x[HK_N + i] = i < HK_TARGET ? to[i] : context[HK_LEAF + i - HK_TARGET];
   if (hk_go_within(region, &rules, x, q)) return hk_beyond_limits(q, context) ? HK_LIMIT : HK_REACHED;
 #else
   (void)region;
 #endif
   hk_pose_body(q, T);
-  for (int i = 0; i < 3; i++) {
-    from[i] = T[4 * i + 3];
-    for (int j = 0; j < 3; j++) from[3 + 3 * i + j] = T[4 * i + j];
-  }
+  hk_unpack(T, from);
   hk_constraint_body(q, g);
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
-  for (int i = 0; i < 12; i++) x[HK_N + i] = from[i];
-  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = g[i];
+  for (int i = 0; i < HK_TARGET; i++) x[HK_N + i] = from[i];
+  for (int i = 0; i < HK_R; i++) x[HK_N + HK_TARGET + i] = g[i];
   hk_leaf_body(x, y);
   if (!(y[HK_N] > hk_ours.singular && y[HK_N + 1] > hk_ours.representation)) return HK_AT_SINGULAR;
   if (!(y[HK_N + 2] * context[HK_SIDE] > 0.0)) return HK_OTHER_BRANCH;
   return hk_answer(q, from, g, to, context);
 }
 
-/* (p, R) of a 4x4 matrix by rows; 0 where its last row is not that of a pose, as of a transposed one. */
+/* The same; 0 where a last row is not that of a pose, as of a transposed one. */
 static int hk_read(const double *T, double *to) {
-  for (int i = 0; i < 3; i++) {
-    to[i] = T[4 * i + 3];
-    for (int j = 0; j < 3; j++) to[3 + 3 * i + j] = T[4 * i + j];
-  }
-  return hk_posed(T, 16);
+  hk_unpack(T, to);
+  return hk_posed(T, 16 * HK_FRAMES);
 }
 
-/* For a call from Python, evaluator.c: 1 where the pose in[0], (4, 4), is reached; near in[1] in the second, which has a
+/* For a call from Python, evaluator.c: 1 where the poses in[0], (4, 4) each, are reached; near in[1] in the second, which has a
    region for each thread, of its last call. */
 int hk_call_cold(const double *const *in, double *const *out, const double *context) {
-  double to[12];
+  double to[HK_TARGET];
   return hk_read(in[0], to) && hk_cold(to, context, out[0]) == HK_REACHED;
 }
 
 int hk_call_warm(const double *const *in, double *const *out, const double *context) {
   static __thread hk_region last;
-  double to[12];
+  double to[HK_TARGET];
   for (int i = 0; i < HK_N; i++) out[0][i] = in[1][i];
   return hk_read(in[0], to) && hk_warm(to, context, &last, out[0]) == HK_REACHED;
 }
 
-/* Many poses (count, 12), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
+/* Many poses (count, HK_TARGET), p and R: q (count, HK_N) has the postures to begin from where `warm`, and gets those where
    the ways ended. */
 void hk_poses(long long count, const double *to, const double *context, int warm, double *q, long long *status) {
   hk_region region;
   memset(&region, 0, sizeof region);
   for (long long k = 0; k < count; k++) {
     double *here = q + k * HK_N;
-    status[k] = warm ? hk_warm(to + 12 * k, context, &region, here) : hk_cold(to + 12 * k, context, here);
+    status[k] = warm ? hk_warm(to + HK_TARGET * k, context, &region, here) : hk_cold(to + HK_TARGET * k, context, here);
   }
 }

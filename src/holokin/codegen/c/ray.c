@@ -13,7 +13,7 @@ static int hk_keeps_turns(const hk_t *q, const hk_t *begun, const hk_t *x) {
 static int hk_go_ray(const hk_way *way, const hk_rules *rules, hk_t *q, hk_t *x) {
   hk_t y[2][HK_N], v[HK_ROWS], left[4][HK_TRANSPORT_K], first, least = HK_INF, margin, rate[HK_N], begun[HK_N];
   hk_t share = HK_C(0), width = HK_C(1);
-  for (int i = 0; i < HK_ROWS; i++) v[i] = -(hk_ray_rows[i] < 3 ? way->line.v[hk_ray_rows[i]] : way->line.turn[hk_ray_rows[i] - 3]);
+  for (int i = 0; i < HK_ROWS; i++) v[i] = -hk_pace(way, hk_ray_rows[i]);
   for (int i = 0; i < HK_N; i++) y[0][i] = q[i];
   for (int s = 0; s < HK_TRANSPORT_S; s++) hk_transport_step(y[s % 2], v, y[1 - s % 2], &first, &least, left);
   for (int i = 0; i < HK_N; i++) rate[i] = y[HK_TRANSPORT_S % 2][i] - q[i]; /* to begin with, the given law's own way */

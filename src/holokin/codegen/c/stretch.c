@@ -1,7 +1,7 @@
 /* A stretch of a way along a leaf, shown to be on one branch: motion/stretch.py has the argument. hk_node_body takes
    (q, p, R, c) and gives (dq, rcond, margin, sign of det, A^-1); hk_bend_body takes (q, v) and gives DA[v] v,
    hk_twist_body (q, v, w) and gives what goes with t^2 in A P';
-   hk_along_body the Taylor models of A, column by column. hk_rows: the task's rows among x, y, z and the turns about them. */
+   hk_along_body the Taylor models of A, column by column. hk_rows: the task's rows, six a frame: x, y, z and the turns about them. */
 typedef struct {
   hk_t share, half, c[HK_N], v[HK_N], w[HK_N], z[HK_N], radius, reach, balance, axes, turns;
 } hk_stretch;
@@ -35,7 +35,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
   enum { SIZE = HK_N * HK_WIDE };
   hk_model x[HK_N], A[HK_N * HK_N];
   hk_t Y[SIZE], P[SIZE], X1[SIZE], X2[SIZE], X3[SIZE], X11[SIZE], X12[SIZE], X13[SIZE];
-  hk_t width[HK_N], gap[HK_N], load[HK_N], eta[HK_N];
+  hk_t width[HK_N], gap[HK_N], load[HK_N], eta[HK_N], bent[HK_N];
   for (int i = 0; i < HK_N; i++) {
     hk_model_constant(s->c[i], x + i);
     x[i].a = s->v[i], x[i].b = s->w[i], x[i].c = s->z[i], x[i].s = x[i].e[i] = s->radius;
@@ -43,7 +43,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
   hk_along_body(x, A);
   for (int e = 0; e < SIZE; e++) Y[e] = P[e] = X1[e] = X2[e] = X3[e] = X11[e] = X12[e] = X13[e] = HK_C(0);
   for (int i = 0; i < HK_N; i++) {
-    width[i] = gap[i] = HK_C(0);
+    width[i] = gap[i] = bent[i] = HK_C(0);
     for (int j = 0; j < HK_N; j++) {
       const hk_model *one = A + j * HK_N + i;
       Y[i * HK_WIDE + j] = inverse[i * HK_N + j];
@@ -94,27 +94,26 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
       for (int k = 0; k < HK_WIDE; k++) load[i] += HK_FABS(sum[k]);
     }
   }
-#if HK_TURN >= 0
-  hk_t wide = HK_C(0), missed = HK_C(0), turns[HK_N];
-  for (int j = 0; j < HK_N; j++) {
-    hk_t axis = HK_C(0);
-    turns[j] = HK_C(0);
-    for (int l = HK_TURN; l < HK_TURN + 3; l++) {
-      axis += A[j * HK_N + l].m * A[j * HK_N + l].m;
-      turns[j] += Y[j * HK_WIDE + l] * Y[j * HK_WIDE + l];
-    }
-    wide += HK_SQRT(axis) * s->radius;
-    missed += HK_SQRT(axis) * eta[j];
-  }
-  s->axes = wide / s->radius, s->turns = HK_SQRT(hk_most(turns));
-  for (int i = 0; i < HK_N && turn >= HK_C(0); i++) { /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
-    load[i] += HK_C(0.6) * HK_SQRT(turns[i]) * wide * wide / s->radius;
-    eta[i] += HK_C(1.8) * HK_SQRT(turns[i]) * missed * turn;
-  }
-#else
-  (void)turn;
   s->axes = s->turns = HK_C(0);
-#endif
+  for (int f = 0; f < HK_TURNS; f++) { /* the rotations of the task, one after the other */
+    hk_t wide = HK_C(0), missed = HK_C(0), turns[HK_N];
+    for (int j = 0; j < HK_N; j++) {
+      hk_t axis = HK_C(0);
+      turns[j] = HK_C(0);
+      for (int l = hk_turns[f]; l < hk_turns[f] + 3; l++) {
+        axis += A[j * HK_N + l].m * A[j * HK_N + l].m;
+        turns[j] += Y[j * HK_WIDE + l] * Y[j * HK_WIDE + l];
+      }
+      wide += HK_SQRT(axis) * s->radius;
+      missed += HK_SQRT(axis) * eta[j];
+    }
+    s->axes = HK_FMAX(wide / s->radius, s->axes), s->turns += HK_SQRT(hk_most(turns));
+    for (int i = 0; i < HK_N && turn >= HK_C(0); i++) { /* the error's rotation vector turns its own axes, by at most 0.6 of itself */
+      load[i] += HK_C(0.6) * HK_SQRT(turns[i]) * wide * wide / s->radius;
+      bent[i] += HK_C(1.8) * HK_SQRT(turns[i]) * missed * turn;
+    }
+  }
+  for (int i = 0; i < HK_N; i++) eta[i] += bent[i];
   hk_t most = HK_C(0), change = HK_C(0), missing = HK_C(0);
   for (int i = 0; i < HK_N; i++) { /* by (1 - t X1) Y instead of Y, which takes the change along t away */
     hk_t all = load[i], miss = eta[i];
@@ -136,7 +135,7 @@ static hk_t hk_room(hk_stretch *s, const hk_t *inverse, const hk_t *off, hk_t tu
 /* Joint motion for a whole way at the rate of a posture: A^-1 times the way's own. */
 static void hk_rate_of(const hk_way *way, const hk_t *inverse, hk_t *rate) {
   hk_t wanted[HK_N];
-  for (int i = 0; i < HK_ROWS; i++) wanted[i] = hk_rows[i] < 3 ? way->line.v[hk_rows[i]] : way->line.turn[hk_rows[i] - 3];
+  for (int i = 0; i < HK_ROWS; i++) wanted[i] = hk_pace(way, hk_rows[i]);
   for (int i = 0; i < HK_R; i++) wanted[HK_ROWS + i] = way->change[i];
   for (int i = 0; i < HK_N; i++) {
     rate[i] = HK_C(0);
@@ -197,7 +196,7 @@ static int hk_meet(const hk_stretch *a, const hk_stretch *b, hk_t share) {
 static hk_t hk_go_stretches(const hk_way *way, const hk_rules *rules, hk_fold *fold, hk_t *q, hk_t *x) {
   hk_stretch last, next;
   hk_node node;
-  hk_t share = HK_C(0), half = HK_C(0.5), slender = HK_C(HK_SLENDER), margin, seen[HK_N + 12 + HK_R];
+  hk_t share = HK_C(0), half = HK_C(0.5), slender = HK_C(HK_SLENDER), margin, seen[HK_N + HK_TARGET + HK_R];
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   if (!hk_lay_stretch(way, HK_C(0), HK_C(HK_FIRST), slender, rules, x, &last, &node)) return HK_C(0); /* for its curve alone */
   if (!(last.radius > HK_C(0))) return HK_C(0);
@@ -247,7 +246,7 @@ typedef struct {
    there is none that could hold the way. */
 static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_region *region) {
   const hk_t nothing[HK_N] = {HK_C(0)}, step = hk_most(dq);
-  hk_t at[HK_N + 12 + HK_R];
+  hk_t at[HK_N + HK_TARGET + HK_R];
   hk_stretch s;
   hk_node node;
   region->radius = HK_C(0);
@@ -258,7 +257,7 @@ static void hk_explore(const hk_t *x, const hk_t *dq, const hk_rules *rules, hk_
       region->next = HK_C(HK_WIDER) * s.radius;
       return;
     }
-    for (int i = 0; i < HK_N + 12 + HK_R; i++) at[i] = x[i];
+    for (int i = 0; i < HK_N + HK_TARGET + HK_R; i++) at[i] = x[i];
     for (int i = 0; i < HK_N; i++) {
       s.c[i] = at[i] = x[i] + (step > HK_C(0) ? dq[i] / step * (HK_C(HK_AHEAD) * s.radius) : HK_C(0));
       s.v[i] = s.w[i] = s.z[i] = HK_C(0);

@@ -1,17 +1,18 @@
 /* Following by velocity: dq = G x' by Runge-Kutta steps of order 4, the same as motion/velocity.py. hk_rate_body takes
-   (q, p, R, v, w) and gives (dq, rcond, margin, largest task error). */
+   (q, p, R, v, w) and gives (dq, rcond, margin, largest task error). The segments of each frame lie one after the other,
+   those of all frames in turn. */
 typedef struct {
   double singular, representation, tracking;
 } hk_rules;
 
 /* The rate dq at a share u of a segment; 0 where it is singular. x holds q. */
-static int hk_rate(const hk_segment *s, double u, const double *closing, const hk_rules *rules, double *x, double *y) {
-  double *p = x + HK_N, *v = x + HK_N + 12;
+static int hk_rate(const hk_segment *s, long long apart, double u, const double *closing, const hk_rules *rules, double *x, double *y) {
+  double *p = x + HK_N, *v = p + HK_TARGET, *w = v + 3 * HK_FRAMES;
   if (closing != 0)
-    for (int i = 0; i < 12; i++) p[i] = closing[i]; /* a closed path ends where it starts to the last bit */
+    for (int i = 0; i < HK_TARGET; i++) p[i] = closing[i]; /* a closed path ends where it starts to the last bit */
   else
-    hk_on(s, u, p, p + 3);
-  hk_speed(s, u, v, v + 3);
+    hk_all_on(s, apart, u, p);
+  for (int f = 0; f < HK_FRAMES; f++, s += apart, v += 3, w += 3) hk_speed(s, u, v, w);
   hk_rate_body(x, y);
   return y[HK_N] > rules->singular && y[HK_N + 1] > rules->representation;
 }
@@ -20,10 +21,10 @@ static int hk_rate(const hk_segment *s, double u, const double *closing, const h
    posture in q. Returns the steps done. Fewer than asked: a singularity, a limit, or the tool lost the path. */
 long long hk_follow(const hk_segment *segments, const long long *counts, const double *closing, double *q, long long first,
                     long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
-  double x[HK_N + 18], k1[HK_N + 3], k2[HK_N + 3], k3[HK_N + 3], k4[HK_N + 3];
+  double x[HK_N + HK_TARGET + 6 * HK_FRAMES], k1[HK_N + 3], k2[HK_N + 3], k3[HK_N + 3], k4[HK_N + 3];
   int s = 0;
-  long long before = 0, total = 0;
-  for (int i = 0; counts[i] > 0; i++) total += counts[i];
+  long long before = 0, total = 0, apart = 0;
+  for (; counts[apart] > 0; apart++) total += counts[apart];
   for (long long k = first; k < last; k++) {
     while (k - before >= counts[s]) before += counts[s++];
     const hk_segment *here = segments + s;
@@ -31,15 +32,15 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
     const double middle = (start + stop) / 2.0, h = here->duration / n;
     const double *end = k == total - 1 ? closing : 0;
     for (int i = 0; i < HK_N; i++) x[i] = q[i];
-    if (!hk_rate(here, start, 0, rules, x, k1)) return k - first;
+    if (!hk_rate(here, apart, start, 0, rules, x, k1)) return k - first;
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + h / 2.0 * k1[i];
-    if (!hk_rate(here, middle, 0, rules, x, k2)) return k - first;
+    if (!hk_rate(here, apart, middle, 0, rules, x, k2)) return k - first;
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + h / 2.0 * k2[i];
-    if (!hk_rate(here, middle, 0, rules, x, k3)) return k - first;
+    if (!hk_rate(here, apart, middle, 0, rules, x, k3)) return k - first;
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + h * k3[i];
-    if (!hk_rate(here, stop, end, rules, x, k4)) return k - first;
+    if (!hk_rate(here, apart, stop, end, rules, x, k4)) return k - first;
     for (int i = 0; i < HK_N; i++) x[i] = q[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
-    hk_rate(here, stop, end, rules, x, k4);
+    hk_rate(here, apart, stop, end, rules, x, k4);
     if (!(k4[HK_N + 2] < rules->tracking)) return k - first; /* NaN included */
     for (int i = 0; i < HK_N; i++)
       if (!(x[i] >= lower[i] && x[i] <= upper[i])) return k - first;

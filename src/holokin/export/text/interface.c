@@ -25,6 +25,8 @@
 #define HK_N $n
 #define HK_M $m
 #define HK_R $r
+#define HK_FRAMES $frames
+#define HK_MATRICES $matrices
 #define HK_POSE $target
 #define HK_TWIST $twist
 #define HK_PARAMETERS (HK_R + 3)
@@ -72,11 +74,11 @@ $defaults}
 void ${name}_start(${name}_real q[$n]) {
 $start}
 
-int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]) {
-  hk_t y[18];
-  if (!hk_finite(q, HK_N)) return hk_refuse(16, T);
+int ${name}_pose(const ${name}_real q[$n], ${name}_real T[$poses]) {
+  hk_t y[$poses + 2];
+  if (!hk_finite(q, HK_N)) return hk_refuse($poses, T);
   hk_pose_body(q, y);
-  return hk_deliver(y, 16, T);
+  return hk_deliver(y, $poses, T);
 }
 
 int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]) {

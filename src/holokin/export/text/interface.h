@@ -5,7 +5,7 @@
 
    Joints: $joints.
    Task rows: $rows.
-   Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame.$pose_note
+   Poses are 4x4 matrices by rows (16 numbers): $pose_of.$pose_note
    $pose_checked
    Functions with a status: where it is ${NAME}_SINGULAR or more their results are zero. None allocates, keeps
    anything between calls, or loops without a bound. Define ${NAME}_FLOAT for single precision.$limit_words */
@@ -56,8 +56,8 @@ $leaf_member  ${name}_real dt;              /* the loop's step [s] */
 void ${name}_defaults(${name}_parameters *parameters);
 void ${name}_start(${name}_real q[$n]);
 
-/* The tool's pose T at q. */
-int ${name}_pose(const ${name}_real q[$n], ${name}_real T[16]);
+/* $pose_words T at q. */
+int ${name}_pose(const ${name}_real q[$n], ${name}_real T[$poses]);
 
 /* G ($n x $m, by rows) and dq = G dx: joint rates for task rates dx ($rates). */
 int ${name}_gain(const ${name}_real q[$n], ${name}_real G[$nm]);

@@ -17,7 +17,7 @@ namespace ${name} {
 using real = ${name}_real;
 using Joints = std::array<real, ${NAME}_N>;                 /* q or dq */
 using Rows = std::array<real, ${NAME}_M>;                   /* of the task: dx */
-using Pose = std::array<real, 16>;                          /* 4x4, by rows */
+using Pose = std::array<real, $poses>;                          /* $pose_kind, by rows */
 using Target = std::array<real, ${NAME}_TARGET>;            /* $target_words */
 using Twist = std::array<real, ${NAME}_TWIST>;              /* $twist_words */
 using Gain = std::array<real, ${NAME}_N * ${NAME}_M>; /* G, by rows */

@@ -6,25 +6,6 @@ int ${name}_constraint(const ${name}_real q[$n], ${name}_real g[$r]) {
   return hk_deliver(y, HK_R, g);
 }
 
-/* (q, p, R, c) in a row; 0 where something is not finite. */
-static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) {
-  for (int i = 0; i < HK_N; i++) x[i] = q[i];
-$gather  for (int i = 0; i < HK_R; i++) x[HK_N + 12 + i] = c[i];
-  return hk_finite(x, HK_N + 12 + HK_R) && hk_finite(target, HK_POSE);
-}
-
-int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r],
-    ${name}_real dq[$n]) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3];
-  if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
-  if (!hk_posed(target, HK_POSE)) {
-    hk_refuse(HK_N, dq);
-    return ${NAME}_NOT_A_ROTATION;
-  }
-  hk_leaf_body(x, y);
-  return hk_deliver(y, HK_N, dq);
-}
-
 /* 1 where a joint is beyond its limits. */
 static int hk_beyond(const hk_t *q) {
 $beyond  return 0;
@@ -38,12 +19,31 @@ $way
 $fold
 $ray
 $inverse
+/* (q, p, R, c) in a row; 0 where something is not finite. */
+static int hk_gather(const hk_t *q, const hk_t *target, const hk_t *c, hk_t *x) {
+  for (int i = 0; i < HK_N; i++) x[i] = q[i];
+$gather  for (int i = 0; i < HK_R; i++) x[HK_N + HK_TARGET + i] = c[i];
+  return hk_finite(x, HK_N + HK_TARGET + HK_R) && hk_finite(target, HK_POSE);
+}
+
+int ${name}_leaf_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r],
+    ${name}_real dq[$n]) {
+  hk_t x[HK_N + HK_TARGET + HK_R], y[HK_N + 3];
+  if (!hk_gather(q, target, c, x)) return hk_refuse(HK_N, dq);
+  if (!hk_posed(target, HK_POSE)) {
+    hk_refuse(HK_N, dq);
+    return ${NAME}_NOT_A_ROTATION;
+  }
+  hk_leaf_body(x, y);
+  return hk_deliver(y, HK_N, dq);
+}
+
 int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], const ${name}_real c[$r], int most) {
-  hk_t x[HK_N + 12 + HK_R], y[HK_N + 3], g[HK_R + 2], T[18], from[12], at[HK_N];
+  hk_t x[HK_N + HK_TARGET + HK_R], y[HK_N + 3], g[HK_R + 2], T[16 * HK_FRAMES + 2], from[HK_TARGET], at[HK_N];
   hk_rules rules;
   hk_way way;
   if (!hk_gather(q, target, c, x)) return ${NAME}_NOT_FINITE;
-  if (!hk_posed(target, HK_POSE) || !hk_rotates(x + HK_N + 3)) return ${NAME}_NOT_A_ROTATION;
+  if (!hk_posed(target, HK_POSE) || !hk_all_rotate(x + HK_N)) return ${NAME}_NOT_A_ROTATION;
   hk_leaf_body(x, y);
   rules.singular = HK_C(HK_SINGULAR);
   rules.representation = HK_C(HK_REPRESENTATION);
@@ -57,10 +57,8 @@ int ${name}_inverse(${name}_real q[$n], const ${name}_real target[$target], cons
   rules.tries = most;
   if (!(y[HK_N] > rules.singular && y[HK_N + 1] > rules.representation)) return ${NAME}_SINGULAR;
   hk_pose_body(q, T);
-  for (int i = 0; i < 3; i++) {
-    from[i] = T[4 * i + 3];
-    for (int j = 0; j < 3; j++) from[3 + 3 * i + j] = HK_POSE == 3 ? (i == j ? HK_C(1) : HK_C(0)) : T[4 * i + j];
-  }
+  hk_unpack(T, from);
+  for (int i = 0; !HK_MATRICES && i < 9 * HK_FRAMES; i++) from[3 * HK_FRAMES + i] = HK_C(i % 9 % 4 == 0);
   hk_constraint_body(q, g);
   hk_way_to(from, g, x + HK_N, c, &way);
   for (int i = 0; i < HK_N; i++) at[i] = q[i];

@@ -66,7 +66,7 @@ static void copy(const double *from, real *to, int count) {
 
 int main(void) {
   double worst[7] = {0};
-  real q[$n], target[$target], dx[$m], twist[$twist], T[16], G[$nm], dq[$n], scale;
+  real q[$n], target[$target], dx[$m], twist[$twist], T[$poses], G[$nm], dq[$n], scale;
   ${name}_parameters parameters;
 $declare_leaf  ${name}_defaults(&parameters);
   for (int k = 0; k < COUNT; k++) {
@@ -86,7 +86,7 @@ $declare_leaf  ${name}_defaults(&parameters);
     if (rough && status == ${NAME}_SINGULAR) continue; /* too near a singularity for single precision */
     tested++;
     if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
-    if (accept("pose", k, ${name}_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
+    if (accept("pose", k, ${name}_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, $poses, TOLERANCE, worst[0]);
     if (accept("rate", k, ${name}_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
     const int stepped = ${name}_step(q, target, twist, &parameters, dq, &scale);
     if (stepped == v->status || accept("step", k, stepped, rough)) {
@@ -121,7 +121,7 @@ $bad_leaf      target[i] = good;
     for (int i = 0; i < $n; i++) {
       const real good = q[i];
       q[i] = bad[b];
-      expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, 16);
+      expect("pose of a bad q", ${name}_pose(q, T), ${NAME}_NOT_FINITE, T, $poses);
       expect("gain of a bad q", ${name}_gain(q, G), ${NAME}_NOT_FINITE, G, $nm);
       expect("step of a bad q", ${name}_step(q, target, twist, &parameters, dq, &scale), ${NAME}_NOT_FINITE, dq, $n);
       q[i] = good;

@@ -1,0 +1,37 @@
+"""The paths of a job whose task has several frames: that of [path] for the first one, and `others` for the next."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+from ..errors import ArgumentError
+from ..synchronized_paths import AnyPath, synchronized
+from ..task import Task
+from ..task_kinds import parts_of
+from ..types import Vector
+from .path_building import build_path
+from .schema import Job
+
+
+def build_paths(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[AnyPath, str]:
+    """The path and notes on its file, or paths of several frames run through together; one without stays where it is.
+
+    Raises:
+        JobError, ArgumentError: as `build_path`, or more paths than frames.
+    """
+    others = job.path.others or []
+    if len(others) >= task.frames:
+        cure = f"the task has {task.frames}: leave some out"
+        raise ArgumentError("the number of frames with a path", len(others) + 1, cure)
+    if task.frames == 1:
+        return build_path(job, task, start, file)
+    found, notes = [], []
+    for f, part in enumerate(parts_of(task)):
+        if f > len(others):
+            found.append(part.pose(start)[:3, 3])
+        else:
+            table = job.path if f == 0 else others[f - 1]
+            path, note = build_path(job.model_copy(update={"path": table}), part, start, file)
+            found.append(path)
+            notes.append(note)
+    return synchronized(*found), " ".join(note for note in notes if note)

@@ -1,0 +1,240 @@
+"""`SynchronizedPaths`: a path for each frame of a task, run through in the same time, as two hands carry one tray."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .arguments import typed
+from .errors import ArgumentError, OpenPathError, ShapeError
+from .path import Path, Samples, Segment, as_point, corners_of, line_segment
+from .types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
+
+ALIKE = 1e-12
+"""Share of the whole time within which two segments end together."""
+
+
+@dataclass(frozen=True, eq=False)
+class SynchronizedPaths(Value):
+    """Paths of F frames, as many segments in each, each segment as long in all of them [s].
+
+    Make one with `synchronized` or `through`. Positions, rotations and velocities of the frames stand side by side.
+    """
+
+    paths: tuple[Path, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.paths or any(not np.array_equal(path.durations, self.durations) for path in self.paths):
+            raise ArgumentError("the paths to run through together", len(self.paths), "make them by hk.synchronized")
+
+    @property
+    def durations(self) -> Vector:
+        """Seconds that each segment takes, (S,)."""
+        return self.paths[0].durations
+
+    @property
+    def starts(self) -> Vector:
+        """Seconds at which each segment starts, and the end."""
+        return self.paths[0].starts
+
+    @property
+    def duration(self) -> float:
+        """Time for one run [s]."""
+        return self.paths[0].duration
+
+    def table(self, start_rotation: Matrix) -> Matrix:
+        """The rows of `Path.table` of all segments of the first frame, then of the next one's."""
+        starts = start_rotation.reshape(-1, 3, 3)
+        return np.vstack([path.table(start) for path, start in zip(self.paths, starts, strict=True)])
+
+    @property
+    def length(self) -> float:
+        """Distance travelled by the point that goes farthest [m]."""
+        return max(path.length for path in self.paths)
+
+    @property
+    def speed(self) -> float:
+        """How fast that point goes [m/s], on the average."""
+        return self.length / self.duration
+
+    @property
+    def counter_clockwise(self) -> bool:
+        """Whether closed paths run counter-clockwise, as of `Path`, by the one that encloses most."""
+        return max(self.paths, key=lambda path: float(np.linalg.norm(path.area))).counter_clockwise
+
+    @property
+    def start(self) -> Vector:
+        """First points, one after the other (3F,) [m]."""
+        return np.concatenate([path.start for path in self.paths])
+
+    @property
+    def end(self) -> Vector:
+        """Last points (3F,) [m]."""
+        return np.concatenate([path.end for path in self.paths])
+
+    @property
+    def turned(self) -> Matrix:
+        """Rotations (3F, 3) between the start and the end."""
+        return np.vstack([path.turned for path in self.paths])
+
+    @property
+    def gap(self) -> float:
+        """How far the end is from the start: the larger of metres and radians."""
+        return max(path.gap for path in self.paths)
+
+    @property
+    def closed(self) -> bool:
+        """True when all end where they start."""
+        return all(path.closed for path in self.paths)
+
+    @typed
+    def at(self, t: ArrayLike) -> Samples:
+        """All frames at times t (k,) in [0, duration]: positions (k, 3F), rotations (k, 3F, 3), velocities (k, 3F).
+
+        Raises:
+            ArgumentError, NotFiniteError: no such times.
+        """
+        return _beside([path.at(t) for path in self.paths])
+
+    def on(self, index: Indices, u: Vector) -> Samples:
+        """All frames on the segments index (k,) at their parameter u (k,) in [0, 1]."""
+        return _beside([path.on(index, u) for path in self.paths])
+
+    @property
+    def corners(self) -> tuple[int, ...]:
+        """Segments at whose start a velocity jumps; 0 among them where closed paths end in a corner."""
+        return corners_of(self, len(self.durations))
+
+    def counts(self, samples: int) -> Indices:
+        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
+        return self.paths[0].counts(samples)
+
+    locate = staticmethod(Path.locate)
+
+    @typed
+    def part(self, start: float, stop: float) -> SynchronizedPaths:
+        """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
+        return SynchronizedPaths(tuple(path.part(start, stop) for path in self.paths))
+
+    def ways(self) -> tuple[SynchronizedPaths, SynchronizedPaths]:
+        """The two ways round closed paths to the poses half a loop away. Raises: OpenPathError."""
+        if not self.closed:
+            raise OpenPathError("splitting into two ways", self.gap)
+        return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
+
+    def reversed(self) -> SynchronizedPaths:
+        """The same curves run backwards."""
+        return SynchronizedPaths(tuple(path.reversed() for path in self.paths))
+
+
+AnyPath = Path | SynchronizedPaths
+"""A path of one frame, or paths of several."""
+
+
+def paths_of(path: AnyPath) -> tuple[Path, ...]:
+    """The path of each frame."""
+    return path.paths if isinstance(path, SynchronizedPaths) else (path,)
+
+
+@typed
+def synchronized(*paths: Path | ArrayLike, duration: float | None = None) -> SynchronizedPaths:
+    """Paths of several frames run through together, one a frame of a stacked task, in its order.
+
+    Each is run through evenly in the time of the slowest; a corner of one is a step of all.
+
+    Args:
+        paths: a path, or a point (3,) [m] where that frame stays.
+        duration: seconds of all of them; by default those of the path that takes longest.
+
+    Raises:
+        ArgumentError: no path among them, or a bad duration. ShapeError, NotFiniteError: a bad point.
+    """
+    moving = [path for path in paths if isinstance(path, Path)]
+    if not moving:
+        raise ArgumentError("the paths to synchronize", len(moving), "give at least one path; the others may be points")
+    seconds = max(path.duration for path in moving) if duration is None else positive("duration", duration)
+    ends = np.sort(np.concatenate([path.starts / path.duration for path in moving]))
+    ends = np.append(ends[:-1][np.diff(ends) > ALIKE], 1.0)  # of ends that fall together the last one
+    ends[0] = 0.0
+    return SynchronizedPaths(tuple(_timed(path, ends, seconds * np.diff(ends)) for path in paths))
+
+
+def _timed(path: Path | ArrayLike, ends: Vector, seconds: Vector) -> Path:
+    """A path cut at shares of its duration, or a point at rest, whose pieces take so many seconds."""
+    if isinstance(path, Path):
+        pieces, rotation = _pieces(path, ends), path.rotation
+    else:
+        point = as_point(path)
+        pieces, rotation = [line_segment(point, point, np.zeros(3))] * len(seconds), None
+    nominal = tuple(replace(s, nominal=float(t)) for s, t in zip(pieces, seconds, strict=True))
+    return Path(nominal, speed=1.0, rotation=rotation)
+
+
+def _pieces(path: Path, ends: Vector) -> list[Segment]:
+    times = path.starts / path.duration
+    middle = (ends[:-1] + ends[1:]) / 2
+    found = []
+    for i, a, b in zip(np.searchsorted(times, middle, side="right") - 1, ends, ends[1:], strict=False):
+        low, high = (np.clip((np.array([a, b]) - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)).tolist()
+        low, high = (0.0 if low < 1e-9 else low), (1.0 if high > 1 - 1e-9 else high)
+        segment = path.segments[i]
+        found.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
+    return found
+
+
+@typed
+def through(
+    points: ArrayLike, *, closed: bool = False, speed: float | None = None, seconds: float | Sequence[float] = 1.0
+) -> SynchronizedPaths:
+    """Straight lines through points (k, d) of the coordinates of a `custom_task` of more than three rows.
+
+    Args:
+        closed: adds the line back to the first point.
+        seconds: that each line takes, or one number for each of them.
+        speed: instead of seconds, how fast the point moves, in the units of the coordinates, whose squares it adds.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
+    """
+    given = finite("the points to go through", points, ("k", "d"))
+    corners = np.vstack([given, given[:1]]) if closed else given
+    if len(corners) < 2 or not given.shape[1]:
+        raise ArgumentError("the number of points to go through", len(corners), "give at least two")
+    moves = np.diff(corners, axis=0)
+    if not np.abs(moves).max(axis=1).all():
+        raise ArgumentError("the points to go through", given.tolist(), "leave out repeated points")
+    each = numbers("seconds", seconds)
+    if each.shape not in ((), (len(moves),)):
+        raise ShapeError("seconds", f"() or ({len(moves)},)", each.shape)
+    if speed is not None:
+        each = np.linalg.norm(moves, axis=1) / positive("speed", speed)
+    frames = -(-given.shape[1] // 3)
+    wide = np.zeros((len(corners), 3 * frames))
+    wide[:, : given.shape[1]] = corners
+    times = np.broadcast_to(each, len(moves)).tolist()
+    return SynchronizedPaths(
+        tuple(
+            Path(
+                tuple(
+                    replace(line_segment(a, b, np.zeros(3)), nominal=t)
+                    for a, b, t in zip(line, line[1:], times, strict=False)
+                ),
+                speed=1.0,
+            )
+            for line in wide.reshape(len(corners), frames, 3).swapaxes(0, 1)
+        )
+    )
+
+
+def _beside(parts: list[Samples]) -> Samples:
+    """Of several frames at the same instants."""
+    return Samples(
+        parts[0].t,
+        np.hstack([part.position for part in parts]),
+        np.concatenate([part.rotation for part in parts], axis=1),
+        np.hstack([part.velocity for part in parts]),
+        np.hstack([part.angular for part in parts]),
+    )
