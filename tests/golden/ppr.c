@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x69ae3f6716acac5eU
+#if PPR_EXPORT != 0xc5a7bd6e308d3a81U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1263,23 +1263,21 @@ static hk_t hk_piece(hk_t *x, hk_t *q, hk_t *rate, hk_t width, hk_t arc, hk_t tu
   return most > rules->creep ? fits : HK_C(-1);
 }
 
-/* A path of segments, each a piece of a helix with an even turn of the tool: the same as path.py. */
+/* A straight way with an even turn of the tool, and rotations by rotation vectors: the same as ways.py. */
 typedef struct {
-  hk_t center[3], x[3], y[3], angle, v[3], turn[3], rotation[9], duration;
-} hk_segment;
+  hk_t center[3], v[3], turn[3], rotation[9];
+} hk_line;
 
 /* Numbers of a target of HK_FRAMES frames: all their positions p, 3 each, then all rotations R, 9 each by rows. */
 enum { HK_TARGET = 12 * HK_FRAMES };
 
 static hk_t hk_square(const hk_t *v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
-static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
-  const hk_t a = s->angle * u, ca = HK_COS(a), sa = HK_SIN(a);
-  for (int i = 0; i < 3; i++) p[i] = s->center[i] + ca * s->x[i] + sa * s->y[i] + u * s->v[i];
-  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+/* R = exp(w) times a rotation, both by rows. */
+static void hk_turned(const hk_t *w, const hk_t *rotation, hk_t *R) {
   const hk_t angle = HK_SQRT(hk_square(w));
   if (angle == HK_C(0)) {
-    for (int i = 0; i < 9; i++) R[i] = s->rotation[i];
+    for (int i = 0; i < 9; i++) R[i] = rotation[i];
     return;
   }
   const hk_t k[3] = {w[0] / angle, w[1] / angle, w[2] / angle};
@@ -1289,18 +1287,24 @@ static void hk_target(const hk_segment *s, hk_t u, hk_t *p, hk_t *R) {
                      t * k[2] * k[0] - d * k[1], t * k[2] * k[1] + d * k[0], c + t * k[2] * k[2]};
   for (int i = 0; i < 3; i++)
     for (int j = 0; j < 3; j++)
-      R[3 * i + j] = E[3 * i] * s->rotation[j] + E[3 * i + 1] * s->rotation[3 + j] + E[3 * i + 2] * s->rotation[6 + j];
+      R[3 * i + j] = E[3 * i] * rotation[j] + E[3 * i + 1] * rotation[3 + j] + E[3 * i + 2] * rotation[6 + j];
 }
 
-/* The targets of all frames, whose segments lie `apart` from one another. */
-static void hk_targets(const hk_segment *s, long long apart, hk_t u, hk_t *to) {
-  for (int f = 0; f < HK_FRAMES; f++) hk_target(s + f * apart, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
+static void hk_target(const hk_line *s, hk_t u, hk_t *p, hk_t *R) {
+  for (int i = 0; i < 3; i++) p[i] = s->center[i] + u * s->v[i];
+  const hk_t w[3] = {u * s->turn[0], u * s->turn[1], u * s->turn[2]};
+  hk_turned(w, s->rotation, R);
+}
+
+/* The targets of all frames at a share of their lines. */
+static void hk_targets(const hk_line *s, hk_t u, hk_t *to) {
+  for (int f = 0; f < HK_FRAMES; f++) hk_target(s + f, u, to + 3 * f, to + 3 * HK_FRAMES + 9 * f);
 }
 
 /* The straight ways of all frames from one pose to another, each turning evenly about one axis, and of the level to that
    of a leaf. turn: the size of all turns together. hk_angular: rows of g that are angles. */
 typedef struct {
-  hk_segment line[HK_FRAMES];
+  hk_line line[HK_FRAMES];
   hk_t end[HK_TARGET], level[HK_R + 1], change[HK_R + 1], turn;
 } hk_way;
 
@@ -1326,19 +1330,17 @@ static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_
   hk_t square = HK_C(0), E[9];
   for (int i = 0; i < HK_TARGET; i++) way->end[i] = to[i];
   for (int f = 0; f < HK_FRAMES; f++) {
-    hk_segment *line = way->line + f;
+    hk_line *line = way->line + f;
     const hk_t *p = from + 3 * f, *R = from + 3 * HK_FRAMES + 9 * f, *there = to + 3 * HK_FRAMES + 9 * f;
     for (int i = 0; i < 3; i++) {
       line->center[i] = p[i];
       line->v[i] = to[3 * f + i] - p[i];
-      line->x[i] = line->y[i] = HK_C(0);
       for (int j = 0; j < 3; j++) {
         line->rotation[3 * i + j] = R[3 * i + j];
         E[3 * i + j] = HK_C(0);
         for (int k = 0; k < 3; k++) E[3 * i + j] += there[3 * i + k] * R[3 * j + k];
       }
     }
-    line->angle = line->duration = HK_C(0);
     hk_turning(E, line->turn);
     square += hk_square(line->turn);
   }
@@ -1352,7 +1354,7 @@ static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_
 
 /* (p, R, c) of the way at a share, after q in x. */
 static void hk_aim(const hk_way *way, hk_t share, hk_t *x) {
-  hk_targets(way->line, 1, share, x + HK_N);
+  hk_targets(way->line, share, x + HK_N);
   for (int i = 0; i < HK_TARGET && share == HK_C(1); i++) x[HK_N + i] = way->end[i]; /* to the last bit */
   for (int i = 0; i < HK_R; i++) x[HK_N + HK_TARGET + i] = way->level[i] + share * way->change[i];
 }
@@ -1368,7 +1370,7 @@ static void hk_unpack(const hk_t *T, hk_t *to) {
 
 /* How fast the row of a task goes along a way, of rows counted six a frame: x, y, z and the turns about them. */
 static inline hk_t hk_pace(const hk_way *way, int row) {
-  const hk_segment *line = way->line + row / 6;
+  const hk_line *line = way->line + row / 6;
   return row % 6 < 3 ? line->v[row % 6] : line->turn[row % 6 - 3];
 }
 

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x69ae3f6716acac5eU
+#define PPR_EXPORT 0xc5a7bd6e308d3a81U
 
 #ifdef __cplusplus
 extern "C" {

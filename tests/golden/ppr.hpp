@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0x69ae3f6716acac5eU, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0xc5a7bd6e308d3a81U, "ppr.h is of another export");
 
 namespace ppr {
 

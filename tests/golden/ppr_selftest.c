@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x69ae3f6716acac5eU
+#if PPR_EXPORT != 0xc5a7bd6e308d3a81U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x69ae3f6716acac5eU
+#if PPR_VECTORS != 0xc5a7bd6e308d3a81U
 #error "these files are of different exports: export again"
 #endif
 

@@ -11,7 +11,8 @@ from ..motion import drift
 from ..output.physics_report import PhysicsResult, Played
 from ..physics import play
 from ..robot import knows_masses, servo
-from .build import build_begin, build_path, build_robot, build_start, build_strategy, naming
+from .build import build_begin, build_robot, build_start, build_strategy, naming
+from .path_building import build_entry, build_path
 from .physics_table import PhysicsTable
 from .schema import Job
 
@@ -34,7 +35,7 @@ def simulate_job(
     with naming(file, "task"):
         task = job.task.tasks(robot, start)[0]
     with naming(file, "path"):
-        path = build_path(job, task, start, file)
+        path, _ = build_path(job, task, start, file)
     cycles = table.cycles if path.closed else 1
     with naming(file, "physics"):
         push = table.force(robot, path, cycles)
@@ -44,6 +45,7 @@ def simulate_job(
         with naming(file, "strategies", label):
             strategy = build_strategy(job, label, task, start, label)
             begin, _ = build_begin(its, strategy, start)
+            begin, _ = build_entry(job, strategy, path, begin)
             drive = servo(robot, table.servo, begin, frequency=table.frequency, compensated=table.compensated)
             run = play(
                 strategy, path, begin, servo=drive, feedback=table.feedback, cycles=cycles, dt=table.dt,

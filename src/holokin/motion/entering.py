@@ -8,6 +8,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, PathError, SingularityError
 from ..path import Path, line_segment
 from ..strategies import HolonomicStrategy, Strategy
+from ..task import of_one_tool
 from ..tolerances import TOLERANCES
 from ..trajectory import Measures, Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, positive, whole
@@ -53,6 +54,7 @@ def approach(
     if by not in WAYS:
         raise ArgumentError("by", by, f"use one of {', '.join(WAYS)}")
     task, count = strategy.task, whole("samples", samples)
+    of_one_tool(task, "an approach")
     robot = task.robot
     start = robot.checked(q0, "the start posture")
     robot.check_limits(start)

@@ -15,6 +15,7 @@ from ..progress import progress
 from ..robot import DENSITY, Servo, doubtful_unit
 from ..robot import servo as servo_of
 from ..strategies import Strategy
+from ..task import of_one_tool
 from ..tolerances import TOLERANCES
 from ..types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from .plant import Plant, make_plant, mujoco_module
@@ -106,6 +107,7 @@ def play(
         SingularityError: the strategy is singular at q0.
     """
     task = strategy.task
+    of_one_tool(task, "play")
     start = task.robot.checked(q0, "the start posture")
     dt, noise = positive("dt", dt, "give a positive step in seconds"), not_negative("noise", noise)
     if whole("cycles", cycles) > 1 and not path.closed:
@@ -114,7 +116,8 @@ def play(
     told = FITTING[drive.kind] if feedback is None else feedback
     if told not in FEEDBACKS:
         raise ArgumentError("feedback", told, f"use one of {', '.join(FEEDBACKS)}")
-    plan = _Plan.of(path, task.pose(start)[:3, :3], dt, cycles)
+    begun = task.pose(start)[:3, :3] if path.rotation is None else path.rotation
+    plan = _Plan.of(path, begun, dt, cycles)
     off = float(np.abs(task.error(start, plan.position[0], plan.rotation[0])).max())
     if off > TOLERANCES.start:
         at = task.pose(start)[:3, 3]
