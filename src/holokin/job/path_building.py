@@ -25,6 +25,7 @@ from ..path import (
 from ..recording import read_svg, read_waypoints
 from ..strategies import Strategy
 from ..symbolic import Function, parse, symbol
+from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
@@ -174,7 +175,7 @@ def _typed(point: Vector) -> str:
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
-def build_entry(job: Job, strategy: Strategy, path: Path, begin: Vector) -> tuple[Vector, str]:
+def build_entry(job: Job, strategy: Strategy, path: AnyPath, begin: Vector) -> tuple[Vector, str]:
     """The posture (n,) at the start of the path to which the entry leads, and a sentence on it.
 
     Raises:
@@ -182,6 +183,9 @@ def build_entry(job: Job, strategy: Strategy, path: Path, begin: Vector) -> tupl
     """
     if job.path.entry is None:
         return begin, ""
+    if not isinstance(path, Path):
+        cure = "leave it out, and begin where all paths do"
+        raise ArgumentError("the entry to the paths of several frames", job.path.entry, cure)
     try:
         way = approach(strategy, path, begin, by=job.path.entry)
     except (SingularityError, PathError) as problem:

@@ -11,7 +11,7 @@ from ..errors import ArgumentError
 from ..types import ArrayLike, Matrix, numbers, positive
 from .drives import Servo
 from .geometry import LinkShape
-from .links import DENSITY, drawn_links, knows_masses, merged, rest, weighed
+from .links import DENSITY, drawn_links, knows_masses, merged, rest, size, weighed
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
@@ -222,7 +222,8 @@ def _urdf_inertial(body: Body) -> str:
 
 def _urdf_visual(part: LinkShape) -> str:
     """A cylinder and two balls: a URDF has no capsules."""
-    radius, half = part.shape.radius, part.shape.length / 2
+    radius, length = size(part)
+    half = length / 2
     parts = []
     for z in (-half, half) if half else (0.0,):
         at = part.placement[:3, :3] @ [0, 0, z] + part.placement[:3, 3]
@@ -235,7 +236,8 @@ def _urdf_visual(part: LinkShape) -> str:
 
 
 def _mjcf_geom(part: LinkShape) -> str:
-    radius, half = part.shape.radius, part.shape.length / 2
+    radius, length = size(part)
+    half = length / 2
     form = f'type="capsule" {_pose(part.placement)} size="{radius!r} {half!r}"'
     form = form if half else f'type="sphere" {_pose(part.placement)} size="{radius!r}"'
     return f'<geom {form} mass="0" contype="0" conaffinity="0" rgba="{COLOR}"/>'

@@ -26,12 +26,16 @@ DENSITY = 1000.0
 one weighs 18 kg."""
 
 
+def size(part: LinkShape) -> tuple[float, float]:
+    """(radius, length) of a capsule [m]. Raises: ArgumentError: another shape."""
+    if not isinstance(part.shape, Capsule):
+        raise ArgumentError("the shape of a drawn link", type(part.shape).__name__, "give a capsule")
+    return part.shape.radius, part.shape.length
+
+
 def solid(part: LinkShape, density: float) -> Body:
     """The mass and inertia of a capsule as a solid of even density [kg/m^3]."""
-    capsule = part.shape
-    if not isinstance(capsule, Capsule):
-        raise ArgumentError("the shape of a solid", type(capsule).__name__, "give a capsule")
-    r, h = capsule.radius, capsule.length
+    r, h = size(part)
     cylinder, ball = density * np.pi * r**2 * h, density * 4 / 3 * np.pi * r**3
     across = cylinder * (3 * r**2 + h**2) / 12 + ball * (2 / 5 * r**2 + h**2 / 4 + 3 / 8 * h * r)
     along = cylinder * r**2 / 2 + ball * 2 / 5 * r**2
