@@ -1,0 +1,112 @@
+"""The equation of a leaf over a family of tool poses, E(q, y) = [f(q) - x(y); g(q) - c] = 0, and its enclosures.
+
+The rows of an orientation are polynomials of rotations, so that no logarithm is enclosed: with M = R_d R^T they are the
+skew part of M, 1/2 (M_32 - M_23, M_13 - M_31, M_21 - M_12), which vanishes where R = R_d, and where R is R_d turned by pi,
+which `facing` > 0 excludes; of an axis the two components of R a across R_d a. At a root D_q E is [J; J_g], its
+orientation rows up to sign and the coordinates of the orientation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from ..representations import AxisDirection
+from ..strategies import HolonomicStrategy
+from ..symbolic import SX, jacobian, substitute, symbol, vertcat
+from ..symbolic.geometry import frame_about
+from ..symbolic.interval_function import IntervalFunction
+from ..task import Task
+from ..types import Value
+from .targets import Family
+
+
+def rows_of(task: Task, position: SX, rotation: SX, wanted_position: SX, wanted_rotation: SX) -> tuple[SX, SX]:
+    """(f(q) - x (m,), what must be positive so that no half turn is taken for none)."""
+    six = [position[i] - wanted_position[i] for i in range(3)]
+    facing = SX(1)
+    kind = task.representation
+    if task.turns:
+        M = wanted_rotation @ rotation.T
+        six += [(M[1, 2] - M[2, 1]) / 2, (M[2, 0] - M[0, 2]) / 2, (M[0, 1] - M[1, 0]) / 2]
+        facing = M[0, 0] + M[1, 1] + M[2, 2] + 1
+    elif isinstance(kind, AxisDirection) and sum(i > 2 for i in task.rows) == 2:
+        a = SX(kind.axis)
+        across = (wanted_rotation @ SX(frame_about(kind.axis)))[:, :2].T @ (rotation @ a)
+        six += [across[0], across[1]]
+        facing = (wanted_rotation @ a).T @ (rotation @ a)
+    elif task.orientation is not None:
+        gap = kind.value(rotation) - kind.value(wanted_rotation)
+        six += [gap[i] for i in range(gap.shape[0])]
+    return vertcat(*(six[i] for i in task.rows)), facing
+
+
+@dataclass(frozen=True, eq=False)
+class Equation(Value):
+    """E(q, y) (n,) of a holonomic strategy on the leaf c (r,), over a family of tool poses.
+
+    Each enclosure below takes its arguments one below the other, in the order named.
+    """
+
+    strategy: HolonomicStrategy
+    family: Family
+
+    @property
+    def n(self) -> int:
+        """Joints, and rows."""
+        return self.strategy.task.n
+
+    @property
+    def d(self) -> int:
+        """Parameters of the family."""
+        return self.family.dimension
+
+    @cached_property
+    def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
+        """(inputs, E, facing)."""
+        e, task = self.strategy.expressions, self.strategy.task
+        y, numbers, c = symbol("y", self.d), symbol("numbers", self.family.numbers), symbol("c", self.n - task.m)
+        k = e.kinematics
+        rows, facing = rows_of(task, k.position, k.rotation, *self.family.pose(y, numbers))
+        inputs = {"q": e.q, "y": y, "numbers": numbers, "c": c}
+        return inputs, vertcat(rows, self.strategy.constraint_expression - c), facing
+
+    @cached_property
+    def value(self) -> IntervalFunction:
+        """(q, y, numbers, c) -> E, and D_q E column by column."""
+        inputs, E, _ = self._symbols
+        A = jacobian(E, inputs["q"])
+        return IntervalFunction("E", inputs, vertcat(E, A.reshape((-1, 1))))
+
+    @cached_property
+    def curvature(self) -> IntervalFunction:
+        """(q, y, numbers, c) -> columns (j, k), j <= k, of D_q^2 E, where the tool turns columns of D_y D_q E; facing."""
+        inputs, E, facing = self._symbols
+        q, y = inputs["q"], inputs["y"]
+        A = jacobian(E, q)
+        found = [facing]
+        for j in range(self.n):
+            found.append(jacobian(A[:, j], q)[:, j:].reshape((-1, 1)))
+        if self.family.turning:
+            found += [jacobian(A[:, j], y).reshape((-1, 1)) for j in range(self.n)]
+        return IntervalFunction("the second derivatives of E", inputs, vertcat(*found))
+
+    @cached_property
+    def along(self) -> IntervalFunction:
+        """(y, q0, V, Q, numbers, c) -> first derivatives by y of E(q0 + V y + 1/2 Q y y, y), and second ones, i <= j.
+
+        V (n, d) and Q (n, d (d + 1) / 2), of the pairs i <= j, column by column.
+        """
+        inputs, E, _ = self._symbols
+        n, d = self.n, self.d
+        y, q0, V = inputs["y"], symbol("q0", n), symbol("V", n, d)
+        Q = symbol("Q", n, d * (d + 1) // 2)
+        way = q0 + V @ y
+        pairs = [(i, j) for i in range(d) for j in range(i, d)]
+        for k, (i, j) in enumerate(pairs):
+            way += Q[:, k] * y[i] * y[j] * (0.5 if i == j else 1.0)
+        F = substitute(E, inputs["q"], way)
+        first = jacobian(F, y)
+        second = [jacobian(first[:, i], y)[:, i:].reshape((-1, 1)) for i in range(d)]
+        taken = {"y": y, "q0": q0, "V": V, "Q": Q, "numbers": inputs["numbers"], "c": inputs["c"]}
+        return IntervalFunction("E along the predictor", taken, vertcat(first.reshape((-1, 1)), *second))

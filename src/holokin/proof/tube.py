@@ -1,0 +1,207 @@
+"""The Newton-Kantorovich test of many cells at once. [KA82, XVIII] [Deu11, 2.1]
+
+A cell is a member of a family of tool poses x(y), y in [-1, 1]^d, with a predictor q(y) = q0 + V y + 1/2 Q y y of the joints
+and a matrix Y near [D_q E(q0, 0)]^-1. Over its tube, all q within rho of the predictor,
+
+    omega >= |Y D_q^2 E|,   e >= |1 - Y D_q E(q(y), y)|,   eta >= |Y E(q(y), y)|   for all y.
+
+If e < 1 and 2 omega eta <= (1 - e)^2, then for every y there is exactly one root within
+r = 2 eta / (1 - e + sqrt((1 - e)^2 - 2 omega eta)), and within min(rho, 2 (1 - e) / omega - r), of q(y). There D_q E is
+regular, so the roots are a smooth function of y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from ..symbolic.intervals import Interval
+from ..types import Array, Matrix, Value, Vector
+from .bounds import UP, norm, product
+from .equation import Equation
+
+
+@dataclass(frozen=True, eq=False)
+class Cells(Value):
+    """k cells: q0 (k, n), V (k, n, d), Q (k, n, d (d + 1) / 2), numbers (k, .) of the family, rho (k,)."""
+
+    q0: Matrix
+    V: Array
+    Q: Array
+    numbers: Matrix
+    rho: Vector
+
+    def __len__(self) -> int:
+        return len(self.q0)
+
+    def only(self, chosen: Array) -> Cells:
+        """Some of them."""
+        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+    @property
+    def reach(self) -> Matrix:
+        """How far the predictor goes from q0 at most, joint by joint (k, n)."""
+        d = self.V.shape[2]
+        weights = np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
+        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ weights) * UP
+
+    def predicted(self, y: Matrix) -> Matrix:
+        """q(y) (k, n) at y (k, d), rounded: within 1e-14 of its size."""
+        d = self.V.shape[2]
+        pairs = [(i, j) for i in range(d) for j in range(i, d)]
+        products = np.array([y[:, i] * y[:, j] * (0.5 if i == j else 1.0) for i, j in pairs]).T
+        return self.q0 + np.einsum("knd,kd->kn", self.V, y) + np.einsum("knp,kp->kn", self.Q, products)
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(Value):
+    """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within that
+    it is the only one; facing, must be positive; low, high (k, n) of the joints at the roots."""
+
+    Y: Array
+    omega: Vector
+    e: Vector
+    eta: Vector
+    r: Vector
+    alone: Vector
+    facing: Vector
+    low: Matrix
+    high: Matrix
+
+    @property
+    def passed(self) -> Array:
+        """(k,) True where the theorem holds."""
+        return np.isfinite(self.r)
+
+    def only(self, chosen: Array) -> Findings:
+        """Some of them."""
+        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+
+def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vector, newtons: int = 4) -> Cells:
+    """Cells about the roots near q (k, n), with the predictors of the second order there: V = -Y E_y, Q = -Y F_yy."""
+    n, d, k = equation.n, equation.d, len(q)
+    fixed = np.vstack([numbers.T, np.repeat(c[:, None], k, axis=1)])
+    still = np.zeros((d, k))
+    Y = np.zeros((k, n, n))
+    for _ in range(newtons):
+        E, A = _value(equation, np.vstack([q.T, still, fixed]))
+        Y = inverses(A.middle)
+        step = np.einsum("kij,kj->ki", Y, _wrapped(equation, E).middle[:, :, 0])
+        q = q - np.where(np.isfinite(step) & (np.abs(step) < 1.0), step, 0.0)
+    pairs = d * (d + 1) // 2
+    zero = np.zeros((n * (d + pairs), k))
+    first = _along(equation, np.vstack([still, q.T, zero, fixed]))[0].middle
+    V = -Y @ first
+    flat = np.swapaxes(V, 1, 2).reshape(k, -1).T
+    second = _along(equation, np.vstack([still, q.T, flat, zero[: n * pairs], fixed]))[1].middle
+    return Cells(q, V, -Y @ second, numbers, rho)
+
+
+def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) -> Findings:
+    """The test of all cells. `slack`: tool poses may be off by this much, for joints between pieces of a path [m]."""
+    n, d, k = equation.n, equation.d, len(cells)
+    fixed = np.vstack([cells.numbers.T, np.repeat(c[:, None], k, axis=1)])
+    still, one = np.zeros((d, k)), np.ones((d, k))
+    E, A = _value(equation, np.vstack([cells.q0.T, still, fixed]))
+    Y = inverses(A.middle)
+    off = product(Y, A)
+    at_center = norm(Interval(np.eye(n) - off.high, np.eye(n) - off.low))
+
+    reach = cells.reach
+    wide = (reach + cells.rho[:, None]) * UP
+    low = np.vstack([np.nextafter(cells.q0 - wide, -np.inf).T, -one, fixed])
+    high = np.vstack([np.nextafter(cells.q0 + wide, np.inf).T, one, fixed])
+    bent = equation.curvature(low, high)
+    pairs = n * (n + 1) // 2
+    H = Interval(_symmetric(bent.low[1 : 1 + n * pairs], n), _symmetric(bent.high[1 : 1 + n * pairs], n))
+    omega = norm(product(Y, H))
+    e = at_center + omega * np.sqrt(np.sum(np.square(reach), axis=1)) * UP
+    if equation.family.turning:  # |y| <= sqrt(d)
+        mixed = _columns(Interval(bent.low[1 + n * pairs :], bent.high[1 + n * pairs :]), n)
+        e = e + norm(product(Y, mixed)) * np.sqrt(d)
+    e *= UP
+
+    flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
+    rest = np.vstack([cells.q0.T, *flat, fixed])
+    first, _ = _along(equation, np.vstack([still, rest]))
+    _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
+    doubled = np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
+    eta = norm(product(Y, _wrapped(equation, E)))
+    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), doubled)
+    eta = (eta + slack * norm(Interval(Y, Y))) * UP
+    facing = bent.low[0]
+    with np.errstate(invalid="ignore", over="ignore"):
+        gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
+        good = (e < 1) & (gap >= 0) & (facing > 0)
+        r = 2 * eta / (1 - e + np.sqrt(np.where(good, gap, 0.0))) * UP
+        good &= r <= cells.rho
+        alone = np.where(good, np.minimum(cells.rho, 2 * (1 - e) / np.maximum(omega, 1e-300) / UP - r), 0.0)
+    r = np.where(good, r, np.inf)
+    size = np.where(good, r, 0.0)[:, None] + reach
+    low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
+    return Findings(Y, omega, e, eta, r, alone, facing, low, high)
+
+
+def inverses(A: Array) -> Array:
+    """Matrices near the inverses (k, n, n); zeros where there is none, which fail the test."""
+    found = np.zeros_like(A)
+    for i, matrix in enumerate(A):
+        if np.isfinite(matrix).all():
+            try:
+                found[i] = np.linalg.inv(matrix)
+            except np.linalg.LinAlgError:
+                continue
+    return found
+
+
+def _value(equation: Equation, at: Matrix) -> tuple[Interval, Interval]:
+    """(E (k, n, 1), D_q E (k, n, n)) at points."""
+    n = equation.n
+    found = equation.value(at, at)
+    return _columns(Interval(found.low[:n], found.high[:n]), n), _columns(Interval(found.low[n:], found.high[n:]), n)
+
+
+def _along(equation: Equation, low: Matrix, high: Matrix | None = None) -> tuple[Interval, Interval]:
+    """First (k, n, d) and second (k, n, d (d + 1) / 2) derivatives along the predictor."""
+    n, first = equation.n, equation.n * equation.d
+    found = equation.along(low, low if high is None else high)
+    return (
+        _columns(Interval(found.low[:first], found.high[:first]), n),
+        _columns(Interval(found.low[first:], found.high[first:]), n),
+    )
+
+
+def _wrapped(equation: Equation, E: Interval) -> Interval:
+    """E with the rows of g that are angles less whole turns."""
+    flags = np.array([False] * equation.strategy.task.m + [*equation.strategy.constraint.angular])
+    turns = np.rint(E.middle / (2 * np.pi)) * flags[:, None]
+    if not turns.any():
+        return E
+    from ..symbolic import intervals as iv
+
+    two_pi = Interval(np.array(2 * iv.PI[0]), np.array(2 * iv.PI[1]))
+    return iv.subtract(E, iv.multiply(iv.point(turns), two_pi))
+
+
+def _columns(a: Interval, rows: int) -> Interval:
+    """Matrices (k, rows, .) of enclosures written column by column (rows ., k)."""
+    low, high = (np.swapaxes(np.moveaxis(x, -1, 0).reshape(x.shape[-1], -1, rows), 1, 2) for x in a)
+    return Interval(low, high)
+
+
+def _column_sum(a: Interval, weights: Vector) -> Vector:
+    """sum_j weights_j |a_j| (k,) of the columns."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.sqrt(np.sum(np.square(a.magnitude), axis=1)) @ weights * UP + 1e-150
+    return np.where(np.isfinite(size), size, np.inf)
+
+
+def _symmetric(found: Array, n: int) -> Array:
+    """(k, n, n * n) of columns j <= l (n n (n + 1) / 2, k) of second derivatives."""
+    columns = np.moveaxis(found, -1, 0).reshape(found.shape[-1], -1, n)
+    place = np.zeros((n, n), dtype=int)
+    for i, (j, l) in enumerate((j, l) for j in range(n) for l in range(j, n)):
+        place[j, l] = place[l, j] = i
+    return np.swapaxes(columns[:, place.ravel()], 1, 2)
