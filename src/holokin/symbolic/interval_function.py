@@ -73,8 +73,6 @@ def _power(a: Interval, b: Interval) -> Interval:
     return iv.invert(found) if whole < 0 else found
 
 
-
-
 def _hyperbolic(sign: float, over: bool) -> Callable[[Interval], Interval]:
     """(exp x + sign exp -x) / 2, or tanh x."""
 

@@ -104,9 +104,7 @@ def divide(a: Interval, b: Interval) -> Interval:
     """a / b: unbounded where b holds 0."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         p, q, r, s = a.low / b.low, a.low / b.high, a.high / b.low, a.high / b.high
-        found = outward(
-            np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s))
-        )
+        found = outward(np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s)))
     across = (b.low <= 0) & (b.high >= 0)
     return Interval(np.where(across, -np.inf, found.low), np.where(across, np.inf, found.high))
 
@@ -315,7 +313,9 @@ def _log_at(x: Array) -> Interval:
         power = multiply(power, z)
     left = multiply(power, point(np.full_like(x, 1.1 / (2 * _LOG + 1))))  # 1 / (1 - t^2) < 1.04
     series = _series(z, [(1, 2 * j + 1) for j in range(_LOG)], Interval(np.zeros_like(x), left.high))
-    found = add(multiply(point(k.astype(float)), _around(LN2)), multiply(point(np.full_like(x, 2.0)), multiply(series, t)))
+    found = add(
+        multiply(point(k.astype(float)), _around(LN2)), multiply(point(np.full_like(x, 2.0)), multiply(series, t))
+    )
     return Interval(np.where(good, found.low, -np.inf), np.where(x < np.inf, found.high, np.inf))
 
 

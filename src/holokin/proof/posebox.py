@@ -1,0 +1,142 @@
+"""The proof over a box of poses: cells that fill it, glued across their faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ArgumentError, HolokinError
+from ..motion import inverse
+from ..strategies import HolonomicStrategy
+from ..types import Array, Flags, Matrix, Value, Vector, kept
+from ..workspaces import Box, PoseRange, Workspace
+from .equation import Equation
+from .search import AIM, TUBE, Boxes, Covered, Domain
+from .targets import PoseBox
+from .tube import centred, examined
+
+
+@kept
+def equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
+    """The equation of a strategy over boxes of poses, made once."""
+    return Equation(strategy, PoseBox(turning))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRegion(Value, Domain):
+    """p0 + P y, R0 C(W y), y in [-1, 1]^d, with half sides P (3,) [m] and W (3,) of the Cayley parameters.
+
+    `axes` are the parameters that vary; the others stay 0.
+    """
+
+    equation: Equation
+    c: Vector
+    p0: Vector
+    R0: Matrix
+    half: Vector
+    q: Vector
+    """Joints (n,) of the leaf at the middle."""
+    inverse: object
+    slack: float = 0.0
+
+    @staticmethod
+    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector) -> PoseRegion:
+        """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle."""
+        if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
+            raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
+        turns = strategy.task.turns or strategy.task.orientation is not None
+        tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
+        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)])
+        turning = bool(turn.any())
+        half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
+        ik = inverse(strategy, q0)
+        return PoseRegion(
+            equation_over(strategy, turning), strategy.g(q0), space.solid.center, space.rotation, half,
+            ik(space.center), ik,
+        )  # fmt: skip
+
+    def first(self) -> Boxes:
+        """Cells in which e is about `AIM`, by omega at the middle."""
+        d = self.equation.d
+        one = np.ones((1, d))
+        whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
+        tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
+        cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
+        omega = float(min(examined(self.equation, cells, self.c).omega[0], 1e6))
+        sides = np.linalg.norm(cells.V[0], axis=0) * 1e9
+        counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(max(1, (sides > 0).sum())) / AIM)).astype(int)
+        counts = np.minimum(counts, 64)
+        while counts.prod() > 20_000:
+            counts = np.maximum(1, counts // 2)
+        grid = [np.linspace(-1, 1, count + 1) for count in counts]
+        low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
+        high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
+        k = len(low)
+        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, TUBE / omega), np.zeros(k, dtype=bool))
+
+    def numbers(self, boxes: Boxes) -> Matrix:
+        """Of the family `PoseBox`."""
+        middle, half = (boxes.low + boxes.high) / 2 * self.half, (boxes.high - boxes.low) / 2 * self.half
+        k = len(boxes)
+        w = middle[:, 3:] if self.equation.family.turning else np.zeros((k, 3))
+        return np.hstack([self.p0 + middle[:, :3], np.tile(self.R0.ravel(), (k, 1)), w, half])
+
+    def poses(self, boxes: Boxes) -> Array:
+        """(k, 4, 4) at the middles."""
+        from scipy.spatial.transform import Rotation
+
+        numbers = self.numbers(boxes)
+        T = np.tile(np.eye(4), (len(boxes), 1, 1))
+        T[:, :3, 3] = numbers[:, :3]
+        w = numbers[:, 12:15]
+        turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
+        T[:, :3, :3] = self.R0 @ turn.as_matrix()
+        return T
+
+    def joints(self, boxes: Boxes) -> Matrix:
+        """By inverse kinematics on the leaf."""
+        found = np.empty((len(boxes), self.equation.n))
+        for i, pose in enumerate(self.poses(boxes)):
+            try:
+                found[i] = self.inverse.near(pose, self.q)
+            except HolokinError:
+                found[i] = self.q
+        return found
+
+    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
+        """All: one place where the proof fails ends it."""
+        return np.ones(len(boxes), dtype=bool)
+
+
+def unglued_faces(found: Covered) -> Flags:
+    """(k,) True for boxes that share a face with a neighbour whose root there is not shown to be theirs."""
+    b, cells, findings = found.boxes, found.cells, found.findings
+    k, d = b.low.shape
+    out = np.zeros(k, dtype=bool)
+    for axis in range(d):
+        order = np.argsort(b.low[:, axis], kind="stable")
+        starts = b.low[order, axis]
+        for i in range(k):
+            first, last = np.searchsorted(starts, [b.high[i, axis], np.nextafter(b.high[i, axis], np.inf)])
+            js = order[first:last]
+            if not len(js):
+                continue
+            low, high = np.maximum(b.low[js], b.low[i]), np.minimum(b.high[js], b.high[i])
+            others = [a for a in range(d) if a != axis]
+            js_ok = (low[:, others] < high[:, others]).all(axis=1)
+            js, low, high = js[js_ok], low[js_ok], high[js_ok]
+            y = (low + high) / 2
+            y[:, axis] = b.high[i, axis]
+            mine = _within(cells, np.full(len(js), i), b, y)
+            theirs = _within(cells, js, b, y)
+            apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + 1e-13
+            bad = ~(apart <= findings.alone[js] * (1 - 1e-12))
+            out[i] |= bad.any()
+            out[js[bad]] = True
+    return out
+
+
+def _within(cells, chosen, boxes: Boxes, y: Matrix) -> Matrix:
+    middle, half = (boxes.low[chosen] + boxes.high[chosen]) / 2, (boxes.high[chosen] - boxes.low[chosen]) / 2
+    return cells.only(chosen).predicted((y - middle) / np.where(half > 0, half, 1.0))
