@@ -1,1 +1,6 @@
-"""Proofs by computation: a theorem about a leaf along a path, or over a workspace, and its certificate."""
+"""Proofs by computation: a theorem about a leaf along a path, or over a box of tool poses, and its certificate."""
+
+from .certificate import Certificate, Extent
+from .certify import certify
+
+__all__ = ["Certificate", "Extent", "certify"]

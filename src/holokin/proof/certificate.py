@@ -2,65 +2,186 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+import json
+from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from ..types import Array, Indices, Matrix, Value, Vector
+from ..arguments import typed
+from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from .equation import Equation
 from .tube import Cells, Findings
 
+FORMAT = "holokin certificate 1"
 
-class Proven(Enum):
-    """How far a proof came."""
+
+class Extent(Enum):
+    """How far a proof came, and why no farther."""
 
     WHOLE = "proven for all of it"
-    SINGULAR = "not proven: [J; J_g] is singular there, or nearly so"
-    LIMIT = "not proven: a joint is at its limit there, or beyond it"
-    BUDGET = "not proven: the cells that were allowed are spent"
-    END = "not proven: the leaf could not be followed to there"
-    APART = "not proven: neighbouring cells could not be shown to share a root"
+    SINGULAR = (
+        "[J; J_g] is singular there, or so nearly that no cell passes the test: choose another constraint or leaf"
+    )
+    LIMIT = "a joint is at its limit there, or beyond it: choose another leaf, or ask with limits=False"
+    BUDGET = "the cells that were allowed are spent: allow more with budget="
+    END = "the leaf could not be followed to there"
+    APART = "neighbouring cells could not be shown to share a root"
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes(Value):
+    """k boxes of parameters: piece (k,), low, high (k, d); rho (k,) of their tubes; again (k,): tried before.
+
+    Of a path's piece the parameter is the share of it; of a box of poses they count from -1 to 1 across it.
+    """
+
+    piece: Indices
+    low: Matrix
+    high: Matrix
+    rho: Vector
+    again: Flags
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+
+@dataclass(frozen=True, eq=False)
+class Covered(Value):
+    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low)."""
+
+    boxes: Boxes
+    cells: Cells
+    findings: Findings
+    extent: Extent = Extent.WHOLE
+    stopped: tuple[int, tuple[float, ...]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def only(self, chosen: Array) -> Covered:
+        """Some of them."""
+        parts = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
+        return Covered(*parts, self.extent, self.stopped)
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate(Value):
-    """What was proven of a holonomic strategy on the leaf through a posture, over a path or a box of tool poses.
+    """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
-    `status` says how far the proof came, `where` in words at which place it ended. The cells are all those proven, in
-    the order of a path; `low`, `high` (n,) are the hull of the joints over them, `determinant` bounds |det [J; J_g]| from
-    below, `limit_distance` (n,) is the least distance to a joint limit [joint unit]. `turns` (n,) are the whole turns of
-    the joints round a closed path, `gap` [rad or m] bounds how far the end is from the start besides them.
+    `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are
+    the cells, in the order of a path. low, high (n,) are a hull of the joints over them [joint unit], `determinant` a
+    lower bound of |det [J; J_g]|, `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns`
+    (n,) are the whole turns of the joints round it, and `gap` [joint unit] bounds how far else they end from where they
+    began: not 0, since the path itself is given in doubles; else it is infinite.
     """
 
     title: str
     theorem: str
-    status: Proven
+    extent: Extent
     where: str
-    cells: Cells
-    findings: Findings
-    piece: Indices
-    c: Vector
+    proven: Covered
     low: Vector
     high: Vector
-    limit_distance: Vector
     determinant: float
+    to_limit: Vector
     turns: Vector
     gap: float
     seconds: float
-    operations: tuple[tuple[object, ...], ...] = ()
+    equation: Equation
+    c: Vector
+    slack: float
+    limits: Interval | None
+    box: Vector | None
 
     def __len__(self) -> int:
-        return len(self.cells)
+        return len(self.proven)
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.title!r}, {self.extent.name}, {len(self)} cells)"
+
+    def __str__(self) -> str:
+        return self.theorem
 
     @property
     def whole(self) -> bool:
         """True where all that was asked is proven."""
-        return self.status is Proven.WHOLE
+        return self.extent is Extent.WHOLE
 
-    def __str__(self) -> str:
-        return self.theorem if self.whole else f"{self.status.value}, {self.where}. {self.theorem}"
+    @property
+    def cells(self) -> Cells:
+        """Those that passed the test."""
+        return self.proven.cells
+
+    @property
+    def findings(self) -> Findings:
+        """omega, e, eta and the radii of each cell."""
+        return self.proven.findings
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """What the checker reads: the equation as a list of operations, the cells, and what is claimed of them."""
+        equation, boxes, cells = self.equation, self.proven.boxes, self.proven.cells
+        rows = [
+            {"piece": int(boxes.piece[i]), "low": boxes.low[i].tolist(), "high": boxes.high[i].tolist()}
+            | {f.name: getattr(cells, f.name)[i].tolist() for f in fields(Cells)}
+            for i in range(len(cells))
+        ]
+        claims = {"low": self.low.tolist(), "high": self.high.tolist(), "determinant": self.determinant}
+        if np.isfinite(self.gap):
+            claims |= {"turns": self.turns.tolist(), "gap": self.gap}
+        robot, task = equation.strategy.task.robot, equation.strategy.task
+        return {
+            "format": FORMAT, "title": self.title, "theorem": self.theorem, "whole": self.whole, "where": self.where,
+            "robot": robot.name, "names": list(robot.joint_names), "joints": equation.n, "parameters": equation.d,
+            "family": "path" if self.box is None else "box", "box": None if self.box is None else self.box.tolist(),
+            "turning": equation.family.turning, "equation": equation.operations, "level": self.c.tolist(),
+            "angular": [False] * task.m + list(equation.strategy.constraint.angular), "slack": self.slack,
+            "limits": None if self.limits is None else [_finite(bound) for bound in self.limits],
+            "claims": claims, "cells": rows,
+        }  # fmt: skip
+
+    @typed
+    def save(self, file: str | FilePath) -> FilePath:
+        """Write it as JSON, for `holokin check-certificate`. Raises: WriteError."""
+        data = self.data
+        data = data | {"sha256": digest(data)}
+        with replacing(file) as part:
+            part.write_text(json.dumps(data, allow_nan=False) + "\n", "utf-8")
+        return FilePath(file)
+
+
+def digest(data: dict[str, Any]) -> str:
+    """SHA-256 of all but itself."""
+    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def some(part: Any, chosen: Array) -> Any:
+    """Some of the cells of a value whose fields are arrays of a row each."""
+    return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
+
+
+def joined(*parts: Any) -> Any:
+    """The rows of several values of one type, one after the other."""
+    return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
+
+
+def least_determinant(found: Findings) -> float:
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - e - omega r)^n, and so |det A| >= that / |det Y|."""
+    if not len(found.r):
+        return 0.0
+    shrink = np.maximum(1 - found.e - found.omega * found.r * (1 + 1e-12), 0.0)
+    with np.errstate(divide="ignore"):
+        each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
+    return float(each.min())
 
 
 def determinants(A: Array) -> Interval:
@@ -81,14 +202,5 @@ def determinants(A: Array) -> Interval:
     return total
 
 
-def least_determinant(found: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - e - omega r)^n, and so |det A| >= that / |det Y|."""
-    shrink = np.maximum(1 - found.e - found.omega * found.r * (1 + 1e-12), 0.0)
-    with np.errstate(divide="ignore"):
-        each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
-    return float(each.min())
-
-
-def hull_of(findings: Findings) -> tuple[Matrix, Matrix]:
-    """(low, high) of the joints over all cells."""
-    return findings.low.min(axis=0), findings.high.max(axis=0)
+def _finite(bounds: Vector) -> list[float | None]:
+    return [float(x) if np.isfinite(x) else None for x in bounds]

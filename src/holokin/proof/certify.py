@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,14 +11,15 @@ from ..arguments import typed
 from ..errors import ArgumentError, PathError
 from ..motion import follow
 from ..path import Path
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from ..types import ArrayLike, Flags, whole
+from ..types import ArrayLike, Vector, whole
 from ..workspaces import Workspace
-from .certificate import Certificate, Proven, hull_of, least_determinant
-from .pathway import Pathway, closing, in_order, unglued
-from .posebox import PoseRegion, unglued_faces
-from .search import Boxes, Covered, Domain, _halves, covered
+from .certificate import Certificate, Covered, Extent, joined, least_determinant
+from .pathway import Pathway, closing
+from .posebox import PoseRegion
+from .search import Domain, covered, halves
 
 SAMPLES = 256
 """Samples of the path that the predictors start from."""
@@ -28,17 +30,45 @@ ROUNDS = 12
 
 @typed
 def certify(
-    strategy: Strategy, where: Path | Workspace, q0: ArrayLike, *, limits: bool = True, budget: int = 20_000
+    strategy: Strategy,
+    where: Path | Workspace,
+    q0: ArrayLike,
+    *,
+    limits: bool = True,
+    budget: int = 20_000,
+    say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
-    """Prove that the leaf through q0 is one smooth function over a path or a box of tool poses."""
+    """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
+
+    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g] is
+    regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all poses,
+    in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
+    doubles.
+
+    Args:
+        where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
+            its tilt and spin: of turns a box is covered that holds them.
+        limits: prove, too, that the joints stay within their limits.
+        budget: cells that may be examined.
+        say: hears of the progress.
+
+    Returns:
+        A certificate; where something could not be proven its `extent` says why, `where` the place, and what it holds
+        was proven up to there.
+
+    Raises:
+        ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
+        StartError, JointLimitError, and what `follow` or `inverse` raise where not even a first step is possible.
+    """
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
     began = time.perf_counter()
     robot = strategy.task.robot
-    start = robot.checked(q0, "the start posture")
-    whole("budget", budget)
-    ended = ""
+    start = start_posture(robot, q0)
+    budget = whole("budget", budget)
+    ended, box = "", None
     if isinstance(where, Path):
+        walk = None
         try:
             walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
         except PathError as problem:
@@ -48,45 +78,66 @@ def certify(
         domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
     else:
         domain = PoseRegion.of(strategy, where, start)
+        box = np.concatenate([domain.p0, domain.R0.ravel(), domain.half])
     bounds = Interval(robot.lower, robot.upper) if limits else None
-    found = _glued(domain, bounds, budget)
-    status, place = found.status, ""
-    if status is Proven.WHOLE and ended:
-        status, place = Proven.END, ended
+    found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
+    extent, place = found.extent, domain.place(found)
+    if extent is Extent.WHOLE and ended:
+        extent, place = Extent.END, ended
     turns, gap = np.zeros(robot.n), np.inf
-    if status is Proven.WHOLE and isinstance(where, Path) and where.closed:
+    if extent is Extent.WHOLE and isinstance(where, Path) and where.closed:
         turns, gap = closing(found, np.array([c.unit == "rad" for c in robot.coordinates]))
-    low, high = hull_of(found.findings)
+    low, high = _hull(found, start)
+    to_limit = np.minimum(low - robot.lower, robot.upper - high)
+    determinant = least_determinant(found.findings)
+    title = f"{strategy.name}, {strategy.task.name}"
+    about = f"every pose of {where}" if box is not None else "every pose of the path"
+    theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
-        f"{strategy.name}, {strategy.task.name}", "", status, place, found.cells, found.findings, found.boxes.piece,
-        domain.c, low, high, np.minimum(low - robot.lower, robot.upper - high), least_determinant(found.findings),
-        turns, gap, time.perf_counter() - began,
+        title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
+        time.perf_counter() - began, domain.equation, domain.c, domain.slack, bounds, box,
     )  # fmt: skip
 
 
-def _glued(domain: Domain, limits: Interval | None, budget: int) -> Covered:
-    """Cells over all of a domain, halved until neighbours share roots."""
-    boxes = domain.first()
-    found: Covered | None = None
-    for _ in range(ROUNDS):
-        new = covered(domain, boxes, limits, budget, lambda _n: None)
-        found = new if found is None else _both(found, new)
-        if isinstance(domain, Pathway):
-            found = in_order(found)
-        if found.status is not Proven.WHOLE:
-            return found
-        apart = unglued(found) if isinstance(domain, Pathway) else unglued_faces(found)
-        if not apart.any():
-            return found
-        boxes = _halves(found.boxes, found.cells, found.cells.rho / 2, apart)
-        found = found.only(~apart)
-    return Covered(found.boxes, found.cells, found.findings, Proven.APART, None)
-
-
-def _both(a: Covered, b: Covered) -> Covered:
-    from dataclasses import fields
-
-    join = lambda x, y: type(x)(*(np.concatenate([getattr(x, f.name), getattr(y, f.name)]) for f in fields(x)))
-    return Covered(
-        Boxes.joined(a.boxes, b.boxes), join(a.cells, b.cells), join(a.findings, b.findings), b.status, b.stopped
+def _theorem(
+    title: str, about: str, extent: Extent, place: str, found: Covered, determinant: float, limits: Interval | None,
+    to_limit: Vector, turns: Vector, gap: float,
+) -> str:  # fmt: skip
+    if not len(found):
+        return f"Nothing is proven: {place}, {extent.value}."
+    far = float(found.findings.r.max())
+    parts = [] if extent is Extent.WHOLE else [f"Not for all that was asked, but up to {place} ({extent.value}):"]
+    parts.append(
+        f"on the leaf of {title} through the start there is, for {about}, exactly one posture within {far:.2g} of the "
+        f"predicted joints of one of {len(found)} cells; it is a smooth function of the pose, and "
+        f"|det [J; J_g]| >= {determinant:.2g}"
     )
+    if limits is not None:
+        parts.append(f"every joint stays {to_limit.min():.2g} or more from its limits")
+    if np.isfinite(gap):
+        round_ = "" if not turns.any() else f", but for the whole turns {turns.astype(int).tolist()}"
+        parts.append(f"at the end of the closed path the joints are those of its beginning{round_}")
+    return f"{parts[0]} {'; '.join(parts[1:])}." if extent is not Extent.WHOLE else f"{'; '.join(parts)}."
+
+
+def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:
+    if not len(found):
+        return start, start
+    return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
+
+
+def _glued(domain: Domain, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+    """Cells over all of a domain, halved until neighbours share roots."""
+    boxes, found = domain.first(), None
+    for _ in range(ROUNDS):
+        new = covered(domain, boxes, limits, budget, say)
+        if found is not None:
+            parts = ((getattr(found, f), getattr(new, f)) for f in ("boxes", "cells", "findings"))
+            new = Covered(*(joined(*pair) for pair in parts), new.extent, new.stopped)
+        found = domain.arranged(new)
+        apart = domain.unglued(found)
+        if found.extent is not Extent.WHOLE or not apart.any():
+            return found if not apart.any() else found.only(~apart)
+        boxes = halves(found.boxes, found.cells, found.cells.rho / 2, apart)
+        found = found.only(~apart)
+    return Covered(found.boxes, found.cells, found.findings, Extent.APART)

@@ -7,11 +7,7 @@ every cell, and looks at how the cells join. See docs/proof.md for the theorem.
 
 from __future__ import annotations
 
-import hashlib
-import json
-import sys
-from itertools import pairwise, product
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 try:

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from ..representations import AxisDirection
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
 from ..symbolic.geometry import frame_about
-from ..symbolic.interval_function import IntervalFunction
+from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..task import Task
 from ..types import Value
 from .targets import Family
@@ -70,6 +71,12 @@ class Equation(Value):
         rows, facing = rows_of(task, k.position, k.rotation, *self.family.pose(y, numbers))
         inputs = {"q": e.q, "y": y, "numbers": numbers, "c": c}
         return inputs, vertcat(rows, self.strategy.constraint_expression - c), facing
+
+    @cached_property
+    def operations(self) -> list[list[Any]]:
+        """E and `facing` of (q, y, numbers, c), one below the other, as a list of operations for the checker."""
+        inputs, E, facing = self._symbols
+        return operation_list(inputs, vertcat(E, facing))
 
     @cached_property
     def value(self) -> IntervalFunction:

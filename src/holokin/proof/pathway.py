@@ -16,8 +16,9 @@ from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from .certificate import Boxes, Covered, joined
 from .equation import Equation
-from .search import AIM, TUBE, Boxes, Covered, Domain
+from .search import AIM, TUBE, Domain
 from .targets import Stretch
 from .tube import Cells, examined
 
@@ -86,7 +87,7 @@ class Pathway(Value, Domain):
             edges[0], edges[-1] = 0.0, end
             rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, fine, bend)
             parts.append(Boxes(np.full(count, i), edges[:-1, None], edges[1:, None], rho, np.zeros(count, dtype=bool)))
-        return Boxes.joined(*parts)
+        return joined(*parts)
 
     def numbers(self, boxes: Boxes) -> Matrix:
         """Of the family `Stretch`."""
@@ -104,31 +105,36 @@ class Pathway(Value, Domain):
         piece, (low, *_) = min(stopped)
         return (boxes.piece > piece) | ((boxes.piece == piece) & (boxes.low[:, 0] >= low))
 
+    def arranged(self, found: Covered) -> Covered:
+        """In the order of the path, up to where the proof failed."""
+        b = found.boxes
+        order = np.lexsort((b.low[:, 0], b.piece))
+        if found.stopped is not None:
+            piece, (low, *_) = found.stopped
+            order = order[((b.piece < piece) | ((b.piece == piece) & (b.low[:, 0] < low)))[order]]
+        return found.only(order)
+
+    def unglued(self, found: Covered) -> Flags:
+        """Those whose root at the end is not shown to be the next one's only root at its beginning, and the next."""
+        k = len(found)
+        out = np.zeros(k, dtype=bool)
+        if k > 1:
+            last, first = found.cells.predicted(np.ones((k, 1))), found.cells.predicted(-np.ones((k, 1)))
+            apart = np.linalg.norm(last[:-1] - first[1:], axis=1) + found.findings.r[:-1] + 1e-13
+            out[:-1] = ~(apart <= found.findings.alone[1:] * (1 - 1e-12))
+            out[1:] |= out[:-1]
+        return out
+
+    def place(self, found: Covered) -> str:
+        """Piece and share."""
+        if found.stopped is None:
+            return ""
+        piece, (low, *_) = found.stopped
+        return f"{100 * low:.4g} % of piece {piece + 1} of the path"
+
     def _at(self, piece: Indices, u: Vector) -> Matrix:
         n = self.equation.n
         return np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
-
-
-def in_order(found: Covered) -> Covered:
-    """Its cells in the order of the path, up to where the proof failed."""
-    order = np.lexsort((found.boxes.low[:, 0], found.boxes.piece))
-    if found.stopped is not None:
-        piece, (low, *_) = found.stopped
-        b = found.boxes
-        order = order[((b.piece < piece) | ((b.piece == piece) & (b.low[:, 0] < low)))[order]]
-    return found.only(order)
-
-
-def unglued(found: Covered) -> Flags:
-    """(k,) True for cells whose root at the end is not shown to be the next one's only root at its beginning."""
-    k = len(found.cells)
-    out = np.zeros(k, dtype=bool)
-    if k > 1:
-        last, first = found.cells.predicted(np.ones((k, 1))), found.cells.predicted(-np.ones((k, 1)))
-        apart = np.linalg.norm(last[:-1] - first[1:], axis=1) + found.findings.r[:-1] + 1e-13
-        out[:-1] = ~(apart <= found.findings.alone[1:] * (1 - 1e-12))
-        out[1:] |= out[:-1]
-    return out
 
 
 def closing(found: Covered, revolute: Flags) -> tuple[Vector, float]:

@@ -9,10 +9,11 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy
-from ..types import Array, Flags, Matrix, Value, Vector, kept
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ..workspaces import Box, PoseRange, Workspace
+from .certificate import Boxes, Covered, some
 from .equation import Equation
-from .search import AIM, TUBE, Boxes, Covered, Domain
+from .search import AIM, TUBE, Domain
 from .targets import PoseBox
 from .tube import centred, examined
 
@@ -65,7 +66,8 @@ class PoseRegion(Value, Domain):
         cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
         omega = float(min(examined(self.equation, cells, self.c).omega[0], 1e6))
         sides = np.linalg.norm(cells.V[0], axis=0) * 1e9
-        counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(max(1, (sides > 0).sum())) / AIM)).astype(int)
+        moving = max(1, int((sides > 0).sum()))
+        counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(moving) / AIM)).astype(int)
         counts = np.minimum(counts, 64)
         while counts.prod() > 20_000:
             counts = np.maximum(1, counts // 2)
@@ -108,35 +110,45 @@ class PoseRegion(Value, Domain):
         """All: one place where the proof fails ends it."""
         return np.ones(len(boxes), dtype=bool)
 
+    def arranged(self, found: Covered) -> Covered:
+        """All of them."""
+        return found
 
-def unglued_faces(found: Covered) -> Flags:
-    """(k,) True for boxes that share a face with a neighbour whose root there is not shown to be theirs."""
-    b, cells, findings = found.boxes, found.cells, found.findings
-    k, d = b.low.shape
-    out = np.zeros(k, dtype=bool)
-    for axis in range(d):
-        order = np.argsort(b.low[:, axis], kind="stable")
-        starts = b.low[order, axis]
-        for i in range(k):
-            first, last = np.searchsorted(starts, [b.high[i, axis], np.nextafter(b.high[i, axis], np.inf)])
-            js = order[first:last]
-            if not len(js):
-                continue
-            low, high = np.maximum(b.low[js], b.low[i]), np.minimum(b.high[js], b.high[i])
-            others = [a for a in range(d) if a != axis]
-            js_ok = (low[:, others] < high[:, others]).all(axis=1)
-            js, low, high = js[js_ok], low[js_ok], high[js_ok]
-            y = (low + high) / 2
-            y[:, axis] = b.high[i, axis]
-            mine = _within(cells, np.full(len(js), i), b, y)
-            theirs = _within(cells, js, b, y)
-            apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + 1e-13
-            bad = ~(apart <= findings.alone[js] * (1 - 1e-12))
-            out[i] |= bad.any()
-            out[js[bad]] = True
-    return out
+    def unglued(self, found: Covered) -> Flags:
+        """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
+        b, cells, findings = found.boxes, found.cells, found.findings
+        out = np.zeros(len(b), dtype=bool)
+        for axis in range(self.equation.d):
+            order = np.argsort(b.low[:, axis], kind="stable")
+            starts = b.low[order, axis]
+            others = [a for a in range(self.equation.d) if a != axis]
+            for i in range(len(b)):
+                first, last = np.searchsorted(starts, [b.high[i, axis], np.nextafter(b.high[i, axis], np.inf)])
+                js = order[first:last]
+                low, high = np.maximum(b.low[js], b.low[i]), np.minimum(b.high[js], b.high[i])
+                touching = (low[:, others] < high[:, others]).all(axis=1)
+                if not touching.any():
+                    continue
+                js, y = js[touching], (low[touching] + high[touching]) / 2
+                y[:, axis] = b.high[i, axis]
+                mine, theirs = _within(found, np.full(len(js), i), y), _within(found, js, y)
+                apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + 1e-13
+                bad = ~(apart <= findings.alone[js] * (1 - 1e-12))
+                out[i] |= bad.any()
+                out[js[bad]] = True
+        return out
+
+    def place(self, found: Covered) -> str:
+        """The pose."""
+        if found.stopped is None:
+            return ""
+        low = np.array(found.stopped[1])
+        at = self.p0 + low[:3] * self.half[:3]
+        return f"the pose at {np.round(at, 6).tolist()}"
 
 
-def _within(cells, chosen, boxes: Boxes, y: Matrix) -> Matrix:
-    middle, half = (boxes.low[chosen] + boxes.high[chosen]) / 2, (boxes.high[chosen] - boxes.low[chosen]) / 2
-    return cells.only(chosen).predicted((y - middle) / np.where(half > 0, half, 1.0))
+def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:
+    """The predicted joints (k, n) of some cells at parameters y (k, d) of the box of poses."""
+    low, high = found.boxes.low[chosen], found.boxes.high[chosen]
+    half = (high - low) / 2
+    return some(found.cells, chosen).predicted((y - (low + high) / 2) / np.where(half > 0, half, 1.0))

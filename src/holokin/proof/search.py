@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
-from .certificate import Proven
+from ..types import Flags, Matrix, Vector
+from .certificate import Boxes, Covered, Extent, joined, some
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
 
@@ -32,29 +31,6 @@ AIM = 0.33
 
 BATCH = 1024
 """Cells examined at once: 100 MB of intervals."""
-
-
-@dataclass(frozen=True, eq=False)
-class Boxes(Value):
-    """k boxes: piece (k,), low, high (k, d); rho (k,) of their tubes; again (k,): tried before, with a wider tube."""
-
-    piece: Indices
-    low: Matrix
-    high: Matrix
-    rho: Vector
-    again: Flags
-
-    def __len__(self) -> int:
-        return len(self.piece)
-
-    def only(self, chosen: Array) -> Boxes:
-        """Some of them."""
-        return Boxes(*(getattr(self, f.name)[chosen] for f in fields(self)))
-
-    @staticmethod
-    def joined(*parts: Boxes) -> Boxes:
-        """All of them."""
-        return Boxes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Boxes)))
 
 
 class Domain(ABC):
@@ -80,35 +56,30 @@ class Domain(ABC):
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """(k,) True for boxes that are of no use once the proof has failed at some places (piece, low)."""
 
+    @abstractmethod
+    def arranged(self, found: Covered) -> Covered:
+        """The proven cells in order, those that count where the proof failed."""
 
-@dataclass(frozen=True, eq=False)
-class Covered(Value):
-    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low)."""
+    @abstractmethod
+    def unglued(self, found: Covered) -> Flags:
+        """(k,) True for cells whose root is not shown to be that of a neighbour where they meet."""
 
-    boxes: Boxes
-    cells: Cells
-    findings: Findings
-    status: Proven
-    stopped: tuple[int, tuple[float, ...]] | None
-
-    def only(self, chosen: Array) -> Covered:
-        """Some of them."""
-        return Covered(
-            self.boxes.only(chosen), self.cells.only(chosen), self.findings.only(chosen), self.status, self.stopped
-        )
+    @abstractmethod
+    def place(self, found: Covered) -> str:
+        """In words where the proof failed; nothing where it did not."""
 
 
 def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
-    """Proven boxes over all of some boxes, as far as they can be."""
+    """Extent boxes over all of some boxes, as far as they can be."""
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
-    reasons: list[Proven] = []
+    reasons: list[Extent] = []
     spent = proven_so_far = 0
     left = boxes
     while len(left):
         if spent >= budget:
             stopped += _places(left)
-            reasons += [Proven.BUDGET] * len(left)
+            reasons += [Extent.BUDGET] * len(left)
             break
         size = np.max(left.high - left.low, axis=1)
         chosen = np.sort(
@@ -116,7 +87,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         )  # the smallest: where it may fail
         rest = np.ones(len(left), dtype=bool)
         rest[chosen] = False
-        here, waiting = left.only(chosen), left.only(rest)
+        here, waiting = some(left, chosen), some(left, rest)
         spent += len(here)
         numbers = domain.numbers(here)
         cells = centred(domain.equation, domain.joints(here), numbers, domain.c, here.rho)
@@ -126,35 +97,32 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         if limits is not None:
             inside = ((found.low >= limits.low) & (found.high <= limits.high)).all(axis=1)
         proven = good & inside
-        done.append((here.only(proven), cells.only(proven), found.only(proven)))
+        done.append((some(here, proven), some(cells, proven), some(found, proven)))
         proven_so_far += int(proven.sum())
         say(proven_so_far)
         final = ~proven & ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST)
-        stopped += _places(here.only(final))
-        reasons += [Proven.LIMIT if g else Proven.SINGULAR for g in good[final]]
+        stopped += _places(some(here, final))
+        reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
         failed = ~proven & ~final
         need = np.where(np.isfinite(found.eta), 4 * found.eta, 0.0)  # r is at least eta
         narrow = np.maximum(np.minimum(here.rho / 4, TUBE / np.clip(found.omega, 1e-3, 1e9)), need)
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
-        again = Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)).only(retried)
-        halves = _halves(here, cells, np.maximum(here.rho / 2, need), failed & ~retried)
-        left = Boxes.joined(waiting, again, halves)
+        again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
+        left = joined(waiting, again, halves(here, cells, np.maximum(here.rho / 2, need), failed & ~retried))
         if stopped:
-            left = left.only(~domain.beyond(left, stopped))
-    all_boxes = Boxes.joined(*(part[0] for part in done)) if done else boxes.only(np.zeros(len(boxes), dtype=bool))
-    cells = Cells(*(np.concatenate([getattr(part[1], f.name) for part in done]) for f in fields(Cells)))
-    found = Findings(*(np.concatenate([getattr(part[2], f.name) for part in done]) for f in fields(Findings)))
+            left = some(left, ~domain.beyond(left, stopped))
+    proven = [joined(*parts) for parts in zip(*done, strict=True)]
     if not stopped:
-        return Covered(all_boxes, cells, found, Proven.WHOLE, None)
+        return Covered(*proven)
     first = min(range(len(stopped)), key=lambda i: stopped[i])
-    return Covered(all_boxes, cells, found, reasons[first], stopped[first])
+    return Covered(*proven, reasons[first], stopped[first])
 
 
 def _places(boxes: Boxes) -> list[tuple[int, tuple[float, ...]]]:
     return [(int(p), tuple(low)) for p, low in zip(boxes.piece, boxes.low.tolist(), strict=True)]
 
 
-def _halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:
+def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:
     """Both halves of some boxes, cut across the parameter that moves the joints most."""
     k = int(chosen.sum())
     axis = np.argmax(np.linalg.norm(cells.V[chosen], axis=1), axis=1)

@@ -12,7 +12,8 @@ regular, so the roots are a smooth function of y.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from itertools import product as product_of
 
 import numpy as np
 
@@ -20,6 +21,11 @@ from ..symbolic.intervals import Interval
 from ..types import Array, Matrix, Value, Vector
 from .bounds import UP, norm, product
 from .equation import Equation
+
+
+def pair_weights(d: int) -> Vector:
+    """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
+    return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +41,20 @@ class Cells(Value):
     def __len__(self) -> int:
         return len(self.q0)
 
-    def only(self, chosen: Array) -> Cells:
-        """Some of them."""
-        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
-
     @property
     def reach(self) -> Matrix:
         """How far the predictor goes from q0 at most, joint by joint (k, n)."""
         d = self.V.shape[2]
-        weights = np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
-        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ weights) * UP
+        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ pair_weights(d)) * UP
+
+    @property
+    def way(self) -> Vector:
+        """How far the predictor goes from q0 at most (k,), in the 2-norm: |V y| is largest at a corner of the box of y."""
+        d = self.V.shape[2]
+        corners = np.array(list(product_of((1.0,), *[(-1.0, 1.0)] * (d - 1)))).T
+        linear = np.linalg.norm(self.V @ corners, axis=1).max(axis=1)
+        bend = np.linalg.norm(self.Q, axis=1) @ pair_weights(d)
+        return (linear + bend) * UP + 1e-150
 
     def predicted(self, y: Matrix) -> Matrix:
         """q(y) (k, n) at y (k, d), rounded: within 1e-14 of its size."""
@@ -74,12 +84,8 @@ class Findings(Value):
         """(k,) True where the theorem holds."""
         return np.isfinite(self.r)
 
-    def only(self, chosen: Array) -> Findings:
-        """Some of them."""
-        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
-
-def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vector, newtons: int = 4) -> Cells:
+def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vector, newtons: int = 1) -> Cells:
     """Cells about the roots near q (k, n), with the predictors of the second order there: V = -Y E_y, Q = -Y F_yy."""
     n, d, k = equation.n, equation.d, len(q)
     fixed = np.vstack([numbers.T, np.repeat(c[:, None], k, axis=1)])
@@ -117,7 +123,7 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     pairs = n * (n + 1) // 2
     H = Interval(_symmetric(bent.low[1 : 1 + n * pairs], n), _symmetric(bent.high[1 : 1 + n * pairs], n))
     omega = norm(product(Y, H))
-    e = at_center + omega * np.sqrt(np.sum(np.square(reach), axis=1)) * UP
+    e = at_center + omega * cells.way * UP
     if equation.family.turning:  # |y| <= sqrt(d)
         mixed = _columns(Interval(bent.low[1 + n * pairs :], bent.high[1 + n * pairs :]), n)
         e = e + norm(product(Y, mixed)) * np.sqrt(d)
@@ -127,9 +133,8 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     rest = np.vstack([cells.q0.T, *flat, fixed])
     first, _ = _along(equation, np.vstack([still, rest]))
     _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
-    doubled = np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
     eta = norm(product(Y, _wrapped(equation, E)))
-    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), doubled)
+    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
     facing = bent.low[0]
     with np.errstate(invalid="ignore", over="ignore"):

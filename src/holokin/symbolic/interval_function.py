@@ -211,3 +211,27 @@ class IntervalFunction:
         for row, place in self._results:
             y.low[row], y.high[row] = below[place], above[place]
         return y
+
+
+def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]]:
+    """An expression as text would have it: ["const", x], ["input", i], [name, place, ...], ["output", place].
+
+    Places count the operations; the outputs come last, in order.
+    """
+    made = ca.Function("listed", [ca.veccat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
+    found: list[list[Any]] = []
+    register: dict[int, int] = {}
+    results: dict[int, int] = {}
+    for k in range(made.n_instructions()):
+        op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            results[out[1]] = register[into[0]]
+            continue
+        register[out[0]] = len(found)
+        if op == ca.OP_CONST:
+            found.append(["const", made.instruction_constant(k)])
+        elif op == ca.OP_INPUT:
+            found.append(["input", into[1]])
+        else:
+            found.append([_NAMES[op], *(register[i] for i in into)])
+    return found + [["output", results[row]] for row in range(made.size1_out(0))]
