@@ -1,8 +1,8 @@
 """The equation of a leaf over a family of tool poses, E(q, y) = [f(q) - x(y); g(q) - c] = 0, and its enclosures.
 
 The rows of an orientation are polynomials of rotations, so that no logarithm is enclosed: with M = R_d R^T they are the
-skew part of M, 1/2 (M_32 - M_23, M_13 - M_31, M_21 - M_12), which vanishes where R = R_d, and where R is R_d turned by pi,
-which `facing` > 0 excludes; of an axis the two components of R a across R_d a. At a root D_q E is [J; J_g], its
+skew part of M, 1/2 (M_32 - M_23, M_13 - M_31, M_21 - M_12), which vanishes where R = R_d, and where R is R_d turned by
+pi, which `facing` > 0 excludes; of an axis the two components of R a across R_d a. At a root D_q E is [J; J_g], its
 orientation rows up to sign and the coordinates of the orientation.
 """
 
@@ -17,6 +17,7 @@ from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
 from ..symbolic.geometry import frame_about
 from ..symbolic.interval_function import IntervalFunction, operation_list
+from ..symbolic.separated import Separated
 from ..task import Task
 from ..types import Value
 from .targets import Family
@@ -79,24 +80,43 @@ class Equation(Value):
         return operation_list(inputs, vertcat(E, facing))
 
     @cached_property
+    def _separated(self) -> Separated:
+        """E and `facing`, for derivatives that are exact."""
+        inputs, E, facing = self._symbols
+        angular = [False] * self.strategy.task.m + [*self.strategy.constraint.angular, False]
+        return Separated.of(inputs, vertcat(E, facing), angular)
+
+    def _enclosed(self, name: str, inputs: dict[str, SX], output: SX) -> IntervalFunction:
+        return IntervalFunction(name, inputs, output, (self._separated.symbols, self._separated.values))
+
+    @cached_property
+    def guards(self) -> int:
+        """How many expressions must not vanish, for E to be smooth."""
+        return self._separated.guards.shape[0]
+
+    @cached_property
     def value(self) -> IntervalFunction:
         """(q, y, numbers, c) -> E, and D_q E column by column."""
-        inputs, E, _ = self._symbols
+        inputs, E = self._symbols[0], self._separated.output[: self.n]
         A = jacobian(E, inputs["q"])
-        return IntervalFunction("E", inputs, vertcat(E, A.reshape((-1, 1))))
+        return self._enclosed("E", inputs, vertcat(E, A.reshape((-1, 1))))
 
     @cached_property
     def curvature(self) -> IntervalFunction:
-        """(q, y, numbers, c) -> columns (j, k), j <= k, of D_q^2 E, where the tool turns columns of D_y D_q E; facing."""
-        inputs, E, facing = self._symbols
+        """(q, y, numbers, c) -> facing, the guards, columns (j, k), j <= k, of D_q^2 E.
+
+        Where the tool turns the columns of D_y D_q E follow.
+        """
+        inputs, both = self._symbols[0], self._separated
+        E, facing = both.output[: self.n], both.output[self.n]
         q, y = inputs["q"], inputs["y"]
         A = jacobian(E, q)
-        found = [facing]
+        found = [facing, both.guards]
         for j in range(self.n):
             found.append(jacobian(A[:, j], q)[:, j:].reshape((-1, 1)))
         if self.family.turning:
             found += [jacobian(A[:, j], y).reshape((-1, 1)) for j in range(self.n)]
-        return IntervalFunction("the second derivatives of E", inputs, vertcat(*found))
+        return self._enclosed("the second derivatives of E", inputs, vertcat(*found))
 
     @cached_property
     def along(self) -> IntervalFunction:
@@ -104,7 +124,7 @@ class Equation(Value):
 
         V (n, d) and Q (n, d (d + 1) / 2), of the pairs i <= j, column by column.
         """
-        inputs, E, _ = self._symbols
+        inputs, E = self._symbols[0], self._separated.output[: self.n]
         n, d = self.n, self.d
         y, q0, V = inputs["y"], symbol("q0", n), symbol("V", n, d)
         Q = symbol("Q", n, d * (d + 1) // 2)
@@ -116,4 +136,4 @@ class Equation(Value):
         first = jacobian(F, y)
         second = [jacobian(first[:, i], y)[:, i:].reshape((-1, 1)) for i in range(d)]
         taken = {"y": y, "q0": q0, "V": V, "Q": Q, "numbers": inputs["numbers"], "c": inputs["c"]}
-        return IntervalFunction("E along the predictor", taken, vertcat(first.reshape((-1, 1)), *second))
+        return self._enclosed("E along the predictor", taken, vertcat(first.reshape((-1, 1)), *second))

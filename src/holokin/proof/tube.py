@@ -17,7 +17,7 @@ from itertools import product as product_of
 
 import numpy as np
 
-from ..symbolic.intervals import Interval
+from ..symbolic.intervals import PI, Interval, multiply, point, subtract
 from ..types import Array, Matrix, Value, Vector
 from .bounds import UP, norm, product
 from .equation import Equation
@@ -113,19 +113,20 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     E, A = _value(equation, np.vstack([cells.q0.T, still, fixed]))
     Y = inverses(A.middle)
     off = product(Y, A)
-    at_center = norm(Interval(np.eye(n) - off.high, np.eye(n) - off.low))
+    at_center = norm(subtract(point(np.eye(n)), off))
 
     reach = cells.reach
     wide = (reach + cells.rho[:, None]) * UP
     low = np.vstack([np.nextafter(cells.q0 - wide, -np.inf).T, -one, fixed])
     high = np.vstack([np.nextafter(cells.q0 + wide, np.inf).T, one, fixed])
     bent = equation.curvature(low, high)
-    pairs = n * (n + 1) // 2
-    H = Interval(_symmetric(bent.low[1 : 1 + n * pairs], n), _symmetric(bent.high[1 : 1 + n * pairs], n))
+    first = 1 + equation.guards
+    last = first + n * n * (n + 1) // 2
+    H = Interval(_symmetric(bent.low[first:last], n), _symmetric(bent.high[first:last], n))
     omega = norm(product(Y, H))
     e = at_center + omega * cells.way * UP
     if equation.family.turning:  # |y| <= sqrt(d)
-        mixed = _columns(Interval(bent.low[1 + n * pairs :], bent.high[1 + n * pairs :]), n)
+        mixed = _columns(Interval(bent.low[last:], bent.high[last:]), n)
         e = e + norm(product(Y, mixed)) * np.sqrt(d)
     e *= UP
 
@@ -136,7 +137,8 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     eta = norm(product(Y, _wrapped(equation, E)))
     eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
-    facing = bent.low[0]
+    apart = np.maximum(bent.low[1:last], -bent.high[1:last])[: equation.guards]
+    facing = np.minimum(bent.low[0], apart.min(axis=0, initial=np.inf))
     with np.errstate(invalid="ignore", over="ignore"):
         gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
         good = (e < 1) & (gap >= 0) & (facing > 0)
@@ -184,10 +186,7 @@ def _wrapped(equation: Equation, E: Interval) -> Interval:
     turns = np.rint(E.middle / (2 * np.pi)) * flags[:, None]
     if not turns.any():
         return E
-    from ..symbolic import intervals as iv
-
-    two_pi = Interval(np.array(2 * iv.PI[0]), np.array(2 * iv.PI[1]))
-    return iv.subtract(E, iv.multiply(iv.point(turns), two_pi))
+    return subtract(E, multiply(point(turns), Interval(np.array(2 * PI[0]), np.array(2 * PI[1]))))
 
 
 def _columns(a: Interval, rows: int) -> Interval:
@@ -207,6 +206,6 @@ def _symmetric(found: Array, n: int) -> Array:
     """(k, n, n * n) of columns j <= l (n n (n + 1) / 2, k) of second derivatives."""
     columns = np.moveaxis(found, -1, 0).reshape(found.shape[-1], -1, n)
     place = np.zeros((n, n), dtype=int)
-    for i, (j, l) in enumerate((j, l) for j in range(n) for l in range(j, n)):
-        place[j, l] = place[l, j] = i
+    for i, pair in enumerate((j, k) for j in range(n) for k in range(j, n)):
+        place[pair] = place[pair[::-1]] = i
     return np.swapaxes(columns[:, place.ravel()], 1, 2)

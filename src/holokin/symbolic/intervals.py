@@ -109,6 +109,12 @@ def divide(a: Interval, b: Interval) -> Interval:
     return Interval(np.where(across, -np.inf, found.low), np.where(across, np.inf, found.high))
 
 
+def hypotenuse(a: Interval, b: Interval) -> Interval:
+    """sqrt(a^2 + b^2)."""
+    size = add(square(a), square(b))
+    return root(Interval(np.maximum(size.low, 0.0), size.high))
+
+
 def root(a: Interval) -> Interval:
     """The square root: unbounded where a reaches below 0."""
     with np.errstate(invalid="ignore"):
@@ -264,12 +270,9 @@ arctan = _rising(_arctan_at)
 def arctan2(y: Interval, x: Interval) -> Interval:
     """atan2(y, x): from atan(y / x) or atan(x / y), whichever divisor keeps its sign; [-pi, pi] across the cut."""
     pi, quarter = _around(PI), _half(_around(PI))
-    right = arctan(divide(y, x))
-    above = subtract(quarter, arctan(divide(x, y)))
-    below = subtract(negate(quarter), arctan(divide(x, y)))
-    left_up, left_down = add(right, pi), subtract(right, pi)
-    cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0), (x.high < 0) & (y.high < 0)]
-    found = [right, above, below, left_up, left_down]
+    right, over = arctan(divide(y, x)), arctan(divide(x, y))
+    found = [right, subtract(quarter, over), subtract(negate(quarter), over), add(right, pi)]
+    cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0)]
     low = np.select(cases, [f.low for f in found], -PI[1])
     high = np.select(cases, [f.high for f in found], PI[1])
     return Interval(low, high)
