@@ -7,20 +7,24 @@ import numpy as np
 from ..symbolic.intervals import Interval
 from ..types import Array, Vector
 
+UNIT = 2.0**-53
+"""The relative error of a rounding."""
+
 UP = 1 + 1e-13
-"""Carries a bound over the roundings of the few hundred operations that made it, each of at most 1.2e-16 of it."""
+"""Carries a bound of positive terms over the roundings that made it, of `UNIT` each: up to 900 one after the other."""
 
 
 def product(Y: Array, a: Interval) -> Interval:
     """Y a for exact matrices Y (k, n, n) and intervals a (k, n, j).
 
     With a = mid +- rad, |Y a - fl(Y mid)| <= |Y| rad + gamma |Y| |mid| with gamma = n u / (1 - n u), for sums in any
-    order [Hig02, 3.5]; 1e-14 stands for gamma for n up to 80.
+    order [Hig02, 3.5]; (n + 2) u is more, and 1e-300 more than what is lost by underflow.
     """
+    gamma = (Y.shape[2] + 2) * UNIT
     with np.errstate(invalid="ignore", over="ignore"):
         mid, rad = _ball(a)
         found = Y @ mid
-        bound = np.abs(Y) @ (rad + 1e-14 * np.abs(mid)) * UP + 1e-300
+        bound = np.abs(Y) @ (rad + gamma * np.abs(mid)) * UP + 1e-300
         low, high = found - bound, found + bound
     broken = ~(np.isfinite(low) & np.isfinite(high))
     low, high = np.where(broken, -np.inf, low), np.where(broken, np.inf, high)
@@ -38,23 +42,26 @@ def norm(a: Interval) -> Vector:
 def matrix_norm(M: Array) -> Vector:
     """An upper bound (k,) of the 2-norm of matrices (k, n, j): t^(1/2) |S^4|_F^(1/8), S = M M^T / t, t its trace.
 
-    At most n^(1/8) too large. The entries of S and of its powers are at most 1, and 1e-10 is more than what rounding
-    does to them, for n up to 80 and j up to 6,400.
+    At most n^(1/8) too large. |S|_F <= 1, and so S, S^2 and S^4 are off by at most (j + 2) u, 2 (j + 2) u + n u and
+    4 (j + 2) u + 3 n u in that norm [Hig02, 3.5], with squares of u left out: less than the `off` that is added.
     """
+    off = 10 * (M.shape[1] + M.shape[2] + 2) * UNIT
     with np.errstate(invalid="ignore", over="ignore"):
         trace = np.square(_frobenius(M)) * UP
-        safe = np.where((trace > 1e-300) & np.isfinite(trace), trace, 1.0)
+        safe = np.where((trace > 1e-290) & np.isfinite(trace), trace, 1.0)
         S = M @ np.swapaxes(M, 1, 2) / safe[:, None, None]
         S = np.where(np.isfinite(S), S, 0.0)
         S = S @ S
-        bound = np.sqrt(safe) * (_frobenius(S @ S) + 1e-10) ** 0.125 * UP
-    return np.where(np.isfinite(trace), np.minimum(bound, np.sqrt(trace) * UP), np.inf)
+        bound = np.sqrt(safe) * np.sqrt(np.sqrt(np.sqrt(_frobenius(S @ S) + off))) * UP
+        bound = np.minimum(bound, np.sqrt(trace) * UP)
+    return np.where(np.isfinite(trace), bound, np.inf)
 
 
 def _frobenius(M: Array) -> Vector:
-    """The Frobenius norm, an upper bound."""
+    """The Frobenius norm, an upper bound: a sum of N squares is off by at most N u, however it is ordered."""
+    up = UP + M.shape[1] * M.shape[2] * UNIT
     with np.errstate(over="ignore"):
-        return np.sqrt(np.sum(np.square(M), axis=(1, 2))) * UP + 1e-150
+        return np.sqrt(np.sum(np.square(M), axis=(1, 2))) * up + 1e-150
 
 
 def _ball(a: Interval) -> tuple[Array, Array]:

@@ -85,8 +85,8 @@ def certify(
     if extent is Extent.WHOLE and ended:
         extent, place = Extent.END, ended
     turns, gap = np.zeros(robot.n), np.inf
-    if extent is Extent.WHOLE and isinstance(where, Path) and where.closed:
-        turns, gap = closing(found, np.array([c.unit == "rad" for c in robot.coordinates]))
+    if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
+        turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)

@@ -19,7 +19,7 @@ from ..symbolic.geometry import frame_about
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.separated import Separated
 from ..task import Task
-from ..types import Value
+from ..types import Value, Vector
 from .targets import Family
 
 
@@ -79,6 +79,37 @@ class Equation(Value):
         inputs, E, facing = self._symbols
         return operation_list(inputs, vertcat(E, facing))
 
+    def periodic(self, turns: Vector) -> bool:
+        """Whether E stays as it is, but for whole turns of its angles, when the joints go on by whole turns (n,).
+
+        By the list of operations: each value is followed by what it goes on by, in turns, where that is known.
+        """
+        shifts: list[float | None] = []
+        known: dict[int, float] = {}
+        rows: list[float | None] = []
+        for name, *of in self.operations:
+            given = [shifts[i] for i in of] if name not in ("const", "input") else []
+            moved = any(s != 0 for s in given)
+            found: float | None = None
+            if name == "input":
+                found = float(turns[of[0]]) if of[0] < self.n else 0.0
+            elif name == "const":
+                known[len(shifts)], found = of[0], 0.0
+            elif name == "output":
+                rows.append(given[0])
+                continue
+            elif not moved or (name in ("sin", "cos") and given[0] is not None and given[0] % 1 == 0):
+                found = 0.0
+            elif None not in given and name in ("add", "sub", "neg", "twice"):
+                a, b = (float(s or 0.0) for s in (given[0], given[-1]))
+                found = {"add": a + b, "sub": a - b, "neg": -a, "twice": 2 * a}[name]
+            elif None not in given and name == "mul" and any(i in known for i in of):
+                factor, other = (of[0], 1) if of[0] in known else (of[1], 0)
+                found = known[factor] * float(given[other] or 0.0) if known[factor] % 1 == 0 else None
+            shifts.append(found)
+        angular = [False] * self.strategy.task.m + [*self.strategy.constraint.angular, False]
+        return all(s == 0 or (a and s is not None and s % 1 == 0) for s, a in zip(rows, angular, strict=True))
+
     @cached_property
     def _separated(self) -> Separated:
         """E and `facing`, for derivatives that are exact."""
@@ -137,3 +168,18 @@ class Equation(Value):
         second = [jacobian(first[:, i], y)[:, i:].reshape((-1, 1)) for i in range(d)]
         taken = {"y": y, "q0": q0, "V": V, "Q": Q, "numbers": inputs["numbers"], "c": inputs["c"]}
         return self._enclosed("E along the predictor", taken, vertcat(first.reshape((-1, 1)), *second))
+
+    @cached_property
+    def seam(self) -> IntervalFunction:
+        """(numbers, others) -> by what E changes from the end of one member of the family to the beginning of another.
+
+        Of a turn the change of R_d itself, whose 2-norm bounds that of its rows twice over.
+        """
+        one, other = symbol("numbers", self.family.numbers), symbol("others", self.family.numbers)
+        (p, R), (p_, R_) = self.family.pose(SX([1.0]), one), self.family.pose(SX([-1.0]), other)
+        task, found = self.strategy.task, [p - p_]
+        if task.turns or isinstance(task.representation, AxisDirection):
+            found.append((R - R_).reshape((9, 1)))
+        elif task.orientation is not None:
+            found.append(task.representation.value(R) - task.representation.value(R_))
+        return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, vertcat(*found))

@@ -1,8 +1,8 @@
 """The proof along a path: cells of its pieces one after the other, glued at their ends.
 
 The root at the end of a cell must lie where the next cell's is the only root; so the roots make one smooth curve of
-joints. Where a path's pieces meet, and where a closed path ends, its poses agree but for round-off of at most `SEAM`,
-which the test carries as a slack.
+joints. Where a path's pieces meet, and where a closed path ends, its poses agree but for round-off, which is enclosed
+and may be `SEAM` at most: there the joints jump by as little as `closing` tells.
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ import numpy as np
 
 from ..path import Path
 from ..strategies import HolonomicStrategy
+from ..symbolic.intervals import Interval, point
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from .bounds import UP, norm
 from .certificate import Boxes, Covered, joined
 from .equation import Equation
-from .search import AIM, TUBE, Domain
+from .search import AIM, TUBE, Domain, on_grid
 from .targets import Stretch
 from .tube import Cells, examined
 
 SEAM = 1e-12
-"""Metres, and lengths of the columns of rotations, by which the ends of joined pieces may differ."""
+"""What E may change by [m, 1] where pieces of a path meet: a path of some metres in doubles is off by 1e-15."""
 
-OVERLAP = 1 + 1e-9
-"""Cells are this much longer than their share, so that neighbours share poses whatever the rounding of their ends."""
+MOST = 4096
+"""Cells of a piece at first, at most: near a singular posture omega asks for millions."""
 
 
 @kept
@@ -62,7 +64,7 @@ class Pathway(Value, Domain):
             if got < 1:
                 break
             splines.append(make_interp_spline(np.arange(got + 1) / count, walk.q[first : first + got + 1], min(3, got)))
-            ends.append(got / count)
+            ends.append(float(on_grid(got / count)))
             first += count
         equation = equation_along(strategy, bool(rows[:, 13:16].any()))
         return Pathway(equation, strategy.g(start), tuple(splines), rows[: len(splines)], np.array(ends))
@@ -73,7 +75,7 @@ class Pathway(Value, Domain):
         u = np.tile(np.linspace(0, 1, 9), len(self.splines)) * np.repeat(self.ends, 9)
         q, n = self._at(piece, u), self.equation.n
         still = np.zeros((len(q), n, 1))
-        numbers = np.array([Stretch.of(self.rows[i], x, 0.0) for i, x in zip(piece, u, strict=True)])
+        numbers = np.hstack([self.given(piece), u[:, None], np.zeros((len(u), 1))])
         found = examined(self.equation, Cells(q, still, still, numbers, np.full(len(q), 1e-9)), self.c)
         omega = np.minimum(found.omega, 1e6)
         parts = []
@@ -82,19 +84,16 @@ class Pathway(Value, Domain):
             way = np.linalg.norm(np.diff(self.splines[i](fine), axis=0), axis=1)
             bend = np.interp(fine, u[piece == i], omega[piece == i])
             total = np.concatenate([[0.0], np.cumsum(way * (bend[1:] + bend[:-1]) / 2)])
-            count = max(1, int(np.ceil(total[-1] / (2 * AIM))))
-            edges = np.interp(np.linspace(0, total[-1], count + 1), total, fine)
-            edges[0], edges[-1] = 0.0, end
+            count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST))
+            edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, fine)))
+            count = len(edges) - 1
             rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, fine, bend)
             parts.append(Boxes(np.full(count, i), edges[:-1, None], edges[1:, None], rho, np.zeros(count, dtype=bool)))
         return joined(*parts)
 
-    def numbers(self, boxes: Boxes) -> Matrix:
+    def given(self, piece: Indices) -> Matrix:
         """Of the family `Stretch`."""
-        middle, half = (boxes.low + boxes.high) / 2, (boxes.high - boxes.low) / 2 * OVERLAP
-        return np.array(
-            [Stretch.of(self.rows[i], m, h) for i, m, h in zip(boxes.piece, middle[:, 0], half[:, 0], strict=True)]
-        ).reshape(len(boxes), -1)
+        return np.array([Stretch.of(row) for row in self.rows])[piece]
 
     def joints(self, boxes: Boxes) -> Matrix:
         """By the splines."""
@@ -119,11 +118,18 @@ class Pathway(Value, Domain):
         k = len(found)
         out = np.zeros(k, dtype=bool)
         if k > 1:
-            last, first = found.cells.predicted(np.ones((k, 1))), found.cells.predicted(-np.ones((k, 1)))
-            apart = np.linalg.norm(last[:-1] - first[1:], axis=1) + found.findings.r[:-1] + 1e-13
-            out[:-1] = ~(apart <= found.findings.alone[1:] * (1 - 1e-12))
+            first, second = np.arange(k - 1), np.arange(1, k)
+            apart = distances(found, first, second, np.zeros(self.equation.n))
+            out[:-1] = ~(apart <= found.findings.alone[1:] / UP)
+            for i in np.flatnonzero(np.diff(found.boxes.piece)):
+                out[i] |= not self.jump(found, int(i), int(i) + 1) <= self.slack
             out[1:] |= out[:-1]
         return out
+
+    def jump(self, found: Covered, one: int, other: int) -> float:
+        """A bound of what E changes from the end of one cell to the beginning of another."""
+        at = np.concatenate([found.cells.numbers[one], found.cells.numbers[other]])[:, None]
+        return float(norm(Interval(*(x[None] for x in self.equation.seam(at, at))))[0])
 
     def place(self, found: Covered) -> str:
         """Piece and share."""
@@ -137,17 +143,27 @@ class Pathway(Value, Domain):
         return np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
 
 
-def closing(found: Covered, revolute: Flags) -> tuple[Vector, float]:
+def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:
+    """How far at most (k,) roots at the ends of some cells, less whole turns, are from others' predictors at y = -1."""
+    cells, one = found.cells, np.ones((len(found), 1))
+    gap = cells.predicted(one)[ones] - 2 * np.pi * turns - cells.predicted(-one)[others]
+    slip = cells.slip[ones] + cells.slip[others] + 1e-14 * np.linalg.norm(turns)
+    return (np.linalg.norm(gap, axis=1) + found.findings.r[ones] + slip) * UP
+
+
+def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, float]:
     """(whole turns (n,) of the joints, a bound of what is missing besides them); infinite if that is not shown.
 
-    The root at the end must be the only root that the first cell has at its beginning; both poses agree to `SEAM`.
+    The root a at the end, less the turns, lies where the first cell's root b at its beginning is the only one; a is
+    within `apart` of the predictor there, b within r, and |E(a)| <= jump. With F = Y E and s = e + omega (apart + r) / 2
+    |F(a) - F(b) - (a - b)| <= s |a - b|, hence |a - b| <= |Y| jump / (1 - s).
     """
-    cells, findings = found.cells, found.findings
+    cells, f = found.cells, found.findings
     last, first = cells.predicted(np.ones((len(cells), 1)))[-1], cells.predicted(-np.ones((len(cells), 1)))[0]
     turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0)
-    apart = float(np.linalg.norm(last - 2 * np.pi * turns - first)) + float(findings.r[-1]) + 1e-13
-    if not apart <= findings.alone[0] * (1 - 1e-12):
+    apart = float(distances(found, np.array([len(cells) - 1]), np.array([0]), turns)[0])
+    jump = domain.jump(found, len(cells) - 1, 0)
+    slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP
+    if not (apart <= f.alone[0] / UP and jump <= domain.slack and slope > 0 and domain.equation.periodic(turns)):
         return turns, np.inf
-    size = float(np.linalg.norm(findings.Y[0])) * (1 + 1e-12)
-    slope = 1 - float(findings.e[0]) - float(findings.omega[0]) * float(findings.r[0])
-    return turns, size * SEAM / slope
+    return turns, float(norm(point(f.Y[:1]))[0]) * jump / slope * UP

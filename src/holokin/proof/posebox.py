@@ -11,11 +11,15 @@ from ..motion import inverse
 from ..strategies import HolonomicStrategy
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ..workspaces import Box, PoseRange, Workspace
+from .bounds import UP
 from .certificate import Boxes, Covered, some
 from .equation import Equation
-from .search import AIM, TUBE, Domain
+from .search import AIM, TUBE, Domain, on_grid
 from .targets import PoseBox
 from .tube import centred, examined
+
+WIDER = 1 + 1e-12
+"""Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
 
 
 @kept
@@ -26,7 +30,7 @@ def equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
 
 @dataclass(frozen=True, eq=False)
 class PoseRegion(Value, Domain):
-    """p0 + P y, R0 C(W y), y in [-1, 1]^d, with half sides P (3,) [m] and W (3,) of the Cayley parameters.
+    """p0 + P u, R0 C(W u), u in [-1, 1]^d, with half sides P (3,) [m] and W (3,) of the Cayley parameters.
 
     `axes` are the parameters that vary; the others stay 0.
     """
@@ -48,7 +52,7 @@ class PoseRegion(Value, Domain):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
         turns = strategy.task.turns or strategy.task.orientation is not None
         tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
-        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)])
+        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
         ik = inverse(strategy, q0)
@@ -64,34 +68,31 @@ class PoseRegion(Value, Domain):
         whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
         tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
         cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
-        omega = float(min(examined(self.equation, cells, self.c).omega[0], 1e6))
-        sides = np.linalg.norm(cells.V[0], axis=0) * 1e9
+        omega = float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
+        sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
         moving = max(1, int((sides > 0).sum()))
         counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(moving) / AIM)).astype(int)
         counts = np.minimum(counts, 64)
         while counts.prod() > 20_000:
             counts = np.maximum(1, counts // 2)
-        grid = [np.linspace(-1, 1, count + 1) for count in counts]
+        grid = [on_grid(np.linspace(-1, 1, count + 1)) for count in counts]
         low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         k = len(low)
         return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, TUBE / omega), np.zeros(k, dtype=bool))
 
-    def numbers(self, boxes: Boxes) -> Matrix:
+    def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
-        middle, half = (boxes.low + boxes.high) / 2 * self.half, (boxes.high - boxes.low) / 2 * self.half
-        k = len(boxes)
-        w = middle[:, 3:] if self.equation.family.turning else np.zeros((k, 3))
-        return np.hstack([self.p0 + middle[:, :3], np.tile(self.R0.ravel(), (k, 1)), w, half])
+        return np.tile(np.concatenate([self.p0, self.R0.ravel(), self.half]), (len(piece), 1))
 
     def poses(self, boxes: Boxes) -> Array:
         """(k, 4, 4) at the middles."""
         from scipy.spatial.transform import Rotation
 
-        numbers = self.numbers(boxes)
+        at = (boxes.low + boxes.high) / 2 * self.half
         T = np.tile(np.eye(4), (len(boxes), 1, 1))
-        T[:, :3, 3] = numbers[:, :3]
-        w = numbers[:, 12:15]
+        T[:, :3, 3] = self.p0 + at[:, :3]
+        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(boxes), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
         T[:, :3, :3] = self.R0 @ turn.as_matrix()
         return T
@@ -116,8 +117,8 @@ class PoseRegion(Value, Domain):
 
     def unglued(self, found: Covered) -> Flags:
         """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
-        b, cells, findings = found.boxes, found.cells, found.findings
-        out = np.zeros(len(b), dtype=bool)
+        b, findings = found.boxes, found.findings
+        out, slip = np.zeros(len(b), dtype=bool), found.cells.slip
         for axis in range(self.equation.d):
             order = np.argsort(b.low[:, axis], kind="stable")
             starts = b.low[order, axis]
@@ -132,8 +133,8 @@ class PoseRegion(Value, Domain):
                 js, y = js[touching], (low[touching] + high[touching]) / 2
                 y[:, axis] = b.high[i, axis]
                 mine, theirs = _within(found, np.full(len(js), i), y), _within(found, js, y)
-                apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + 1e-13
-                bad = ~(apart <= findings.alone[js] * (1 - 1e-12))
+                apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + slip[i] + slip[js]
+                bad = ~(apart <= findings.alone[js] / UP)
                 out[i] |= bad.any()
                 out[js[bad]] = True
         return out
@@ -148,7 +149,7 @@ class PoseRegion(Value, Domain):
 
 
 def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:
-    """The predicted joints (k, n) of some cells at parameters y (k, d) of the box of poses."""
+    """The predicted joints (k, n) of some cells at parameters u (k, d) of the box of poses: y = (u - u0) / h."""
     low, high = found.boxes.low[chosen], found.boxes.high[chosen]
     half = (high - low) / 2
     return some(found.cells, chosen).predicted((y - (low + high) / 2) / np.where(half > 0, half, 1.0))

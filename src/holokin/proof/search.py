@@ -1,6 +1,7 @@
 """The search for a proof: boxes of parameters, halved where the test of their cells fails.
 
-A box is low <= y <= high, d numbers, of a piece: of a path's piece the share, of a workspace the parameters of its poses.
+A box is low <= u <= high, d numbers, of a piece: of a path's piece the share, of a workspace the parameters of its
+poses.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..symbolic.intervals import Interval
-from ..types import Flags, Matrix, Vector
+from ..types import Array, Flags, Indices, Matrix, Vector
 from .certificate import Boxes, Covered, Extent, joined, some
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
@@ -29,6 +30,9 @@ TUBE = 0.25
 AIM = 0.33
 """What e, the change of [J; J_g] within a cell, is to be: the test ends at 1, and cells far below it are many."""
 
+GRID = 2.0**-50
+"""Bounds of boxes are whole multiples of it, and at most 1: their sums, differences and middles are exact."""
+
 BATCH = 1024
 """Cells examined at once: 100 MB of intervals."""
 
@@ -45,8 +49,13 @@ class Domain(ABC):
         """Boxes that cover it."""
 
     @abstractmethod
+    def given(self, piece: Indices) -> Matrix:
+        """The numbers (k, .) of the family of some pieces, without the last ones, u0 and h."""
+
     def numbers(self, boxes: Boxes) -> Matrix:
-        """The numbers (k, .) of the family over boxes."""
+        """The numbers (k, .) of the family over boxes: u0 and h are exact."""
+        middle, half = (boxes.low + boxes.high) / 2, (boxes.high - boxes.low) / 2
+        return np.hstack([self.given(boxes.piece), middle, half])
 
     @abstractmethod
     def joints(self, boxes: Boxes) -> Matrix:
@@ -100,7 +109,8 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         done.append((some(here, proven), some(cells, proven), some(found, proven)))
         proven_so_far += int(proven.sum())
         say(proven_so_far)
-        final = ~proven & ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST)
+        small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.max(here.high - here.low, axis=1) < 8 * GRID)
+        final = ~proven & small
         stopped += _places(some(here, final))
         reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
         failed = ~proven & ~final
@@ -120,6 +130,11 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
 
 def _places(boxes: Boxes) -> list[tuple[int, tuple[float, ...]]]:
     return [(int(p), tuple(low)) for p, low in zip(boxes.piece, boxes.low.tolist(), strict=True)]
+
+
+def on_grid(values: Array) -> Array:
+    """Bounds of boxes in [-1, 1], moved to multiples of 2^-24: 26 halvings lead from there to `GRID`."""
+    return np.rint(np.asarray(values) * 2.0**24) * 2.0**-24
 
 
 def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:

@@ -1,13 +1,18 @@
 """The Newton-Kantorovich test of many cells at once. [KA82, XVIII] [Deu11, 2.1]
 
-A cell is a member of a family of tool poses x(y), y in [-1, 1]^d, with a predictor q(y) = q0 + V y + 1/2 Q y y of the joints
-and a matrix Y near [D_q E(q0, 0)]^-1. Over its tube, all q within rho of the predictor,
+A cell is a member of a family of tool poses x(y), y in [-1, 1]^d, with a predictor q(y) = q0 + V y + 1/2 Q y y of the
+joints and a matrix Y near [D_q E(q0, 0)]^-1. Over its tube, all q within rho of the predictor,
 
     omega >= |Y D_q^2 E|,   e >= |1 - Y D_q E(q(y), y)|,   eta >= |Y E(q(y), y)|   for all y.
 
 If e < 1 and 2 omega eta <= (1 - e)^2, then for every y there is exactly one root within
-r = 2 eta / (1 - e + sqrt((1 - e)^2 - 2 omega eta)), and within min(rho, 2 (1 - e) / omega - r), of q(y). There D_q E is
-regular, so the roots are a smooth function of y.
+r = 2 eta / (1 - e + sqrt((1 - e)^2 - 2 omega eta)) of q(y), and it is the only one within min(rho, 2 (1 - e) / omega -
+r). Where 2 omega eta < (1 - e)^2, which is asked, D_q E is regular there: the roots are a smooth function of y. E must
+be smooth in the tube: that no guard of `symbolic.separated` vanishes there is asked too.
+
+The box q0 +- (reach + rho) holds all balls of radius rho about the predictor, and the straight lines from (q0, 0) to
+(q(y), y), along which D_q E changes by D_q^2 E (q(y) - q0) + D_y D_q E y: hence
+e <= |1 - Y D_q E(q0, 0)| + omega |q(y) - q0| + sqrt(d) |Y D_y D_q E|. The 2-norm of second derivatives laid side by side bounds that of the bilinear map.
 """
 
 from __future__ import annotations
@@ -19,7 +24,7 @@ import numpy as np
 
 from ..symbolic.intervals import PI, Interval, multiply, point, subtract
 from ..types import Array, Matrix, Value, Vector
-from .bounds import UP, norm, product
+from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
 
@@ -49,7 +54,10 @@ class Cells(Value):
 
     @property
     def way(self) -> Vector:
-        """How far the predictor goes from q0 at most (k,), in the 2-norm: |V y| is largest at a corner of the box of y."""
+        """How far the predictor goes from q0 at most (k,), in the 2-norm: |V y| is largest at a corner of the box of y.
+
+        A corner is off by d u |V|_F at most, and the largest is at least |V|_F: so `UP` covers it.
+        """
         d = self.V.shape[2]
         corners = np.array(list(product_of((1.0,), *[(-1.0, 1.0)] * (d - 1)))).T
         linear = np.linalg.norm(self.V @ corners, axis=1).max(axis=1)
@@ -57,17 +65,26 @@ class Cells(Value):
         return (linear + bend) * UP + 1e-150
 
     def predicted(self, y: Matrix) -> Matrix:
-        """q(y) (k, n) at y (k, d), rounded: within 1e-14 of its size."""
+        """q(y) (k, n) at y (k, d), within `slip` of it."""
         d = self.V.shape[2]
         pairs = [(i, j) for i in range(d) for j in range(i, d)]
         products = np.array([y[:, i] * y[:, j] * (0.5 if i == j else 1.0) for i, j in pairs]).T
         return self.q0 + np.einsum("knd,kd->kn", self.V, y) + np.einsum("knp,kp->kn", self.Q, products)
 
+    @property
+    def slip(self) -> Vector:
+        """How far `predicted` is off (k,) at most, where y is within 8 u of what is meant, |y| <= 1.
+
+        The sum has up to 1 + d + d (d + 1) / 2 <= 28 terms of three factors: (28 + 3 + 2 x 8) u < 1e-14 of their sizes.
+        """
+        return 1e-14 * np.linalg.norm(np.abs(self.q0) + self.reach, axis=1) + 1e-300
+
 
 @dataclass(frozen=True, eq=False)
 class Findings(Value):
-    """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within that
-    it is the only one; facing, must be positive; low, high (k, n) of the joints at the roots."""
+    """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
+    that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, n) of the joints
+    at the roots."""
 
     Y: Array
     omega: Vector
@@ -198,7 +215,7 @@ def _columns(a: Interval, rows: int) -> Interval:
 def _column_sum(a: Interval, weights: Vector) -> Vector:
     """sum_j weights_j |a_j| (k,) of the columns."""
     with np.errstate(over="ignore", invalid="ignore"):
-        size = np.sqrt(np.sum(np.square(a.magnitude), axis=1)) @ weights * UP + 1e-150
+        size = np.sqrt(np.sum(np.square(a.magnitude), axis=1)) @ weights * (UP + len(weights) * UNIT) + 1e-150
     return np.where(np.isfinite(size), size, np.inf)
 
 

@@ -14,12 +14,12 @@ import casadi as ca
 import numpy as np
 
 from ..errors import ExpressionError
-from ..types import Array, Vector
+from ..types import Array, Flags, Vector
 from . import intervals as iv
 from .intervals import Interval
 
 
-def _truth(always: Array, possible: Array) -> Interval:
+def _truth(always: Flags, possible: Flags) -> Interval:
     return Interval(always.astype(float), possible.astype(float))
 
 
@@ -134,7 +134,6 @@ def _area_cosine(a: Interval) -> Interval:
 def _area_tangent(a: Interval) -> Interval:
     """atanh x = log((1 + x) / (1 - x)) / 2: unbounded where a leaves (-1, 1)."""
     inside = (a.low > -1) & (a.high < 1)
-
 
     def at(x: Array) -> Interval:
         y, one = iv.point(x), iv.point(np.ones_like(x))
@@ -284,11 +283,11 @@ def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]
         if op == ca.OP_OUTPUT:
             results[out[1]] = register[into[0]]
             continue
-        register[out[0]] = len(found)
         if op == ca.OP_CONST:
             found.append(["const", made.instruction_constant(k)])
         elif op == ca.OP_INPUT:
             found.append(["input", into[1]])
         else:
             found.append([_NAMES[op], *(register[i] for i in into)])
+        register[out[0]] = len(found) - 1  # last: an operation may write over its argument
     return found + [["output", results[row]] for row in range(made.size1_out(0))]

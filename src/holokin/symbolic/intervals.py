@@ -1,8 +1,8 @@
 """Interval arithmetic over arrays: enclosures [low, high] that hold to the last rounding. [Moo66] [Tuc11]
 
 IEEE 754 rounds +, -, *, / and the square root to the nearest double, so the true result of an operation on doubles lies
-between the neighbours of the computed one. Each bound here is therefore moved to its neighbour outwards, and nothing else
-is trusted: no rounding mode, no accuracy of a library's sine. Sines, arc tangents, exponentials and logarithms are
+between the neighbours of the computed one. Each bound here is therefore moved to its neighbour outwards, and nothing
+else is trusted: no rounding mode, no accuracy of a library's sine. Sines, arc tangents, exponentials and logarithms are
 Taylor polynomials that this arithmetic itself evaluates, with the remainder added to them.
 
 An interval is a pair of arrays of one shape. It may be unbounded, (-inf, inf): what is divided by an interval around 0,
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..types import Array
+from ..types import Array, Flags
 
 
 class Interval(NamedTuple):
@@ -177,7 +177,7 @@ _SINE = 9
 
 
 def _reduced_sine(x: Interval, cosine: bool) -> Interval:
-    """sin x or cos x for |x| < 1: the series in x^2 alternates and falls, so what is left out is below its first term."""
+    """sin x or cos x for |x| < 1: the series in x^2 alternates and falls, what is left out is below its first term."""
     z = square(x)
     signs = [(-1) ** k for k in range(_SINE)]
     first = 2 * _SINE + (0 if cosine else 1)
@@ -215,7 +215,7 @@ def _wave(a: Interval, shift: int) -> Interval:
     return Interval(np.where(wide | bottom, -1.0, found.low), np.where(wide | top, 1.0, found.high))
 
 
-def _holds(first: Array, last: Array, phase: int) -> Array:
+def _holds(first: Array, last: Array, phase: int) -> Flags:
     """Whether phase + 4 j, j whole, may lie in [first, last] widened by 1e-9."""
     return np.floor((last - phase + 1e-9) / 4) >= np.ceil((first - phase - 1e-9) / 4)
 

@@ -1,11 +1,11 @@
 """`Separated`: an expression whose derivatives are exact, and where it is smooth.
 
-CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that product is rounded. Here each
-constant is a symbol, so that no number is computed before the intervals do it. Only 0, +-1/2, +-1 and +-2 stay, whose
-sums and products are exact, and the exponents of powers.
+CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that product is rounded. Here
+each constant is a symbol, so that no number is computed before the intervals do it. Only 0, +-1/2, +-1 and +-2 stay,
+whose sums and products are exact, and the exponents of powers.
 
-A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a kink or a jump therefore
-leaves a guard, an expression that vanishes there.
+A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a kink or a jump leaves
+a guard, an expression that vanishes there.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Separated:
     def of(inputs: Mapping[str, ca.SX], output: ca.SX, angular: Sequence[bool]) -> Separated:
         """Of an expression (k,), where the rows `angular` (k,) count up to whole turns.
 
-        An arc tangent of two arguments jumps by a turn across its cut. Sums of such and whole multiples do not matter to
-        an angular row, to a sine and to a cosine; elsewhere the cut has a guard.
+        An arc tangent of two arguments jumps by a turn across its cut. Sums of such, and whole multiples, do not matter
+        to an angular row, to a sine and to a cosine; elsewhere the cut has a guard.
         """
         given = ca.veccat(*inputs.values())
         made = ca.Function("separated", [given], ca.cse([ca.densify(ca.vec(output))]))
