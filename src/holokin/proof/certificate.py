@@ -99,7 +99,7 @@ class Certificate(Value):
     c: Vector
     slack: float
     limits: Interval | None
-    box: Vector | None
+    pieces: Matrix
 
     def __len__(self) -> int:
         return len(self.proven)
@@ -127,23 +127,32 @@ class Certificate(Value):
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """What the checker reads: the equation as a list of operations, the cells, and what is claimed of them."""
+        """What the checker reads: the equation as a list of operations, the cells, and what is claimed of them.
+
+        A piece's parameters go from low to high; its numbers, the middle and the half sides of a cell follow (q, y) in
+        the inputs of the equation, and the level follows them.
+        """
         equation, boxes, cells = self.equation, self.proven.boxes, self.proven.cells
-        rows = [
-            {"piece": int(boxes.piece[i]), "low": boxes.low[i].tolist(), "high": boxes.high[i].tolist()}
-            | {f.name: getattr(cells, f.name)[i].tolist() for f in fields(Cells)}
-            for i in range(len(cells))
-        ]
+        place = np.zeros((equation.d, equation.d), dtype=int)
+        place[np.triu_indices(equation.d)] = np.arange(cells.Q.shape[2])
+        Q = cells.Q[:, :, np.maximum(place, place.T)]
+        named = {
+            "piece": boxes.piece, "low": boxes.low, "high": boxes.high, "q0": cells.q0, "V": cells.V, "Q": Q,
+            "r": self.findings.r, "rho": self.findings.alone,
+        }  # fmt: skip
+        rows = [{key: values[i].tolist() for key, values in named.items()} for i in range(len(cells))]
         claims = {"low": self.low.tolist(), "high": self.high.tolist(), "determinant": self.determinant}
         if np.isfinite(self.gap):
-            claims |= {"turns": self.turns.tolist(), "gap": self.gap}
-        robot, task = equation.strategy.task.robot, equation.strategy.task
+            claims |= {"turns": self.turns.astype(int).tolist(), "gap": self.gap}
+        robot, start = equation.strategy.task.robot, 0.0 if equation.d == 1 else -1.0
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "whole": self.whole, "where": self.where,
             "robot": robot.name, "names": list(robot.joint_names), "joints": equation.n, "parameters": equation.d,
-            "family": "path" if self.box is None else "box", "box": None if self.box is None else self.box.tolist(),
-            "turning": equation.family.turning, "equation": equation.operations, "level": self.c.tolist(),
-            "angular": [False] * task.m + list(equation.strategy.constraint.angular), "slack": self.slack,
+            "units": [c.unit for c in robot.coordinates], "pieces": [
+                {"numbers": numbers.tolist(), "low": [start] * equation.d, "high": [1.0] * equation.d}
+                for numbers in self.pieces
+            ], "equation": equation.operations, "level": self.c.tolist(),
+            "angular": list(equation.angular), "slack": self.slack,
             "limits": None if self.limits is None else [_finite(bound) for bound in self.limits],
             "claims": claims, "cells": rows,
         }  # fmt: skip

