@@ -22,18 +22,24 @@ from .tube import Cells, Findings
 
 FORMAT = "holokin certificate 1"
 
+DETERMINANT = 1.15
+"""Of e + omega r in the bound of the determinant: room for the checker's own."""
+
 
 class Extent(Enum):
-    """How far a proof came, and why no farther."""
+    """How far a proof came, and why no farther; the text names cause and cure."""
 
-    WHOLE = "proven for all of it"
-    SINGULAR = (
-        "[J; J_g] is singular there, or so nearly that no cell passes the test: choose another constraint or leaf"
-    )
-    LIMIT = "a joint is at its limit there, or beyond it: choose another leaf, or ask with limits=False"
-    BUDGET = "the cells that were allowed are spent: allow more with budget="
-    END = "the leaf could not be followed to there"
-    APART = "neighbouring cells could not be shown to share a root"
+    WHOLE = "all that was asked is proven"
+    SINGULAR = "[J; J_g] is singular, or so nearly that no cell passes the test; choose another constraint or leaf"
+    LIMIT = "a joint is at its limit or beyond it; choose another leaf, or ask with limits=False"
+    BUDGET = "the cells that were allowed are spent; allow more with budget="
+    END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
+    APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
+
+    @property
+    def cause(self) -> str:
+        """The text without its cure."""
+        return self.value.partition(";")[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +116,25 @@ class Certificate(Value):
     def __str__(self) -> str:
         return self.theorem
 
+    def table(self) -> str:
+        """The numbers of the theorem, as lines of text."""
+        lines = [f"proven: {self.extent.value}"] + ([f"up to: {self.where}"] if self.where else [])
+        lines.append(f"cells: {len(self)}, after {self.seconds:.2g} s")
+        if not len(self):
+            return "\n".join(lines)
+        f, robot = self.findings, self.equation.strategy.task.robot
+        for name, values in (("omega", f.omega), ("eta", f.eta), ("radius", f.r), ("alone within", f.alone)):
+            lines.append(f"{name:12} {values.min():9.2e} to {values.max():9.2e}")
+        lines.append(f"|det [J; J_g]| >= {self.determinant:.2e}")
+        if np.isfinite(self.gap):
+            turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
+            lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")
+        width = max(len("joint"), *map(len, robot.joint_names))
+        lines.append(f"{'joint':{width}}  {'from':>9} {'to':>9} {'to a limit':>11}")
+        for joint, low, high, left in zip(robot.coordinates, self.low, self.high, self.to_limit, strict=True):
+            lines.append(f"{joint.name:{width}}  {low:9.4f} {high:9.4f} {left:11.4f} {joint.unit}")
+        return "\n".join(lines)
+
     @property
     def whole(self) -> bool:
         """True where all that was asked is proven."""
@@ -184,10 +209,10 @@ def joined(*parts: Any) -> Any:
 
 
 def least_determinant(found: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - e - omega r)^n, and so |det A| >= that / |det Y|."""
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n with s = e + omega r, |det A| >= that / |det Y|."""
     if not len(found.r):
         return 0.0
-    shrink = np.maximum(1 - found.e - found.omega * found.r * (1 + 1e-12), 0.0)
+    shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
     with np.errstate(divide="ignore"):
         each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
     return float(each.min())

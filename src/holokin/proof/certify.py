@@ -82,7 +82,7 @@ def certify(
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and ended:
-        extent, place = Extent.END, ended
+        extent, place = Extent.END, f"the end of what was followed ({ended})"
     turns, gap = np.zeros(robot.n), np.inf
     if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
         turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))
@@ -92,6 +92,8 @@ def certify(
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
     about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
+    if extent is not Extent.WHOLE:
+        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are proven"
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
@@ -104,20 +106,20 @@ def _theorem(
     to_limit: Vector, turns: Vector, gap: float,
 ) -> str:  # fmt: skip
     if not len(found):
-        return f"Nothing is proven: {place}, {extent.value}."
-    far = float(found.findings.r.max())
-    parts = [] if extent is Extent.WHOLE else [f"Not for all that was asked, but up to {place} ({extent.value}):"]
-    parts.append(
-        f"on the leaf of {title} through the start there is, for {about}, exactly one posture within {far:.2g} of the "
-        f"predicted joints of one of {len(found)} cells; it is a smooth function of the pose, and "
-        f"|det [J; J_g]| >= {determinant:.2g}"
-    )
-    if limits is not None:
-        parts.append(f"every joint stays {to_limit.min():.2g} or more from its limits")
+        return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
+    parts = [
+        f"on the leaf of {title} through the start {about} has exactly one posture in the tube of its cell, of "
+        f"{len(found)}; it is a smooth function of the pose, with |det [J; J_g]| >= {determinant:.2g}"
+    ]
+    if limits is not None and np.isfinite(to_limit).any():
+        parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
     if np.isfinite(gap):
-        round_ = "" if not turns.any() else f", but for the whole turns {turns.astype(int).tolist()}"
-        parts.append(f"at the end of the closed path the joints are those of its beginning{round_}")
-    return f"{parts[0]} {'; '.join(parts[1:])}." if extent is not Extent.WHOLE else f"{'; '.join(parts)}."
+        turned = f" after the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
+        parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
+    said = "; ".join(parts)
+    if extent is Extent.WHOLE:
+        return f"{said[0].upper()}{said[1:]}."
+    return f"Not all is proven, since at {place} {extent.cause}; but {said}."
 
 
 def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:
