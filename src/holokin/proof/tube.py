@@ -12,7 +12,8 @@ be smooth in the tube: that no guard of `symbolic.separated` vanishes there is a
 
 The box q0 +- (reach + rho) holds all balls of radius rho about the predictor, and the straight lines from (q0, 0) to
 (q(y), y), along which D_q E changes by D_q^2 E (q(y) - q0) + D_y D_q E y: hence
-e <= |1 - Y D_q E(q0, 0)| + omega |q(y) - q0| + sqrt(d) |Y D_y D_q E|. The 2-norm of second derivatives laid side by side bounds that of the bilinear map.
+e <= |1 - Y D_q E(q0, 0)| + omega |q(y) - q0| + sqrt(d) |Y D_y D_q E|.
+The 2-norm of second derivatives laid side by side bounds that of the bilinear map.
 """
 
 from __future__ import annotations
@@ -177,13 +178,14 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
 def inverses(A: Array) -> Array:
     """Matrices near the inverses (k, n, n); zeros where there is none, which fail the test."""
     found = np.zeros_like(A)
-    for i, matrix in enumerate(A):
-        if np.isfinite(matrix).all():
-            try:
-                found[i] = np.linalg.inv(matrix)
-            except np.linalg.LinAlgError:
-                continue
-    return found
+    good = np.isfinite(A).all(axis=(1, 2))
+    try:
+        found[good] = np.linalg.inv(A[good])
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        for i in np.flatnonzero(good):
+            if np.linalg.matrix_rank(A[i]) == A.shape[1]:
+                found[i] = np.linalg.inv(A[i])
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _value(equation: Equation, at: Matrix) -> tuple[Interval, Interval]:
