@@ -35,6 +35,7 @@ LAYERS = [
     {"sampling"},
     {"analysis", "motion"},
     {"laws"},
+    {"proof"},
     {"recording"},
     {"auditing"},
     {"designing"},
@@ -42,7 +43,7 @@ LAYERS = [
     {"job"},
     {"studio"},
     {"outcome"},
-    {"exporting"},
+    {"exporting", "proving"},
     {"cli"},
     {"__main__"},
 ]

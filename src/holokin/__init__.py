@@ -9,7 +9,7 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
-from . import analysis, auditing, constraints, designing, export, laws, motion, recording, robot, strategies
+from . import analysis, auditing, constraints, designing, export, laws, motion, proof, recording, robot, strategies
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
@@ -32,6 +32,7 @@ from .motion import (
     simulate,
 )
 from .path import Path, arc, circle, join, line, polyline
+from .proof import Certificate, certify
 from .recording import read_recording, read_workspace
 from .robot import (
     Part,
@@ -56,6 +57,7 @@ from .workspaces import Workspace, workspace
 
 __all__ = [
     "Advice",
+    "Certificate",
     "Constraint",
     "ControlLaw",
     "Coverage",
@@ -83,6 +85,7 @@ __all__ = [
     "audit_recording",
     "auditing",
     "catalogue",
+    "certify",
     "circle",
     "compose",
     "constraints",
@@ -124,6 +127,7 @@ __all__ = [
     "polyline",
     "pose",
     "position",
+    "proof",
     "radial",
     "read_recording",
     "read_workspace",

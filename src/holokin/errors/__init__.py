@@ -14,6 +14,7 @@ from .base import (
 )
 from .given import (
     ArgumentError,
+    CertificateError,
     ConstraintRowsError,
     ExpressionError,
     JobError,
@@ -62,6 +63,7 @@ __all__ = [
     "SYNONYMS",
     "ArgumentError",
     "BranchError",
+    "CertificateError",
     "ConstraintRowsError",
     "ControllerError",
     "EmptyRegionError",

@@ -14,6 +14,7 @@ from ..path import Path
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
+from ..trajectory import Status
 from ..types import ArrayLike, Vector, whole
 from ..workspaces import Workspace
 from .certificate import Certificate, Covered, Extent, joined, least_determinant
@@ -23,6 +24,8 @@ from .search import Domain, covered, halves
 
 SAMPLES = 256
 """Samples of the path that the predictors start from."""
+
+_WHY = {Status.LIMIT: Extent.LIMIT, Status.SINGULAR: Extent.SINGULAR}
 
 ROUNDS = 12
 """Times that cells which could not be glued are halved."""
@@ -62,27 +65,30 @@ def certify(
     """
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
+    if strategy.constraint.looped is not None:
+        cure = "its leaves are integrated: certify the polynomial that hk.strategies.fitted(strategy, postures) gives"
+        raise ArgumentError("the strategy to certify", strategy.name, cure)
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     budget = whole("budget", budget)
     ended = ""
+    walk = None
     if isinstance(where, Path):
-        walk = None
         try:
             walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
         except PathError as problem:
             if problem.trajectory is None or len(problem.trajectory) < 2:
                 raise
-            walk, ended = problem.trajectory, problem.fact
+            walk, ended = problem.trajectory, problem.fact.partition(":")[0].removeprefix("stopped in cycle 1, ")
         domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
     else:
         domain = PoseRegion.of(strategy, where, start)
     bounds = Interval(robot.lower, robot.upper) if limits else None
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
-    if extent is Extent.WHOLE and ended:
-        extent, place = Extent.END, f"the end of what was followed ({ended})"
+    if extent is Extent.WHOLE and walk is not None and ended:
+        extent, place = _WHY.get(walk.status, Extent.END), ended
     turns, gap = np.zeros(robot.n), np.inf
     if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
         turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))

@@ -91,9 +91,10 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
             reasons += [Extent.BUDGET] * len(left)
             break
         size = np.max(left.high - left.low, axis=1)
-        chosen = np.sort(
-            np.argsort(size, kind="stable")[: min(BATCH, budget - spent)]
-        )  # the smallest: where it may fail
+        order = np.argsort(size, kind="stable")  # the smallest first: where it may fail
+        if budget - spent < len(left):  # the last ones: in the order of a path
+            order = np.lexsort((left.low[:, 0], left.piece))
+        chosen = np.sort(order[: min(BATCH, budget - spent)])
         rest = np.ones(len(left), dtype=bool)
         rest[chosen] = False
         here, waiting = some(left, chosen), some(left, rest)
