@@ -69,6 +69,7 @@ RULES: dict[str, Callable[..., Any]] = {  # of balls: (value, slopes, second der
 
 def operate(name: str, args: list[Jet]) -> Jet:
     """An operation of jets, by the chain rule."""
+    need(name in RULES, f"the operation {name!r} has no rule")
     value, slopes, bends = RULES[name](*(a[0] for a in args))
     slope = sum((a[1] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][1] * slopes[0])
     bend = sum((a[2] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][2] * slopes[0])
