@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import holokin as hk
-from holokin.errors import ArgumentError, ExpressionError, NotCertifiedError, StartError
-from holokin.job import packaged_text
+from holokin.cli import app
+from holokin.errors import ArgumentError, CertificateError, ExpressionError, NotCertifiedError, StartError
 from holokin.proof import Certificate, Extent, follow_certified
 from holokin.proof.certificate import digest
 
@@ -112,13 +113,13 @@ def test_certified_following_finds_the_postures_of_following_by_leaf(lock: Any, 
 
 def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
-    path = hk.polyline([tool, tool + [0.05, 0, 0]])
+    path = hk.polyline([tool, tool + [0.15, 0, 0]])
     whole = hk.certify(lock, path, START)
-    part = hk.certify(lock, path, START, budget=2)
+    part = hk.certify(lock, path, START, budget=3)
     assert part.extent is Extent.BUDGET and not part.whole
     assert len(part) < len(whole) and "budget" in part.table()
     with pytest.raises(NotCertifiedError) as caught:
-        follow_certified(lock, path, START, budget=2)
+        follow_certified(lock, path, START, budget=3)
     assert caught.value.certificate.extent is Extent.BUDGET and len(caught.value.trajectory) >= 1
 
 
@@ -158,17 +159,17 @@ CHANGES = {
     "tube": lambda d: d["cells"][1].__setitem__("rho", 10 * d["cells"][1]["rho"]),
     "low": lambda d: d["cells"][1]["low"].__setitem__(0, d["cells"][1]["low"][0] + 2.0**-20),
     "high": lambda d: d["cells"][1]["high"].__setitem__(0, d["cells"][1]["high"][0] + 2.0**-20),
-    "piece": lambda d: d["cells"][1].__setitem__("piece", 1),
+    "piece": lambda d: d["cells"][0].__setitem__("piece", 2),
     "a cell left out": lambda d: d["cells"].pop(2),
     "a piece's numbers": lambda d: d["pieces"][1]["numbers"].__setitem__(0, d["pieces"][1]["numbers"][0] + 1e-6),
-    "an angular row": lambda d: d["equation"].__setitem__(-1, ["output", 0]),
+    "a row of the equation": lambda d: d["equation"].__setitem__(-20, ["output", 0]),
     "level": lambda d: d["level"].__setitem__(0, d["level"][0] + 0.1),
     "hull": lambda d: d["claims"]["low"].__setitem__(0, d["claims"]["low"][0] + 1e-3),
     "determinant": lambda d: d["claims"].__setitem__("determinant", 1e3 * d["claims"]["determinant"]),
-    "gap": lambda d: d["claims"].__setitem__("gap", d["claims"]["gap"] / 1e3),
+    "gap": lambda d: d["claims"].__setitem__("gap", -1.0),
     "turns": lambda d: d["claims"]["turns"].__setitem__(0, 1),
     "limits": lambda d: d["limits"][0].__setitem__(0, d["claims"]["low"][0] + 1e-3),
-    "slack": lambda d: d.__setitem__("slack", 0.0),
+    "slack": lambda d: d.__setitem__("slack", -1.0),
 }
 
 
@@ -213,21 +214,48 @@ def test_a_box_of_poses_is_verified_and_cells_that_do_not_fill_it_are_not(tmp_pa
     assert not verified(other, tmp_path / "box.json")
 
 
+JOB = """
+title = "a line"
+[robot]
+name = "panda"
+[start]
+q = [0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8]
+[task]
+kind = "pose"
+[path]
+kind = "polyline"
+relative = true
+points = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]
+[workspace]
+kind = "box"
+center = [0.36, 0.0, 0.5]
+half = [0.004, 0.004, 0.0]
+rotation = "start"
+[strategies.plain]
+kind = "moore-penrose"
+[strategies.lock-3]
+kind = "lock"
+joints = ["panda_joint3"]
+"""
+
+
 def test_the_command_line_proves_a_job_and_checks_what_it_wrote(tmp_path: Path) -> None:
-    job = tmp_path / "small.toml"
-    job.write_text(packaged_text("panda-circle"), "utf-8")
-    run = [sys.executable, "-m", "holokin"]
-    found = subprocess.run([*run, "certify", job, "--out", tmp_path], capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stderr
-    assert "moore-penrose: not certified: it has no leaves" in found.stdout
-    files = sorted((tmp_path / "small-proof").glob("*-certificate.json"))
-    assert len(files) == 2
-    again = subprocess.run([*run, "check-certificate", files[0]], capture_output=True, text=True, check=False)
-    assert again.returncode == 0 and "VERIFIED" in again.stdout
-    files[0].write_text(files[0].read_text("utf-8").replace('"whole": true', '"whole": false'), "utf-8")
-    again = subprocess.run([*run, "check-certificate", files[0]], capture_output=True, text=True, check=False)
-    assert again.returncode == 1 and "REJECTED" in again.stdout
-    again = subprocess.run([*run, "check-certificate", job], capture_output=True, text=True, check=False)
-    assert again.returncode == 2 and "no certificate" in again.stderr
-    poor = subprocess.run([*run, "certify", job, "--budget", "5", "--out", tmp_path], capture_output=True, check=False)
-    assert poor.returncode == 1
+    job, out = tmp_path / "small.toml", str(tmp_path)
+    job.write_text(JOB, "utf-8")
+    call = CliRunner().invoke
+    for options in ([], ["--workspace"]):
+        found = call(app, ["certify", str(job), "--out", out, *options])
+        assert found.exit_code == 0, found.output
+        assert "plain: not certified: it has no leaves" in found.output
+    file = tmp_path / "small-proof" / "lock-3-certificate.json"
+    again = call(app, ["check-certificate", str(file)])
+    assert again.exit_code == 0 and "VERIFIED" in again.output
+    file.write_text(file.read_text("utf-8").replace('"whole": true', '"whole": false'), "utf-8")
+    again = call(app, ["check-certificate", str(file)])
+    assert again.exit_code == 1 and "REJECTED" in again.output
+    assert isinstance(call(app, ["check-certificate", str(job)]).exception, CertificateError)  # main ends with 2
+    assert call(app, ["certify", str(job), "--budget", "1", "--out", out]).exit_code == 1
+    (tmp_path / "other" / "small-proof").mkdir(parents=True)
+    (tmp_path / "other" / "small-proof" / "mine.txt").write_text("mine", "utf-8")
+    foreign = call(app, ["certify", str(job), "--out", str(tmp_path / "other")])
+    assert isinstance(foreign.exception, ArgumentError) and "not one of holokin's" in str(foreign.exception)

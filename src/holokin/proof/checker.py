@@ -198,6 +198,7 @@ class Checker:
     def verify(self, say: Callable[[int], None] = lambda _done: None) -> None:
         """All that is claimed. Raises: RejectedError; others where the data are no certificate."""
         data, claims = self.data, self.data["claims"]
+        need(data["slack"] >= 0, "the slack is negative")
         bounds = data["limits"] or [[None] * self.n] * 2
         for a, low, high, b in zip(bounds[0], claims["low"], claims["high"], bounds[1], strict=True):
             need((a is None or a <= low) and (b is None or high <= b), "a joint may leave its limits")

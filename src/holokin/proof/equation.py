@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from ..errors import ArgumentError
 from ..representations import AxisDirection
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
@@ -66,6 +67,9 @@ class Equation(Value):
     @cached_property
     def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
         """(inputs, E, facing)."""
+        if self.strategy.constraint.transport is not None:
+            cure = "its leaves are carried by a differential equation: prove the polynomial that `fitted` makes of it"
+            raise ArgumentError("the strategy to certify", self.strategy.name, cure)
         e, task = self.strategy.expressions, self.strategy.task
         y, numbers, c = symbol("y", self.d), symbol("numbers", self.family.numbers), symbol("c", self.n - task.m)
         k = e.kinematics

@@ -37,6 +37,10 @@ BATCH = 1024
 """Cells examined at once: 100 MB of intervals."""
 
 
+FEW = 32
+"""Cells examined at once where none was proven before: a place where the proof fails is then found soon."""
+
+
 class Domain(ABC):
     """What a proof is about: the tool poses of boxes of parameters, and joints near their roots."""
 
@@ -83,7 +87,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
-    spent = proven_so_far = 0
+    spent, proven_so_far, batch = 0, 0, BATCH
     left = boxes
     while len(left):
         if spent >= budget:
@@ -94,7 +98,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         order = np.argsort(size, kind="stable")  # the smallest first: where it may fail
         if budget - spent < len(left):  # the last ones: in the order of a path
             order = np.lexsort((left.low[:, 0], left.piece))
-        chosen = np.sort(order[: min(BATCH, budget - spent)])
+        chosen = np.sort(order[: min(batch, budget - spent)])
         rest = np.ones(len(left), dtype=bool)
         rest[chosen] = False
         here, waiting = some(left, chosen), some(left, rest)
@@ -109,6 +113,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         proven = good & inside
         done.append((some(here, proven), some(cells, proven), some(found, proven)))
         proven_so_far += int(proven.sum())
+        batch = min(BATCH, FEW + 8 * int(proven.sum()))
         say(proven_so_far)
         small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.max(here.high - here.low, axis=1) < 8 * GRID)
         final = ~proven & small

@@ -291,7 +291,7 @@ def arctan2(y: Interval, x: Interval) -> Interval:
     cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0)]
     low = np.select(cases, [f.low for f in found], -PI[1])
     high = np.select(cases, [f.high for f in found], PI[1])
-    return Interval(low, high)
+    return within(Interval(low, high), -PI[1], PI[1])
 
 
 _EXP = 18

@@ -50,6 +50,7 @@ class Separated:
         constant: dict[int, float] = {}  # register: its number, where it has one
         cuts: dict[int, frozenset[int]] = {}  # register: the guards of the cuts that it may jump at
         truths: set[int] = set()
+        roots: set[int] = set()
         symbols, values, guards = [], [], []
         needed: dict[int, None] = {}
         rows = [ca.SX(0)] * made.size1_out(0)
@@ -69,6 +70,7 @@ class Separated:
                 register, number = out[0], made.instruction_constant(k) if op == ca.OP_CONST else None
                 cuts[register] = frozenset()
                 truths.discard(register)
+                roots.discard(register)
                 constant.pop(register, None)
                 if number is None:
                     work[register] = given[into[1]]
@@ -94,7 +96,10 @@ class Separated:
             elif op in _COMPARED:
                 needed[guard(arguments[0] - arguments[1])] = None
             elif op in (ca.OP_FABS, ca.OP_SIGN, ca.OP_COPYSIGN):
-                needed |= dict.fromkeys(guard(a) for a in arguments)
+                positive = (
+                    op == ca.OP_COPYSIGN and into[0] in roots
+                )  # where a root vanishes its derivative is unbounded
+                needed |= dict.fromkeys(guard(a) for a in arguments[positive:])
             elif op in _LOGICAL:
                 asked = into[:1] if op == ca.OP_IF_ELSE_ZERO else into
                 needed |= dict.fromkeys(guard(work[i]) for i in asked if i not in truths)
@@ -103,6 +108,7 @@ class Separated:
             work[register], cuts[register] = made_of, jumps
             constant.pop(register, None)
             (truths.add if op in _TRUTHS else truths.discard)(register)
+            (roots.add if op == ca.OP_SQRT else roots.discard)(register)
         return Separated(
             ca.vertcat(*rows), ca.vertcat(*symbols), np.array(values), ca.vertcat(*(guards[i] for i in needed))
         )
