@@ -53,7 +53,9 @@ def certify_job(
                         yield title, f"it has no leaves: {HolonomicStrategy.cure}"
                         continue
                     begin, _ = build_begin(table, strategy, start)
-                    found = certify(strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more)
+                    found = certify(
+                        strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more
+                    )
             except HolokinError as problem:
                 if not isinstance(problem.__cause__ or problem, (*OF_ONE_STRATEGY, ExpressionError)):
                     raise

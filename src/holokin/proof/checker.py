@@ -97,7 +97,10 @@ class Checker:
 
     def __init__(self, data: dict[str, Any]) -> None:
         text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
-        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "it is not as it was written: its SHA-256 differs")
+        need(
+            hashlib.sha256(text.encode()).hexdigest() == data["sha256"],
+            "it is not as it was written: its SHA-256 differs",
+        )
         self.data, self.n, self.d, self.slack = data, data["joints"], data["parameters"], arb(data["slack"])
 
     def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Jet]:
@@ -126,8 +129,13 @@ class Checker:
         """The theorem of a cell: (hull of its joints, a bound of |det D_q E|, how far a root moves with the pose)."""
         n, d, r, rho, flags = self.n, self.d, arb(cell["r"]), arb(cell["rho"]), self.data["angular"]
         y = [jet(UNIT, n + d, n + i) for i in range(d)]
-        here = self.outputs(cell, [jet(x, n + d, i) for i, x in enumerate(cell["q0"])], [(arb(0), *t[1:]) for t in y])[:n]
-        E = [E[0] - (2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0) for E, a in zip(here, flags, strict=True)]
+        here = self.outputs(cell, [jet(x, n + d, i) for i, x in enumerate(cell["q0"])], [(arb(0), *t[1:]) for t in y])[
+            :n
+        ]
+        E = [
+            E[0] - (2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0)
+            for E, a in zip(here, flags, strict=True)
+        ]
         A, B = (arb_mat([[E[1][0, j] for j in of] for E in here]) for of in (range(n), range(n, n + d)))
         Y, V = A.mid().inv().mid(), arb_mat(cell["V"])
         along = self.predicted(cell, [UNIT] * d)
@@ -143,7 +151,11 @@ class Checker:
         for i, j in product(range(d), repeat=2):
             way += norm(arb_mat([[p[2][i, j] / 2] for p in along]))
             eta += norm(Y * arb_mat([[E[2][i, j] / 2] for E in bent]))
-        e = norm(Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])) + omega * way + mixed * arb(d).sqrt()
+        e = (
+            norm(Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)]))
+            + omega * way
+            + mixed * arb(d).sqrt()
+        )
         test = [eta - (1 - e) * x + omega * x * x / 2 for x in (r, rho)]
         need(test[0] <= 0 and test[1] < 0 and 0 < r < rho, "the Newton-Kantorovich test fails")
         left = (1 - e - omega * r).lower()
@@ -154,7 +166,10 @@ class Checker:
         """The root of one cell at its end is the only root of the other at its own, but for whole turns."""
         q = []
         for c, x in ((one, ends[0]), (other, ends[1])):
-            y = [(2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0 for t, a, b in zip(x, c["low"], c["high"], strict=True)]
+            y = [
+                (2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0
+                for t, a, b in zip(x, c["low"], c["high"], strict=True)
+            ]
             q.append(self.predicted(c, y))
         apart = norm(arb_mat([[a[0] - b[0] - 2 * arb.pi() * k] for a, b, k in zip(*q, turns, strict=True)]))
         need(apart + one["r"] <= other["rho"], "the joints may jump between two cells")
@@ -162,13 +177,19 @@ class Checker:
     def seam(self, one: Any, other: Any, turns: list[int]) -> Any:
         """Where pieces of a path meet their poses agree within the slack, the roots but for whole turns. Their gap."""
         self.glued(one, other, (one["high"], other["low"]), turns)
-        poses = [self.outputs(c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)])[self.n + 1 :] for c, y in ((one, 1), (other, -1))]
+        poses = [
+            self.outputs(c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)])[self.n + 1 :] for c, y in ((one, 1), (other, -1))
+        ]
         gap = norm(arb_mat([[a[0] - b[0]] for a, b in zip(*poses, strict=True)]))
         need(gap <= self.slack, "pieces of the path do not meet")
         moved: list[Any] = []  # whether a value changes with the turns, by whole turns
         rows = [*self.data["angular"], *[False] * (1 + len(poses[0]))]
         for name, *of in self.data["equation"]:
-            moved.append(bool(turns[of[0]]) if name == "input" and of[0] < self.n else name not in ("const", "input", "sin", "cos"))
+            moved.append(
+                bool(turns[of[0]])
+                if name == "input" and of[0] < self.n
+                else name not in ("const", "input", "sin", "cos")
+            )
             if name not in ("const", "input"):
                 moved[-1] &= any(moved[i] for i in of)
             angle = name == "output" and rows.pop(0)
@@ -237,7 +258,9 @@ def check(file: str, say: Callable[[int, int], None] = lambda _done, _all: None)
 if __name__ == "__main__":
     try:
         found = check(sys.argv[1], lambda done, of: print(f"\r{done} of {of} cells", end="", file=sys.stderr))
-        sys.exit(print(f"\rVERIFIED: {len(found['cells'])} cells, {'all' if found['whole'] else 'a part'} of what was asked"))
+        sys.exit(
+            print(f"\rVERIFIED: {len(found['cells'])} cells, {'all' if found['whole'] else 'a part'} of what was asked")
+        )
     except RejectedError as problem:
         print(f"\rREJECTED: {problem}")
         sys.exit(1)

@@ -170,7 +170,7 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
         good &= (r * MARGIN <= most) & (omega * r * MARGIN < 1 - e)
         alone = np.where(good, most / MARGIN, 0.0)
     r = np.where(good, r, np.inf)
-    size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-8)  # the checker's radii have 30 bits
+    size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-6)  # the radii of the checker are rounded more coarsely
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
     return Findings(Y, omega, e, eta, r, alone, facing, low, high)
 
