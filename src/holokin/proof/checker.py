@@ -1,7 +1,7 @@
 """The checker: verifies a certificate again with Arb's balls [Joh17], sharing no code with the search that found it.
 
-It needs python-flint and this file alone: `python checker.py FILE`. It reads E(q, y) as a list of operations, encloses it
-with its derivatives, repeats the Newton-Kantorovich test of every cell, and looks at how the cells join: docs/proof.md.
+It needs python-flint and this file alone: `python checker.py FILE`. It reads E(q, y) as a list of operations, encloses
+it with its derivatives, repeats the Newton-Kantorovich test of every cell, and looks at how the cells join: docs/proof.md.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Callable
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 from flint import arb, arb_mat, ctx
@@ -235,7 +235,7 @@ class Checker:
         pieces = [[c for c in data["cells"] if c["piece"] == k] for k in range(len(data["pieces"]))]
         for piece, cells in zip(data["pieces"], pieces, strict=True):
             self.piece(piece["low"], piece["high"], cells)
-        for one, other in zip(pieces, pieces[1:]) if data["whole"] else ():
+        for one, other in pairwise(pieces) if data["whole"] else ():
             self.seam(one[-1], other[0], [0] * self.n)
         if "turns" in claims:
             gap = self.cell(pieces[0][0])[2] * self.seam(pieces[-1][-1], pieces[0][0], claims["turns"])
