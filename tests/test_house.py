@@ -38,6 +38,7 @@ LAYERS = [
     {"analysis", "motion"},
     {"laws"},
     {"physics"},
+    {"proof"},
     {"recording"},
     {"checking"},
     {"auditing"},
@@ -48,6 +49,7 @@ LAYERS = [
     {"outcome"},
     {"exporting", "inspecting"},
     {"simulating"},
+    {"exporting", "proving"},
     {"cli"},
     {"__main__"},
 ]

@@ -19,6 +19,7 @@ from . import (
     laws,
     motion,
     physics,
+    proof,
     recording,
     robot,
     strategies,
@@ -64,6 +65,7 @@ from .path import (
     spline,
     with_leads,
 )
+from .proof import Certificate, certify
 from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
     Part,
@@ -96,6 +98,7 @@ from .workspaces import Workspace, workspace
 
 __all__ = [
     "Advice",
+    "Certificate",
     "CheckReport",
     "Constraint",
     "ControlLaw",
@@ -127,6 +130,7 @@ __all__ = [
     "auditing",
     "blended",
     "catalogue",
+    "certify",
     "check",
     "checking",
     "circle",
@@ -178,6 +182,7 @@ __all__ = [
     "polyline",
     "pose",
     "position",
+    "proof",
     "radial",
     "raster",
     "read_recording",

@@ -18,6 +18,7 @@ from .errors import ArgumentError
 from .exporting import exporting
 from .inspecting import check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
+from .proving import check_certificate
 from .simulating import simulating
 from .version import __version__
 
@@ -312,9 +313,51 @@ def advise(
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")
 
 
+@app.command()
+def certify(
+    job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+    workspace: Annotated[
+        bool, typer.Option("--workspace", help="Over the box of its [workspace], not along its path.")
+    ] = False,
+    budget: Annotated[int | None, typer.Option(help="Cells that may be examined for each strategy.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the certificates.")] = Path("out"),
+) -> None:
+    """Prove, for each strategy with leaves of a job, that the joints are one smooth function of the tool pose.
+
+    Writes OUT/<job>-proof/<strategy>-certificate.json. Exits 0 when all of it is proven, 1 when not, 2 on bad input.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+
+    from .job import certify_job, expand, open_job
+    from .output.folder import check_folder
+    from .output.proof_report import print_certificates, write_certificates
+
+    if expand([job]) != [job]:
+        raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
+    name, opened, file = open_job(job)
+    check_folder(out, f"{name}-proof")
+    progress = Console(stderr=True)
+    with progress.status(f"{escape(name)} ...") if progress.is_terminal else nullcontext() as status:
+
+        def say(text: str) -> None:
+            _ending.check()
+            if status is not None:
+                status.update(escape(f"{name}: {text}"))
+
+        found = dict(certify_job(opened, file, workspace=workspace, budget=budget, say=say))
+    files = write_certificates(f"{name}-proof", found, out, __version__)
+    show_rich(lambda console: print_certificates(opened.title, found, console))
+    for written in files:
+        show(f"wrote {written}")
+    proven = [one for one in found.values() if not isinstance(one, str)]
+    raise typer.Exit(0 if proven and all(one.whole for one in proven) else 1)
+
+
 app.add_typer(exporting, name="export")
 app.command("simulate")(simulating(lambda: _ending.check()))
 app.command()(check)
+app.command("check-certificate")(check_certificate)
 
 
 def main() -> None:

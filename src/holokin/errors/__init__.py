@@ -14,6 +14,7 @@ from .base import (
 )
 from .given import (
     ArgumentError,
+    CertificateError,
     ConstraintRowsError,
     ExpressionError,
     JobError,
@@ -37,6 +38,7 @@ from .moving import (
     InfeasibleError,
     JointLimitError,
     LimitReachedError,
+    NotCertifiedError,
     OpenPathError,
     OutOfReachError,
     PathError,
@@ -62,6 +64,7 @@ __all__ = [
     "SYNONYMS",
     "ArgumentError",
     "BranchError",
+    "CertificateError",
     "ConstraintRowsError",
     "ControllerError",
     "EmptyRegionError",
@@ -76,6 +79,7 @@ __all__ = [
     "MissingExtraError",
     "NativeError",
     "NoArmError",
+    "NotCertifiedError",
     "NotFiniteError",
     "NotHolonomicError",
     "OpenPathError",

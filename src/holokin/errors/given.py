@@ -56,6 +56,14 @@ class RecordingError(HolokinError):
         super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
+class CertificateError(HolokinError):
+    """A file that is no certificate."""
+
+    def __init__(self, path: object, fact: str) -> None:
+        self.path, self.fact = path, fact
+        super().__init__(f"{brief(path)} is no certificate: {brief(fact)}; give a file of `holokin certify`")
+
+
 class ExpressionError(HolokinError):
     """A formula in a job file that cannot be read."""
 

@@ -120,6 +120,14 @@ class LimitReachedError(PathError):
     """A joint ran into its limit along the path."""
 
 
+class NotCertifiedError(PathError):
+    """A path of which not all is proven; `.certificate` says what is, `.trajectory` holds the joints up to there."""
+
+    def __init__(self, fact: str, cure: str, trajectory: Any = None, certificate: Any = None) -> None:
+        self.certificate = certificate
+        super().__init__(fact, cure, trajectory)
+
+
 class ControllerError(PathError):
     """A controller that threw, blocked, or answered with something that is not n finite joint rates."""
 

@@ -1,5 +1,6 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
+from .certifying import certify_job
 from .export import export_job, job_strategy
 from .physics import simulate_job
 from .programs import program_of_job
@@ -13,6 +14,7 @@ __all__ = [
     "KINDS",
     "PAPER",
     "Job",
+    "certify_job",
     "expand",
     "export_job",
     "job_strategy",

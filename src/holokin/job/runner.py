@@ -52,7 +52,7 @@ from .several_paths import build_paths
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
 
-_OF_ONE_STRATEGY = (
+OF_ONE_STRATEGY = (
     SingularityError, PathError, EmptyRegionError, JointLimitError, NotFiniteError, RoundOffError,
 )  # fmt: skip
 """What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file."""
@@ -148,7 +148,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     variants.append(found)
                     about = f"{about} {note} {entry}".strip()
             except HolokinError as problem:
-                if not isinstance(problem.__cause__ or problem, _OF_ONE_STRATEGY):
+                if not isinstance(problem.__cause__ or problem, OF_ONE_STRATEGY):
                     raise
                 first = first or problem
                 failed.append(

@@ -1,0 +1,68 @@
+"""The strategies of a job, certified along its path or over the box of its [workspace]."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+
+from ..errors import ExpressionError, HolokinError, JobError
+from ..path import Path
+from ..proof import Certificate, certify
+from ..strategies import HolonomicStrategy
+from .build import build_begin, build_robot, build_start, build_strategy, naming
+from .covering import build_workspace
+from .path_building import build_entry, build_path
+from .runner import OF_ONE_STRATEGY
+from .schema import Job
+
+
+def certify_job(
+    job: Job, file: FilePath, *, workspace: bool = False, budget: int | None = None,
+    say: Callable[[str], None] = lambda _text: None,
+) -> Iterator[tuple[str, Certificate | str]]:  # fmt: skip
+    """(name, certificate, or why there is none) of each strategy of a job, one after the other.
+
+    Args:
+        workspace: over the box of the job's [workspace] instead of along its path.
+        budget: cells that may be examined for each; by default as `certify`.
+        say: hears what is going on.
+
+    Raises:
+        HolokinError: bad input.
+    """
+    robot = build_robot(job, file)
+    start = build_start(job, robot, file)
+    with naming(file, "task"):
+        tasks = job.task.tasks(robot, start)
+    if not workspace:
+        with naming(file, "path"):
+            where, _ = build_path(job, tasks[0], start, file)
+    elif job.workspace is None:
+        raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
+    elif job.workspace.kind != "box":
+        raise JobError(file, "workspace.kind", f"is {job.workspace.kind!r}", 'only a "box" can be certified')
+    else:
+        where = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
+    more = {} if budget is None else {"budget": budget}
+    for label, table in job.strategies.items():
+        for task in tasks:
+            title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
+            say(title)
+            try:
+                with naming(file, "strategies", label):
+                    strategy = build_strategy(job, label, task, start, title)
+                    if not isinstance(strategy, HolonomicStrategy):
+                        yield title, f"it has no leaves: {HolonomicStrategy.cure}"
+                        continue
+                    begin, _ = build_begin(table, strategy, start)
+                    if isinstance(where, Path):
+                        begin, _ = build_entry(job, strategy, where, begin)
+                    found = certify(
+                        strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more
+                    )
+            except HolokinError as problem:
+                if not isinstance(problem.__cause__ or problem, (*OF_ONE_STRATEGY, ExpressionError)):
+                    raise
+                yield title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem)
+            else:
+                yield title, found

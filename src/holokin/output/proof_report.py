@@ -1,0 +1,74 @@
+"""Certificates of a job: the table for the terminal, and the folder of their files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+from ..errors import brief
+from ..files import writing
+from ..proof import Certificate
+from .folder import FACTS, renewed
+from .table import Column
+
+COLUMNS: tuple[Column, ...] = (
+    ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
+    ("radius\nmost", "right"), ("nearest limit\n[rad or m]", "right"), ("|det [J; J_g]|\nleast", "right"),
+)  # fmt: skip
+
+
+def cells(name: str, found: Certificate | str) -> list[str]:
+    """The row of one strategy."""
+    if isinstance(found, str):
+        return [name, "NO", *["-"] * (len(COLUMNS) - 2)]
+    proven = "all" if found.whole else "part" if len(found) else "NO"
+    if not len(found):
+        return [name, proven, "0", f"{found.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
+    return [
+        name, proven, str(len(found)), f"{found.seconds:.2g}", f"{found.findings.omega.max():.2g}",
+        f"{found.findings.r.max():.1e}", f"{found.to_limit.min():.3g}", f"{found.determinant:.1e}",
+    ]  # fmt: skip
+
+
+def print_certificates(title: str, found: dict[str, Certificate | str], console: Any) -> None:
+    """Print the table of a job's certificates, and each theorem below it."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
+    for heading, justify in COLUMNS:
+        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
+    colors = {"all": "green", "part": "yellow", "NO": "red"}
+    for name, one in found.items():
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
+    console.print(table)
+    for name, one in found.items():
+        text = f"not certified: {one}" if isinstance(one, str) else str(one)
+        style = "green" if isinstance(one, Certificate) and one.whole else "yellow"
+        console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
+        if isinstance(one, Certificate) and not one.whole:
+            console.print(f"    {one.extent.value}", style="yellow", markup=False, highlight=False)
+
+
+def write_certificates(name: str, found: dict[str, Certificate | str], out: FilePath, version: str) -> list[FilePath]:
+    """Write NAME-certificate.json for each into `out/<name>`, which is replaced whole, see `renewed`.
+
+    Raises:
+        ArgumentError: the folder exists and was not written by holokin, or cannot be made. WriteError.
+    """
+    files: list[str] = []
+    facts: dict[str, Any] = {"holokin": version, "strategies": {}}
+    with renewed(out, name) as work:
+        for label, one in found.items():
+            word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
+            stem = word if f"{word}-certificate.json" not in files else f"{word}-{len(files) + 1}"
+            if isinstance(one, Certificate):
+                files.append(f"{stem}-certificate.json")
+                one.save(work / files[-1])
+            text = one if isinstance(one, str) else one.theorem
+            facts["strategies"][label] = {"proven": isinstance(one, Certificate) and one.whole, "theorem": text}
+        with writing(work / FACTS):
+            facts["files"] = sorted([FACTS, *files])
+            (work / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
+    return [out / name / file for file in files]

@@ -1,0 +1,7 @@
+"""Proofs by computation: a theorem about a leaf along a path, or over a box of tool poses, and its certificate."""
+
+from .certificate import Certificate, Extent
+from .certified_following import follow_certified
+from .certifying import certify
+
+__all__ = ["Certificate", "Extent", "certify", "follow_certified"]

@@ -1,0 +1,240 @@
+"""`Certificate`: a theorem about a leaf, the cells that it was computed from, and what can be read off them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, fields
+from enum import Enum
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..arguments import typed
+from ..files import replacing
+from ..symbolic import intervals as iv
+from ..symbolic.intervals import Interval
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from .equation import Equation
+from .tube import Cells, Findings
+
+FORMAT = "holokin certificate 1"
+
+DETERMINANT = 1.15
+"""Of e + omega r in the bound of the determinant: room for the checker's own."""
+
+
+class Extent(Enum):
+    """How far a proof came, and why no farther; the text names cause and cure."""
+
+    WHOLE = "all that was asked is proven"
+    SINGULAR = "[J; J_g] is singular, or so nearly that no cell passes the test; choose another constraint or leaf"
+    LIMIT = "a joint is at its limit or beyond it; choose another leaf, or ask with limits=False"
+    BUDGET = "the cells that were allowed are spent; allow more with budget="
+    END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
+    APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
+
+    @property
+    def cause(self) -> str:
+        """The text without its cure."""
+        return self.value.partition(";")[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes(Value):
+    """k boxes of parameters: piece (k,), low, high (k, d); rho (k,) of their tubes; again (k,): tried before.
+
+    Of a path's piece the parameter is the share of it; of a box of poses they count from -1 to 1 across it.
+    """
+
+    piece: Indices
+    low: Matrix
+    high: Matrix
+    rho: Vector
+    again: Flags
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+
+@dataclass(frozen=True, eq=False)
+class Covered(Value):
+    """Boxes that were proven, with their cells and findings; why no more were, and at which box (piece, low)."""
+
+    boxes: Boxes
+    cells: Cells
+    findings: Findings
+    extent: Extent = Extent.WHOLE
+    stopped: tuple[int, tuple[float, ...]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def only(self, chosen: Array) -> Covered:
+        """Some of them."""
+        parts = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
+        return Covered(*parts, self.extent, self.stopped)
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate(Value):
+    """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
+
+    `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are
+    the cells, in the order of a path. low, high (n,) are a hull of the joints over them [joint unit], `determinant` a
+    lower bound of |det [J; J_g]|, `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns`
+    (n,) are the whole turns of the joints round it, and `gap` [joint unit] bounds how far else they end from where they
+    began: not 0, since the path itself is given in doubles; else it is infinite.
+    """
+
+    title: str
+    theorem: str
+    extent: Extent
+    where: str
+    proven: Covered
+    low: Vector
+    high: Vector
+    determinant: float
+    to_limit: Vector
+    turns: Vector
+    gap: float
+    seconds: float
+    equation: Equation
+    c: Vector
+    slack: float
+    limits: Interval | None
+    pieces: Matrix
+
+    def __len__(self) -> int:
+        return len(self.proven)
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.title!r}, {self.extent.name}, {len(self)} cells)"
+
+    def __str__(self) -> str:
+        return self.theorem
+
+    def table(self) -> str:
+        """The numbers of the theorem, as lines of text."""
+        lines = [f"proven: {self.extent.value}"] + ([f"up to: {self.where}"] if self.where else [])
+        lines.append(f"cells: {len(self)}, after {self.seconds:.2g} s")
+        if not len(self):
+            return "\n".join(lines)
+        f, robot = self.findings, self.equation.strategy.task.robot
+        for name, values in (("omega", f.omega), ("eta", f.eta), ("radius", f.r), ("alone within", f.alone)):
+            lines.append(f"{name:12} {values.min():9.2e} to {values.max():9.2e}")
+        lines.append(f"|det [J; J_g]| >= {self.determinant:.2e}")
+        if np.isfinite(self.gap):
+            turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
+            lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")
+        width = max(len("joint"), *map(len, robot.joint_names))
+        lines.append(f"{'joint':{width}}  {'from':>9} {'to':>9} {'to a limit':>11}")
+        for joint, low, high, left in zip(robot.coordinates, self.low, self.high, self.to_limit, strict=True):
+            lines.append(f"{joint.name:{width}}  {low:9.4f} {high:9.4f} {left:11.4f} {joint.unit}")
+        return "\n".join(lines)
+
+    @property
+    def whole(self) -> bool:
+        """True where all that was asked is proven."""
+        return self.extent is Extent.WHOLE
+
+    @property
+    def cells(self) -> Cells:
+        """Those that passed the test."""
+        return self.proven.cells
+
+    @property
+    def findings(self) -> Findings:
+        """omega, e, eta and the radii of each cell."""
+        return self.proven.findings
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """What the checker reads: the equation as a list of operations, the cells, and what is claimed of them.
+
+        A piece's parameters go from low to high; its numbers, the middle and the half sides of a cell follow (q, y) in
+        the inputs of the equation, and the level follows them.
+        """
+        equation, boxes, cells = self.equation, self.proven.boxes, self.proven.cells
+        place = np.zeros((equation.d, equation.d), dtype=int)
+        place[np.triu_indices(equation.d)] = np.arange(cells.Q.shape[2])
+        Q = cells.Q[:, :, np.maximum(place, place.T)]
+        named = {
+            "piece": boxes.piece, "low": boxes.low, "high": boxes.high, "q0": cells.q0, "V": cells.V, "Q": Q,
+            "r": self.findings.r, "rho": self.findings.alone,
+        }  # fmt: skip
+        rows = [{key: values[i].tolist() for key, values in named.items()} for i in range(len(cells))]
+        claims = {"low": self.low.tolist(), "high": self.high.tolist(), "determinant": self.determinant}
+        if np.isfinite(self.gap):
+            claims |= {"turns": self.turns.astype(int).tolist(), "gap": self.gap}
+        robot, start = equation.strategy.task.robot, 0.0 if equation.d == 1 else -1.0
+        return {
+            "format": FORMAT, "title": self.title, "theorem": self.theorem, "whole": self.whole, "where": self.where,
+            "robot": robot.name, "names": list(robot.joint_names), "joints": equation.n, "parameters": equation.d,
+            "units": [c.unit for c in robot.coordinates], "pieces": [
+                {"numbers": numbers.tolist(), "low": [start] * equation.d, "high": [1.0] * equation.d}
+                for numbers in self.pieces
+            ], "equation": equation.operations, "level": self.c.tolist(),
+            "angular": list(equation.angular), "slack": self.slack,
+            "limits": None if self.limits is None else [_finite(bound) for bound in self.limits],
+            "claims": claims, "cells": rows,
+        }  # fmt: skip
+
+    @typed
+    def save(self, file: str | FilePath) -> FilePath:
+        """Write it as JSON, for `holokin check-certificate`. Raises: WriteError."""
+        data = self.data
+        data = data | {"sha256": digest(data)}
+        with replacing(file) as part:
+            part.write_text(json.dumps(data, allow_nan=False) + "\n", "utf-8")
+        return FilePath(file)
+
+
+def digest(data: dict[str, Any]) -> str:
+    """SHA-256 of all but itself."""
+    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def some(part: Any, chosen: Array) -> Any:
+    """Some of the cells of a value whose fields are arrays of a row each."""
+    return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
+
+
+def joined(*parts: Any) -> Any:
+    """The rows of several values of one type, one after the other."""
+    return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
+
+
+def least_determinant(found: Findings) -> float:
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n with s = e + omega r, |det A| >= that / |det Y|."""
+    if not len(found.r):
+        return 0.0
+    shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
+    with np.errstate(divide="ignore"):
+        each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
+    return float(each.min())
+
+
+def determinants(A: Array) -> Interval:
+    """Enclosures (k,) of |det A| of matrices (k, n, n), by elimination in the order of rows that rounded numbers suggest."""
+    from scipy.linalg import lu
+
+    k, n, _ = A.shape
+    order = np.array([lu(matrix, p_indices=True)[0] for matrix in A], dtype=int).reshape(k, n).argsort(axis=1)
+    M = np.take_along_axis(A, order[:, :, None], axis=1)
+    rows = [iv.point(M[:, i, :].T.copy()) for i in range(n)]  # (n, k) each
+    total = iv.point(np.ones(k))
+    for j in range(n):
+        pivot = Interval(rows[j].low[j], rows[j].high[j])
+        total = iv.multiply(total, iv.absolute(pivot))
+        for i in range(j + 1, n):
+            factor = iv.divide(Interval(rows[i].low[j], rows[i].high[j]), pivot)
+            rows[i] = iv.subtract(rows[i], iv.multiply(factor, rows[j]))
+    return total
+
+
+def _finite(bounds: Vector) -> list[float | None]:
+    return [float(x) if np.isfinite(x) else None for x in bounds]

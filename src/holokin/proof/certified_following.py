@@ -1,0 +1,95 @@
+"""`follow_certified`: a path followed within the tubes of a certificate, so that no step can go to another branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import NotCertifiedError, OpenPathError
+from ..path import Path
+from ..sampling import make_plan, record
+from ..strategies import Strategy
+from ..trajectory import Status, Trajectory
+from ..types import ArrayLike, Matrix, Vector, whole
+from .certificate import Certificate, Extent, some
+from .certifying import certify
+from .tube import centred
+
+STATUS = {Extent.LIMIT: Status.LIMIT, Extent.SINGULAR: Status.SINGULAR, Extent.APART: Status.BRANCH}
+"""How a trajectory ends whose certificate does; else it is lost."""
+
+NEWTONS = 3
+"""Steps from a predictor, whose tube they converge in."""
+
+
+@typed
+def follow_certified(
+    strategy: Strategy, path: Path, q0: ArrayLike, *, samples: int = 500, cycles: int = 1, limits: bool = True,
+    budget: int = 20_000,
+) -> tuple[Trajectory, Certificate]:  # fmt: skip
+    """Follow a path as `follow` does, with a proof that no sample is on another branch: the cells control the steps.
+
+    Every sample is the root near the predictor of the proven cell that it falls into, to a few roundings; that it lies
+    in the cell's tube is checked, so it is the one root of the theorem.
+
+    Args:
+        samples: steps a cycle, at least. cycles: of a closed path. limits, budget: as of `certify`.
+
+    Returns:
+        (trajectory, certificate).
+
+    Raises:
+        NotCertifiedError: not all is proven; `.trajectory` and `.certificate` hold what is.
+        OpenPathError: several cycles of an open path, or of one whose end is not shown to be its beginning.
+        What `certify` raises.
+    """
+    if whole("cycles", cycles) > 1 and not path.closed:
+        raise OpenPathError(f"following {cycles} cycles", path.gap)
+    proof = certify(strategy, path, q0, limits=limits, budget=budget)
+    task = strategy.task
+    start = task.robot.checked(q0, "the start posture")
+    plan = make_plan(task, path, whole("samples", samples), task.pose(start)[:3, :3])
+    piece = np.repeat(np.arange(len(plan.counts)), plan.counts)
+    share = np.concatenate([np.arange(1, k + 1) / k for k in plan.counts.tolist()])
+    once = np.vstack([start, roots(proof, piece, share)])
+    q = once
+    if proof.whole and cycles > 1:
+        turns = 2 * np.pi * proof.turns
+        q = np.vstack([once, *(once[1:] + k * turns for k in range(1, cycles))])
+    status = Status.COMPLETE if proof.whole else STATUS.get(proof.extent, Status.LOST)
+
+    def rates() -> Matrix:
+        ends = plan.rates_at_ends()
+        index = 1 + np.arange(len(q) - 1) % plan.steps
+        return strategy.rate.batch(q, np.vstack([ends[:1], ends[index]]))[0].reshape(len(q), task.n)
+
+    def residual() -> Vector:
+        leaf = proof.equation.strategy
+        values = leaf.constraint_value.batch(q).reshape(len(q), -1)
+        return np.abs(leaf.constraint.nearest(values - proof.c)).max(axis=1, initial=0.0)
+
+    walk = record(task, plan, q, rates, cycles, status, residual)
+    if not proof.whole:
+        raise NotCertifiedError(str(proof).rstrip("."), proof.extent.value.partition("; ")[2], walk, proof)
+    return walk, proof
+
+
+def roots(proof: Certificate, piece: Vector, share: Vector) -> Matrix:
+    """The joints (k, n) at shares of pieces of a path, as many of the first as are proven."""
+    boxes = proof.proven.boxes
+    key, ends = piece + share, boxes.piece + boxes.high[:, 0]
+    cell = np.searchsorted(ends, key)
+    known = cell < len(ends)
+    known[known] &= (boxes.piece + boxes.low[:, 0])[cell[known]] <= key[known]
+    count = int(np.argmin(known)) if not known.all() else len(known)
+    cell = cell[:count]
+    if not count:
+        return np.empty((0, proof.equation.n))
+    cells, low, high = some(proof.cells, cell), boxes.low[cell], boxes.high[cell]
+    y = (2 * share[:count, None] - low - high) / (high - low)
+    guess = cells.predicted(y)
+    numbers = cells.numbers.copy()
+    numbers[:, -2], numbers[:, -1] = share[:count], 0.0
+    found = centred(proof.equation, guess, numbers, proof.c, np.ones(count), newtons=NEWTONS).q0
+    off = np.linalg.norm(found - guess, axis=1) <= proof.findings.alone[cell]
+    return found[: count if off.all() else int(np.argmin(off))]

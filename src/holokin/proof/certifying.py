@@ -1,0 +1,153 @@
+"""`certify`: the proof that a leaf is one smooth function over a path, or over a box of tool poses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, PathError
+from ..motion import follow
+from ..path import Path
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy, Strategy
+from ..symbolic.intervals import Interval
+from ..trajectory import Status
+from ..types import ArrayLike, Vector, whole
+from ..workspaces import Workspace
+from .certificate import Certificate, Covered, Extent, joined, least_determinant
+from .equation import one_frame
+from .pathway import Pathway, closing
+from .posebox import PoseRegion
+from .search import Domain, covered, halves
+
+SAMPLES = 256
+"""Samples of the path that the predictors start from."""
+
+_WHY = {Status.LIMIT: Extent.LIMIT, Status.SINGULAR: Extent.SINGULAR}
+
+ROUNDS = 12
+"""Times that cells which could not be glued are halved."""
+
+
+@typed
+def certify(
+    strategy: Strategy,
+    where: Path | Workspace,
+    q0: ArrayLike,
+    *,
+    limits: bool = True,
+    budget: int = 20_000,
+    say: Callable[[str], None] = lambda _text: None,
+) -> Certificate:
+    """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
+
+    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g] is
+    regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all poses,
+    in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
+    doubles.
+
+    Args:
+        where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
+            its tilt and spin: of turns a box is covered that holds them.
+        limits: prove, too, that the joints stay within their limits.
+        budget: cells that may be examined.
+        say: hears of the progress.
+
+    Returns:
+        A certificate; where something could not be proven its `extent` says why, `where` the place, and what it holds
+        was proven up to there.
+
+    Raises:
+        ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
+        StartError, JointLimitError, and what `follow` or `inverse` raise where not even a first step is possible.
+    """
+    if not isinstance(strategy, HolonomicStrategy):
+        raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
+    if strategy.constraint.looped is not None:
+        cure = "its leaves are integrated: certify the polynomial that hk.strategies.fitted(strategy, postures) gives"
+        raise ArgumentError("the strategy to certify", strategy.name, cure)
+    one_frame(strategy.task)
+    began = time.perf_counter()
+    robot = strategy.task.robot
+    start = start_posture(robot, q0)
+    budget = whole("budget", budget)
+    ended = ""
+    walk = None
+    if isinstance(where, Path):
+        try:
+            walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
+        except PathError as problem:
+            if problem.trajectory is None or len(problem.trajectory) < 2:
+                raise
+            walk, ended = problem.trajectory, problem.fact.partition(":")[0].removeprefix("stopped in cycle 1, ")
+        domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
+    else:
+        domain = PoseRegion.of(strategy, where, start)
+    bounds = Interval(robot.lower, robot.upper) if limits else None
+    found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
+    extent, place = found.extent, domain.place(found)
+    if extent is Extent.WHOLE and walk is not None and ended:
+        extent, place = _WHY.get(walk.status, Extent.END), ended
+    turns, gap = np.zeros(robot.n), np.inf
+    if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
+        turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))
+    low, high = _hull(found, start)
+    to_limit = np.minimum(low - robot.lower, robot.upper - high)
+    determinant = least_determinant(found.findings)
+    title = f"{strategy.name}, {strategy.task.name}"
+    pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
+    about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
+    if extent is not Extent.WHOLE:
+        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are proven"
+    theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
+    return Certificate(
+        title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
+        time.perf_counter() - began, domain.equation, domain.c, domain.slack, bounds, pieces,
+    )  # fmt: skip
+
+
+def _theorem(
+    title: str, about: str, extent: Extent, place: str, found: Covered, determinant: float, limits: Interval | None,
+    to_limit: Vector, turns: Vector, gap: float,
+) -> str:  # fmt: skip
+    if not len(found):
+        return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
+    parts = [
+        f"on the leaf of {title} through the start {about} has exactly one posture in the tube of its cell, of "
+        f"{len(found)}; it is a smooth function of the pose, with |det [J; J_g]| >= {determinant:.2g}"
+    ]
+    if limits is not None and np.isfinite(to_limit).any():
+        parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
+    if np.isfinite(gap):
+        turned = f" after the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
+        parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
+    said = "; ".join(parts)
+    if extent is Extent.WHOLE:
+        return f"{said[0].upper()}{said[1:]}."
+    return f"Not all is proven, since at {place} {extent.cause}; but {said}."
+
+
+def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:
+    if not len(found):
+        return start, start
+    return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
+
+
+def _glued(domain: Domain, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+    """Cells over all of a domain, halved until neighbours share roots."""
+    boxes, found = domain.first(), None
+    for _ in range(ROUNDS):
+        new = covered(domain, boxes, limits, budget, say)
+        if found is not None:
+            parts = ((getattr(found, f), getattr(new, f)) for f in ("boxes", "cells", "findings"))
+            new = Covered(*(joined(*pair) for pair in parts), new.extent, new.stopped)
+        found = domain.arranged(new)
+        apart = domain.unglued(found)
+        if found.extent is not Extent.WHOLE or not apart.any():
+            return found if not apart.any() else found.only(~apart)
+        boxes = halves(found.boxes, found.cells, found.cells.rho / 2, apart)
+        found = found.only(~apart)
+    return Covered(found.boxes, found.cells, found.findings, Extent.APART)

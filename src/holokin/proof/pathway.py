@@ -1,0 +1,173 @@
+"""The proof along a path: cells of its pieces one after the other, glued at their ends.
+
+The root at the end of a cell must lie where the next cell's is the only root; so the roots make one smooth curve of
+joints. Where a path's pieces meet, and where a closed path ends, its poses agree but for round-off, which is enclosed
+and may be `SEAM` at most: there the joints jump by as little as `closing` tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..path import Path
+from ..strategies import HolonomicStrategy
+from ..symbolic.intervals import Interval, point
+from ..trajectory import Trajectory
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from .bounds import UP, norm
+from .certificate import Boxes, Covered, joined
+from .equation import Equation
+from .search import AIM, TUBE, Domain, on_grid
+from .targets import Stretch
+from .tube import Cells, examined
+
+SEAM = 1e-12
+"""What E may change by [m, 1] where pieces of a path meet: a path of some metres in doubles is off by 1e-15."""
+
+MOST = 4096
+"""Cells of a piece at first, at most: near a singular posture omega asks for millions."""
+
+
+@kept
+def equation_along(strategy: HolonomicStrategy, turning: bool, curved: bool) -> Equation:
+    """The equation of a strategy along paths, made once."""
+    return Equation(strategy, Stretch(turning, curved))
+
+
+@dataclass(frozen=True, eq=False)
+class Pathway(Value, Domain):
+    """Joints near the leaf c (r,) as a function of a path: splines through a trajectory, one a piece.
+
+    `rows` are those of `Path.table`; `ends` the share of each piece up to which it was followed.
+    """
+
+    equation: Equation
+    c: Vector
+    splines: tuple[Callable[[Array], Matrix], ...]
+    rows: Matrix
+    ends: Vector
+    slack: float = SEAM
+
+    @staticmethod
+    def of(strategy: HolonomicStrategy, path: Path, walk: Trajectory, samples: int) -> Pathway:
+        """From the postures of `follow`, which may have ended early."""
+        from scipy.interpolate import make_interp_spline
+
+        start = walk.q[0]
+        begun = strategy.task.pose(start)[:3, :3] if path.rotation is None else path.rotation
+        rows = path.table(begun)
+        splines, ends, first = [], [], 0
+        for count in path.counts(samples).tolist():
+            got = min(count, len(walk.q) - 1 - first)
+            if got < 1:
+                break
+            splines.append(make_interp_spline(np.arange(got + 1) / count, walk.q[first : first + got + 1], min(3, got)))
+            ends.append(float(on_grid(got / count)))
+            first += count
+        equation = equation_along(
+            strategy, bool(rows[:, 19:31].any()), bool(rows[:, [19, 20, 21, *range(25, 31)]].any())
+        )
+        return Pathway(equation, strategy.g(start), tuple(splines), rows[: len(splines)], np.array(ends))
+
+    def first(self) -> Boxes:
+        """Cells in which e is about `AIM`, from omega at sampled postures."""
+        piece = np.repeat(np.arange(len(self.splines)), 9)
+        u = np.tile(np.linspace(0, 1, 9), len(self.splines)) * np.repeat(self.ends, 9)
+        q, n = self._at(piece, u), self.equation.n
+        still = np.zeros((len(q), n, 1))
+        numbers = np.hstack([self.given(piece), u[:, None], np.zeros((len(u), 1))])
+        found = examined(self.equation, Cells(q, still, still, numbers, np.full(len(q), 1e-9)), self.c)
+        omega = np.minimum(found.omega, 1e6)
+        parts = []
+        for i, end in enumerate(self.ends.tolist()):
+            fine = np.linspace(0, end, 257)
+            way = np.linalg.norm(np.diff(self.splines[i](fine), axis=0), axis=1)
+            bend = np.interp(fine, u[piece == i], omega[piece == i])
+            total = np.concatenate([[0.0], np.cumsum(way * (bend[1:] + bend[:-1]) / 2)])
+            count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST))
+            edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, fine)))
+            count = len(edges) - 1
+            rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, fine, bend)
+            parts.append(Boxes(np.full(count, i), edges[:-1, None], edges[1:, None], rho, np.zeros(count, dtype=bool)))
+        return joined(*parts)
+
+    def given(self, piece: Indices) -> Matrix:
+        """Of the family `Stretch`."""
+        family = self.equation.family
+        return np.array([family.of(row) for row in self.rows])[piece] if isinstance(family, Stretch) else self.rows
+
+    def joints(self, boxes: Boxes) -> Matrix:
+        """By the splines."""
+        return self._at(boxes.piece, (boxes.low + boxes.high)[:, 0] / 2)
+
+    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
+        """Those behind the first place where the proof failed."""
+        piece, (low, *_) = min(stopped)
+        return (boxes.piece > piece) | ((boxes.piece == piece) & (boxes.low[:, 0] >= low))
+
+    def arranged(self, found: Covered) -> Covered:
+        """In the order of the path, up to where the proof failed."""
+        b = found.boxes
+        order = np.lexsort((b.low[:, 0], b.piece))
+        if found.stopped is not None:
+            piece, (low, *_) = found.stopped
+            order = order[((b.piece < piece) | ((b.piece == piece) & (b.low[:, 0] < low)))[order]]
+        return found.only(order)
+
+    def unglued(self, found: Covered) -> Flags:
+        """Those whose root at the end is not shown to be the next one's only root at its beginning, and the next."""
+        k = len(found)
+        out = np.zeros(k, dtype=bool)
+        if k > 1:
+            first, second = np.arange(k - 1), np.arange(1, k)
+            apart = distances(found, first, second, np.zeros(self.equation.n))
+            out[:-1] = ~(apart <= found.findings.alone[1:] / UP)
+            for i in np.flatnonzero(np.diff(found.boxes.piece)):
+                out[i] |= not self.jump(found, int(i), int(i) + 1) <= self.slack
+            out[1:] |= out[:-1]
+        return out
+
+    def jump(self, found: Covered, one: int, other: int) -> float:
+        """A bound of what E changes from the end of one cell to the beginning of another."""
+        at = np.concatenate([found.cells.numbers[one], found.cells.numbers[other]])[:, None]
+        return float(norm(Interval(*(x[None] for x in self.equation.seam(at, at))))[0])
+
+    def place(self, found: Covered) -> str:
+        """Piece and share."""
+        if found.stopped is None:
+            return ""
+        piece, (low, *_) = found.stopped
+        return f"{100 * low:.4g} % of piece {piece + 1} of the path"
+
+    def _at(self, piece: Indices, u: Vector) -> Matrix:
+        n = self.equation.n
+        return np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
+
+
+def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:
+    """How far at most (k,) roots at the ends of some cells, less whole turns, are from others' predictors at y = -1."""
+    cells, one = found.cells, np.ones((len(found), 1))
+    gap = cells.predicted(one)[ones] - 2 * np.pi * turns - cells.predicted(-one)[others]
+    slip = cells.slip[ones] + cells.slip[others] + 1e-14 * np.linalg.norm(turns)
+    return (np.linalg.norm(gap, axis=1) + found.findings.r[ones] + slip) * UP
+
+
+def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, float]:
+    """(whole turns (n,) of the joints, a bound of what is missing besides them); infinite if that is not shown.
+
+    The root a at the end, less the turns, lies where the first cell's root b at its beginning is the only one; a is
+    within `apart` of the predictor there, b within r, and |E(a)| <= jump. With F = Y E and s = e + omega (apart + r) / 2
+    |F(a) - F(b) - (a - b)| <= s |a - b|, hence |a - b| <= |Y| jump / (1 - s).
+    """
+    cells, f = found.cells, found.findings
+    last, first = cells.predicted(np.ones((len(cells), 1)))[-1], cells.predicted(-np.ones((len(cells), 1)))[0]
+    turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0)
+    apart = float(distances(found, np.array([len(cells) - 1]), np.array([0]), turns)[0])
+    jump = domain.jump(found, len(cells) - 1, 0)
+    slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP
+    if not (apart <= f.alone[0] / UP and jump <= domain.slack and slope > 0 and domain.equation.periodic(turns)):
+        return turns, np.inf
+    return turns, float(norm(point(f.Y[:1]))[0]) * jump / slope * UP * 2  # twice: room for the checker

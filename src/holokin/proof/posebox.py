@@ -1,0 +1,155 @@
+"""The proof over a box of poses: cells that fill it, glued across their faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ArgumentError, HolokinError
+from ..motion import inverse
+from ..strategies import HolonomicStrategy
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ..workspaces import Box, PoseRange, Workspace
+from .bounds import UP
+from .certificate import Boxes, Covered, some
+from .equation import Equation
+from .search import AIM, TUBE, Domain, on_grid
+from .targets import PoseBox
+from .tube import centred, examined
+
+WIDER = 1 + 1e-12
+"""Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
+
+
+@kept
+def equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
+    """The equation of a strategy over boxes of poses, made once."""
+    return Equation(strategy, PoseBox(turning))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRegion(Value, Domain):
+    """p0 + P u, R0 C(W u), u in [-1, 1]^d, with half sides P (3,) [m] and W (3,) of the Cayley parameters.
+
+    `axes` are the parameters that vary; the others stay 0.
+    """
+
+    equation: Equation
+    c: Vector
+    p0: Vector
+    R0: Matrix
+    half: Vector
+    q: Vector
+    """Joints (n,) of the leaf at the middle."""
+    inverse: object
+    slack: float = 0.0
+
+    @staticmethod
+    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector) -> PoseRegion:
+        """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle."""
+        if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
+            raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
+        turns = strategy.task.turns or strategy.task.orientation is not None
+        tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
+        turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
+        turning = bool(turn.any())
+        half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
+        ik = inverse(strategy, q0)
+        return PoseRegion(
+            equation_over(strategy, turning), strategy.g(q0), space.solid.center, space.rotation, half,
+            ik(space.center), ik,
+        )  # fmt: skip
+
+    def first(self) -> Boxes:
+        """Cells in which e is about `AIM`, by omega at the middle."""
+        d = self.equation.d
+        one = np.ones((1, d))
+        whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
+        tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
+        cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
+        omega = float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
+        sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
+        moving = max(1, int((sides > 0).sum()))
+        counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(moving) / AIM)).astype(int)
+        counts = np.minimum(counts, 64)
+        while counts.prod() > 20_000:
+            counts = np.maximum(1, counts // 2)
+        grid = [on_grid(np.linspace(-1, 1, count + 1)) for count in counts]
+        low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
+        high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
+        k = len(low)
+        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, TUBE / omega), np.zeros(k, dtype=bool))
+
+    def given(self, piece: Indices) -> Matrix:
+        """Of the family `PoseBox`."""
+        return np.tile(np.concatenate([self.p0, self.R0.ravel(), self.half]), (len(piece), 1))
+
+    def poses(self, boxes: Boxes) -> Array:
+        """(k, 4, 4) at the middles."""
+        from scipy.spatial.transform import Rotation
+
+        at = (boxes.low + boxes.high) / 2 * self.half
+        T = np.tile(np.eye(4), (len(boxes), 1, 1))
+        T[:, :3, 3] = self.p0 + at[:, :3]
+        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(boxes), 3))
+        turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
+        T[:, :3, :3] = self.R0 @ turn.as_matrix()
+        return T
+
+    def joints(self, boxes: Boxes) -> Matrix:
+        """By inverse kinematics on the leaf."""
+        found = np.empty((len(boxes), self.equation.n))
+        for i, pose in enumerate(self.poses(boxes)):
+            try:
+                found[i] = self.inverse.near(pose, self.q)
+            except HolokinError:
+                found[i] = self.q
+        return found
+
+    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
+        """All: one place where the proof fails ends it."""
+        return np.ones(len(boxes), dtype=bool)
+
+    def arranged(self, found: Covered) -> Covered:
+        """All of them."""
+        return found
+
+    def unglued(self, found: Covered) -> Flags:
+        """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
+        b, findings = found.boxes, found.findings
+        out, slip = np.zeros(len(b), dtype=bool), found.cells.slip
+        for axis in range(self.equation.d):
+            order = np.argsort(b.low[:, axis], kind="stable")
+            starts = b.low[order, axis]
+            others = [a for a in range(self.equation.d) if a != axis]
+            for i in range(len(b)):
+                first, last = np.searchsorted(starts, [b.high[i, axis], np.nextafter(b.high[i, axis], np.inf)])
+                js = order[first:last]
+                low, high = np.maximum(b.low[js], b.low[i]), np.minimum(b.high[js], b.high[i])
+                touching = (low[:, others] < high[:, others]).all(axis=1)
+                if not touching.any():
+                    continue
+                js, y = js[touching], (low[touching] + high[touching]) / 2
+                y[:, axis] = b.high[i, axis]
+                mine, theirs = _within(found, np.full(len(js), i), y), _within(found, js, y)
+                apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + slip[i] + slip[js]
+                bad = ~(apart <= findings.alone[js] / UP)
+                out[i] |= bad.any()
+                out[js[bad]] = True
+        return out
+
+    def place(self, found: Covered) -> str:
+        """The pose."""
+        if found.stopped is None:
+            return ""
+        low = np.array(found.stopped[1])
+        at = self.p0 + low[:3] * self.half[:3]
+        return f"the pose at {np.round(at, 6).tolist()}"
+
+
+def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:
+    """The predicted joints (k, n) of some cells at parameters u (k, d) of the box of poses: y = (u - u0) / h."""
+    low, high = found.boxes.low[chosen], found.boxes.high[chosen]
+    half = (high - low) / 2
+    return some(found.cells, chosen).predicted((y - (low + high) / 2) / np.where(half > 0, half, 1.0))

@@ -1,0 +1,158 @@
+"""The search for a proof: boxes of parameters, halved where the test of their cells fails.
+
+A box is low <= u <= high, d numbers, of a piece: of a path's piece the share, of a workspace the parameters of its
+poses.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import numpy as np
+
+from ..symbolic.intervals import Interval
+from ..types import Array, Flags, Indices, Matrix, Vector
+from .certificate import Boxes, Covered, Extent, joined, some
+from .equation import Equation
+from .tube import Cells, Findings, centred, examined
+
+SHORTEST = 1e-7
+"""Joint motion [joint units] of a cell below which it is not halved: the leaf is singular there."""
+
+LONE = 3.3
+"""A root is looked for where it is the only one within this many times the bound of its distance from the predictor, so
+that cells can be glued: the predictors of neighbours are apart by the sum of their bounds at most."""
+
+TUBE = 0.25
+"""The radius of a tube at first, times omega."""
+
+AIM = 0.33
+"""What e, the change of [J; J_g] within a cell, is to be: the test ends at 1, and cells far below it are many."""
+
+GRID = 2.0**-50
+"""Bounds of boxes are whole multiples of it, and at most 1: their sums, differences and middles are exact."""
+
+BATCH = 1024
+"""Cells examined at once: 100 MB of intervals."""
+
+
+FEW = 32
+"""Cells examined at once where none was proven before: a place where the proof fails is then found soon."""
+
+
+class Domain(ABC):
+    """What a proof is about: the tool poses of boxes of parameters, and joints near their roots."""
+
+    equation: Equation
+    c: Vector
+    slack: float
+
+    @abstractmethod
+    def first(self) -> Boxes:
+        """Boxes that cover it."""
+
+    @abstractmethod
+    def given(self, piece: Indices) -> Matrix:
+        """The numbers (k, .) of the family of some pieces, without the last ones, u0 and h."""
+
+    def numbers(self, boxes: Boxes) -> Matrix:
+        """The numbers (k, .) of the family over boxes: u0 and h are exact."""
+        middle, half = (boxes.low + boxes.high) / 2, (boxes.high - boxes.low) / 2
+        return np.hstack([self.given(boxes.piece), middle, half])
+
+    @abstractmethod
+    def joints(self, boxes: Boxes) -> Matrix:
+        """Joints (k, n) near the roots at their middles."""
+
+    @abstractmethod
+    def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
+        """(k,) True for boxes that are of no use once the proof has failed at some places (piece, low)."""
+
+    @abstractmethod
+    def arranged(self, found: Covered) -> Covered:
+        """The proven cells in order, those that count where the proof failed."""
+
+    @abstractmethod
+    def unglued(self, found: Covered) -> Flags:
+        """(k,) True for cells whose root is not shown to be that of a neighbour where they meet."""
+
+    @abstractmethod
+    def place(self, found: Covered) -> str:
+        """In words where the proof failed; nothing where it did not."""
+
+
+def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+    """Extent boxes over all of some boxes, as far as they can be."""
+    done: list[tuple[Boxes, Cells, Findings]] = []
+    stopped: list[tuple[int, tuple[float, ...]]] = []
+    reasons: list[Extent] = []
+    spent, proven_so_far, batch = 0, 0, BATCH
+    left = boxes
+    while len(left):
+        if spent >= budget:
+            stopped += _places(left)
+            reasons += [Extent.BUDGET] * len(left)
+            break
+        size = np.max(left.high - left.low, axis=1)
+        order = np.argsort(size, kind="stable")  # the smallest first: where it may fail
+        if budget - spent < len(left):  # the last ones: in the order of a path
+            order = np.lexsort((left.low[:, 0], left.piece))
+        chosen = np.sort(order[: min(batch, budget - spent)])
+        rest = np.ones(len(left), dtype=bool)
+        rest[chosen] = False
+        here, waiting = some(left, chosen), some(left, rest)
+        spent += len(here)
+        numbers = domain.numbers(here)
+        cells = centred(domain.equation, domain.joints(here), numbers, domain.c, here.rho)
+        found = examined(domain.equation, cells, domain.c, domain.slack)
+        good = found.passed & (LONE * found.r <= found.alone)
+        inside = np.ones(len(here), dtype=bool)
+        if limits is not None:
+            inside = ((found.low >= limits.low) & (found.high <= limits.high)).all(axis=1)
+        proven = good & inside
+        done.append((some(here, proven), some(cells, proven), some(found, proven)))
+        proven_so_far += int(proven.sum())
+        batch = min(BATCH, FEW + 8 * int(proven.sum()))
+        say(proven_so_far)
+        small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.max(here.high - here.low, axis=1) < 8 * GRID)
+        final = ~proven & small
+        stopped += _places(some(here, final))
+        reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
+        failed = ~proven & ~final
+        need = np.where(np.isfinite(found.eta), 4 * found.eta, 0.0)  # r is at least eta
+        narrow = np.maximum(np.minimum(here.rho / 4, TUBE / np.clip(found.omega, 1e-3, 1e9)), need)
+        retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
+        again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
+        left = joined(waiting, again, halves(here, cells, np.maximum(here.rho / 2, need), failed & ~retried))
+        if stopped:
+            left = some(left, ~domain.beyond(left, stopped))
+    proven = [joined(*parts) for parts in zip(*done, strict=True)]
+    if not stopped:
+        return Covered(*proven)
+    first = min(range(len(stopped)), key=lambda i: stopped[i])
+    return Covered(*proven, reasons[first], stopped[first])
+
+
+def _places(boxes: Boxes) -> list[tuple[int, tuple[float, ...]]]:
+    return [(int(p), tuple(low)) for p, low in zip(boxes.piece, boxes.low.tolist(), strict=True)]
+
+
+def on_grid(values: Array) -> Array:
+    """Bounds of boxes in [-1, 1], moved to multiples of 2^-24: 26 halvings lead from there to `GRID`."""
+    return np.rint(np.asarray(values) * 2.0**24) * 2.0**-24
+
+
+def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:
+    """Both halves of some boxes, cut across the parameter that moves the joints most."""
+    k = int(chosen.sum())
+    axis = np.argmax(np.linalg.norm(cells.V[chosen], axis=1), axis=1)
+    low, high = boxes.low[chosen], boxes.high[chosen]
+    rows = np.arange(k)
+    middle = (low[rows, axis] + high[rows, axis]) / 2
+    upper, lower = low.copy(), high.copy()
+    upper[rows, axis] = lower[rows, axis] = middle
+    return Boxes(
+        np.tile(boxes.piece[chosen], 2), np.concatenate([low, upper]), np.concatenate([lower, high]),
+        np.tile(rho[chosen], 2), np.zeros(2 * k, dtype=bool),
+    )  # fmt: skip

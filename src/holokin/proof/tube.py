@@ -1,0 +1,235 @@
+"""The Newton-Kantorovich test of many cells at once. [KA82, XVIII] [Deu11, 2.1]
+
+A cell is a member of a family of tool poses x(y), y in [-1, 1]^d, with a predictor q(y) = q0 + V y + 1/2 Q y y of the
+joints and a matrix Y near [D_q E(q0, 0)]^-1. Over its tube, all q within rho of the predictor,
+
+    omega >= |Y D_q^2 E|,   e >= |1 - Y D_q E(q(y), y)|,   eta >= |Y E(q(y), y)|   for all y.
+
+If e < 1 and 2 omega eta <= (1 - e)^2, then for every y there is exactly one root within
+r = 2 eta / (1 - e + sqrt((1 - e)^2 - 2 omega eta)) of q(y), and it is the only one within min(rho, 2 (1 - e) / omega -
+r). Where 2 omega eta < (1 - e)^2, which is asked, D_q E is regular there: the roots are a smooth function of y. E must
+be smooth in the tube: that no guard of `symbolic.separated` vanishes there is asked too.
+
+The box q0 +- (reach + rho) holds all balls of radius rho about the predictor, and the straight lines from (q0, 0) to
+(q(y), y), along which D_q E changes by D_q^2 E (q(y) - q0) + D_y D_q E y: hence
+e <= |1 - Y D_q E(q0, 0)| + omega |q(y) - q0| + sqrt(d) |Y D_y D_q E|.
+The 2-norm of second derivatives laid side by side bounds that of the bilinear map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product as product_of
+
+import numpy as np
+
+from ..symbolic.intervals import PI, Interval, multiply, point, subtract
+from ..types import Array, Matrix, Value, Vector
+from .bounds import UNIT, UP, norm, product
+from .equation import Equation
+
+MARGIN = 1.25
+"""Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
+
+
+def pair_weights(d: int) -> Vector:
+    """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
+    return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
+
+
+@dataclass(frozen=True, eq=False)
+class Cells(Value):
+    """k cells: q0 (k, n), V (k, n, d), Q (k, n, d (d + 1) / 2), numbers (k, .) of the family, rho (k,)."""
+
+    q0: Matrix
+    V: Array
+    Q: Array
+    numbers: Matrix
+    rho: Vector
+
+    def __len__(self) -> int:
+        return len(self.q0)
+
+    @property
+    def reach(self) -> Matrix:
+        """How far the predictor goes from q0 at most, joint by joint (k, n)."""
+        d = self.V.shape[2]
+        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ pair_weights(d)) * UP
+
+    @property
+    def way(self) -> Vector:
+        """How far the predictor goes from q0 at most (k,), in the 2-norm: |V y| is largest at a corner of the box of y.
+
+        A corner is off by d u |V|_F at most, and the largest is at least |V|_F: so `UP` covers it.
+        """
+        d = self.V.shape[2]
+        corners = np.array(list(product_of((1.0,), *[(-1.0, 1.0)] * (d - 1)))).T
+        linear = np.linalg.norm(self.V @ corners, axis=1).max(axis=1)
+        bend = np.linalg.norm(self.Q, axis=1) @ pair_weights(d)
+        return (linear + bend) * UP + 1e-150
+
+    def predicted(self, y: Matrix) -> Matrix:
+        """q(y) (k, n) at y (k, d), within `slip` of it."""
+        d = self.V.shape[2]
+        pairs = [(i, j) for i in range(d) for j in range(i, d)]
+        products = np.array([y[:, i] * y[:, j] * (0.5 if i == j else 1.0) for i, j in pairs]).T
+        return self.q0 + np.einsum("knd,kd->kn", self.V, y) + np.einsum("knp,kp->kn", self.Q, products)
+
+    @property
+    def slip(self) -> Vector:
+        """How far `predicted` is off (k,) at most, where y is within 8 u of what is meant, |y| <= 1.
+
+        The sum has up to 1 + d + d (d + 1) / 2 <= 28 terms of three factors: (28 + 3 + 2 x 8) u < 1e-14 of their sizes.
+        """
+        return 1e-14 * np.linalg.norm(np.abs(self.q0) + self.reach, axis=1) + 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(Value):
+    """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
+    that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, n) of the joints
+    at the roots."""
+
+    Y: Array
+    omega: Vector
+    e: Vector
+    eta: Vector
+    r: Vector
+    alone: Vector
+    facing: Vector
+    low: Matrix
+    high: Matrix
+
+    @property
+    def passed(self) -> Array:
+        """(k,) True where the theorem holds."""
+        return np.isfinite(self.r)
+
+
+def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vector, newtons: int = 1) -> Cells:
+    """Cells about the roots near q (k, n), with the predictors of the second order there: V = -Y E_y, Q = -Y F_yy."""
+    n, d, k = equation.n, equation.d, len(q)
+    fixed = np.vstack([numbers.T, np.repeat(c[:, None], k, axis=1)])
+    still = np.zeros((d, k))
+    Y = np.zeros((k, n, n))
+    for _ in range(newtons):
+        E, A = _value(equation, np.vstack([q.T, still, fixed]))
+        Y = inverses(A.middle)
+        step = np.einsum("kij,kj->ki", Y, _wrapped(equation, E).middle[:, :, 0])
+        q = q - np.where(np.isfinite(step) & (np.abs(step) < 1.0), step, 0.0)
+    pairs = d * (d + 1) // 2
+    zero = np.zeros((n * (d + pairs), k))
+    first = _along(equation, np.vstack([still, q.T, zero, fixed]))[0].middle
+    V = -Y @ first
+    flat = np.swapaxes(V, 1, 2).reshape(k, -1).T
+    second = _along(equation, np.vstack([still, q.T, flat, zero[: n * pairs], fixed]))[1].middle
+    return Cells(q, V, -Y @ second, numbers, rho)
+
+
+def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) -> Findings:
+    """The test of all cells. `slack`: tool poses may be off by this much, for joints between pieces of a path [m]."""
+    n, d, k = equation.n, equation.d, len(cells)
+    fixed = np.vstack([cells.numbers.T, np.repeat(c[:, None], k, axis=1)])
+    still, one = np.zeros((d, k)), np.ones((d, k))
+    E, A = _value(equation, np.vstack([cells.q0.T, still, fixed]))
+    Y = inverses(A.middle)
+    off = product(Y, A)
+    at_center = norm(subtract(point(np.eye(n)), off))
+
+    reach = cells.reach
+    wide = (reach + cells.rho[:, None]) * UP
+    low = np.vstack([np.nextafter(cells.q0 - wide, -np.inf).T, -one, fixed])
+    high = np.vstack([np.nextafter(cells.q0 + wide, np.inf).T, one, fixed])
+    bent = equation.curvature(low, high)
+    first = 1 + equation.guards
+    last = first + n * n * (n + 1) // 2
+    H = Interval(_symmetric(bent.low[first:last], n), _symmetric(bent.high[first:last], n))
+    omega = norm(product(Y, H))
+    e = at_center + omega * cells.way * UP
+    if equation.family.turning:  # |y| <= sqrt(d)
+        mixed = _columns(Interval(bent.low[last:], bent.high[last:]), n)
+        e = e + norm(product(Y, mixed)) * np.sqrt(d)
+    e *= UP
+
+    flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
+    rest = np.vstack([cells.q0.T, *flat, fixed])
+    first, _ = _along(equation, np.vstack([still, rest]))
+    _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
+    eta = norm(product(Y, _wrapped(equation, E)))
+    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
+    eta = (eta + slack * norm(Interval(Y, Y))) * UP
+    apart = np.maximum(bent.low[1:last], -bent.high[1:last])[: equation.guards]
+    facing = np.minimum(bent.low[0], apart.min(axis=0, initial=np.inf))
+    with np.errstate(invalid="ignore", over="ignore"):
+        gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
+        good = (e < 1) & (gap >= 0) & (facing > 0)
+        least = 2 * eta / (1 - e + np.sqrt(np.where(good, gap, 0.0))) * UP
+        most = np.minimum(cells.rho, 2 * (1 - e) / np.maximum(omega, 1e-300) / UP - least)
+        r = least * MARGIN
+        good &= (r * MARGIN <= most) & (omega * r * MARGIN < 1 - e)
+        alone = np.where(good, most / MARGIN, 0.0)
+    r = np.where(good, r, np.inf)
+    size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-6)  # the radii of the checker are rounded more coarsely
+    low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
+    return Findings(Y, omega, e, eta, r, alone, facing, low, high)
+
+
+def inverses(A: Array) -> Array:
+    """Matrices near the inverses (k, n, n); zeros where there is none, which fail the test."""
+    found = np.zeros_like(A)
+    good = np.isfinite(A).all(axis=(1, 2))
+    try:
+        found[good] = np.linalg.inv(A[good])
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        for i in np.flatnonzero(good):
+            if np.linalg.matrix_rank(A[i]) == A.shape[1]:
+                found[i] = np.linalg.inv(A[i])
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _value(equation: Equation, at: Matrix) -> tuple[Interval, Interval]:
+    """(E (k, n, 1), D_q E (k, n, n)) at points."""
+    n = equation.n
+    found = equation.value(at, at)
+    return _columns(Interval(found.low[:n], found.high[:n]), n), _columns(Interval(found.low[n:], found.high[n:]), n)
+
+
+def _along(equation: Equation, low: Matrix, high: Matrix | None = None) -> tuple[Interval, Interval]:
+    """First (k, n, d) and second (k, n, d (d + 1) / 2) derivatives along the predictor."""
+    n, first = equation.n, equation.n * equation.d
+    found = equation.along(low, low if high is None else high)
+    return (
+        _columns(Interval(found.low[:first], found.high[:first]), n),
+        _columns(Interval(found.low[first:], found.high[first:]), n),
+    )
+
+
+def _wrapped(equation: Equation, E: Interval) -> Interval:
+    """E with the rows of g that are angles less whole turns."""
+    flags = np.array([False] * equation.strategy.task.m + [*equation.strategy.constraint.angular])
+    turns = np.rint(E.middle / (2 * np.pi)) * flags[:, None]
+    if not turns.any():
+        return E
+    return subtract(E, multiply(point(turns), Interval(np.array(2 * PI[0]), np.array(2 * PI[1]))))
+
+
+def _columns(a: Interval, rows: int) -> Interval:
+    """Matrices (k, rows, .) of enclosures written column by column (rows ., k)."""
+    low, high = (np.swapaxes(np.moveaxis(x, -1, 0).reshape(x.shape[-1], -1, rows), 1, 2) for x in a)
+    return Interval(low, high)
+
+
+def _column_sum(a: Interval, weights: Vector) -> Vector:
+    """sum_j weights_j |a_j| (k,) of the columns."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.sqrt(np.sum(np.square(a.magnitude), axis=1)) @ weights * (UP + len(weights) * UNIT) + 1e-150
+    return np.where(np.isfinite(size), size, np.inf)
+
+
+def _symmetric(found: Array, n: int) -> Array:
+    """(k, n, n * n) of columns j <= l (n n (n + 1) / 2, k) of second derivatives."""
+    columns = np.moveaxis(found, -1, 0).reshape(found.shape[-1], -1, n)
+    place = np.zeros((n, n), dtype=int)
+    for i, pair in enumerate((j, k) for j in range(n) for k in range(j, n)):
+        place[pair] = place[pair[::-1]] = i
+    return np.swapaxes(columns[:, place.ravel()], 1, 2)
