@@ -43,9 +43,9 @@ def certify(
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
 
-    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g] is
-    regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all poses,
-    in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
+    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g]
+    is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all
+    poses, in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
     doubles.
 
     Args:

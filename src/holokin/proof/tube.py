@@ -28,7 +28,6 @@ from ..types import Array, Matrix, Value, Vector
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
-
 MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
 
