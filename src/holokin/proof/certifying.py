@@ -140,8 +140,9 @@ def _glued(domain: Domain, limits: Interval | None, budget: int, say: Callable[[
     for _ in range(ROUNDS):
         new = covered(domain, boxes, limits, budget, say)
         if found is not None:
-            parts = ((getattr(found, f), getattr(new, f)) for f in ("boxes", "cells", "findings"))
-            new = Covered(*(joined(*pair) for pair in parts), new.extent, new.stopped)
+            names = ("boxes", "cells", "findings")
+            boxes, cells, findings = (joined(getattr(found, f), getattr(new, f)) for f in names)
+            new = Covered(boxes, cells, findings, new.extent, new.stopped)
         found = domain.arranged(new)
         apart = domain.unglued(found)
         if found.extent is not Extent.WHOLE or not apart.any():
