@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
+from typing import Any
 
 from ..errors import ExpressionError, HolokinError, JobError
 from ..path import Path
@@ -43,7 +44,7 @@ def certify_job(
         raise JobError(file, "workspace.kind", f"is {job.workspace.kind!r}", 'only a "box" can be certified')
     else:
         where = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
-    more = {} if budget is None else {"budget": budget}
+    more: dict[str, Any] = {} if budget is None else {"budget": budget}
     for label, table in job.strategies.items():
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"

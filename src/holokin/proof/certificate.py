@@ -72,10 +72,10 @@ class Covered(Value):
     def __len__(self) -> int:
         return len(self.boxes)
 
-    def only(self, chosen: Array) -> Covered:
+    def only(self, chosen: Any) -> Covered:
         """Some of them."""
-        parts = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
-        return Covered(*parts, self.extent, self.stopped)
+        boxes, cells, findings = (some(part, chosen) for part in (self.boxes, self.cells, self.findings))
+        return Covered(boxes, cells, findings, self.extent, self.stopped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def some(part: Any, chosen: Array) -> Any:
+def some(part: Any, chosen: Any) -> Any:
     """Some of the cells of a value whose fields are arrays of a row each."""
     return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
 
@@ -209,7 +209,7 @@ def joined(*parts: Any) -> Any:
 
 
 def least_determinant(found: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n with s = e + omega r, |det A| >= that / |det Y|."""
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r, and |det A| that / |det Y|."""
     if not len(found.r):
         return 0.0
     shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
@@ -219,7 +219,7 @@ def least_determinant(found: Findings) -> float:
 
 
 def determinants(A: Array) -> Interval:
-    """Enclosures (k,) of |det A| of matrices (k, n, n), by elimination in the order of rows that rounded numbers suggest."""
+    """Enclosures (k,) of |det A| of matrices (k, n, n), by elimination, the rows in the order of rounded numbers."""
     from scipy.linalg import lu
 
     k, n, _ = A.shape

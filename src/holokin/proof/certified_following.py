@@ -10,7 +10,7 @@ from ..path import Path
 from ..sampling import make_plan, record
 from ..strategies import Strategy
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Matrix, Vector, whole
+from ..types import ArrayLike, Indices, Matrix, Vector, whole
 from .certificate import Certificate, Extent, some
 from .certifying import certify
 from .tube import centred
@@ -74,7 +74,7 @@ def follow_certified(
     return walk, proof
 
 
-def roots(proof: Certificate, piece: Vector, share: Vector) -> Matrix:
+def roots(proof: Certificate, piece: Indices, share: Vector) -> Matrix:
     """The joints (k, n) at shares of pieces of a path, as many of the first as are proven."""
     boxes = proof.proven.boxes
     key, ends = piece + share, boxes.piece + boxes.high[:, 0]

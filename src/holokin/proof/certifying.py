@@ -44,9 +44,9 @@ def certify(
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
 
-    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g] is
-    regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all poses,
-    in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
+    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g]
+    is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all
+    poses, in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
     doubles.
 
     Args:
@@ -142,8 +142,9 @@ def _glued(domain: Domain, limits: Interval | None, budget: int, say: Callable[[
     for _ in range(ROUNDS):
         new = covered(domain, boxes, limits, budget, say)
         if found is not None:
-            parts = ((getattr(found, f), getattr(new, f)) for f in ("boxes", "cells", "findings"))
-            new = Covered(*(joined(*pair) for pair in parts), new.extent, new.stopped)
+            names = ("boxes", "cells", "findings")
+            boxes, cells, findings = (joined(getattr(found, f), getattr(new, f)) for f in names)
+            new = Covered(boxes, cells, findings, new.extent, new.stopped)
         found = domain.arranged(new)
         apart = domain.unglued(found)
         if found.extent is not Extent.WHOLE or not apart.any():

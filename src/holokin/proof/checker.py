@@ -58,7 +58,8 @@ RULES: dict[str, Callable[..., Any]] = {  # of balls: (value, slopes, second der
     "inv": unary(lambda a: (1 / a, -1 / a**2, 2 / a**3)), "log": unary(lambda a: (a.log(), 1 / a, -1 / a**2)),
     "sqrt": unary(lambda a: (a.sqrt(), a.rsqrt() / 2, -(a.rsqrt() ** 3) / 4)), "exp": unary(lambda a: [a.exp()] * 3),
     "sin": unary(lambda a: (a.sin(), a.cos(), -a.sin())), "cos": unary(lambda a: (a.cos(), -a.sin(), -a.cos())),
-    "tan": unary(lambda a: (t := a.tan(), s := 1 + t * t, 2 * t * s)), "fabs": unary(lambda a: (a * (s := sign(a)), s, 0)),
+    "tan": unary(lambda a: (t := a.tan(), s := 1 + t * t, 2 * t * s)),
+    "fabs": unary(lambda a: (a * (s := sign(a)), s, 0)),
     "atan": unary(lambda a: (a.atan(), r := 1 / (1 + abs(a) ** 2), -2 * a * r * r)),
     "asin": unary(lambda a: (a.asin(), r := (1 - a * a).rsqrt(), a * r**3)),
     "acos": unary(lambda a: (a.acos(), -(r := (1 - a * a).rsqrt()), -a * r**3)),
@@ -105,10 +106,10 @@ class Checker:
 
     def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Jet]:
         """q(y) = q0 + V y + 1/2 Q y y, and its derivatives."""
-        y, found = arb_mat([[t] for t in y]), []
+        t, found = arb_mat([[x] for x in y]), []
         for q, V, Q in zip(cell["q0"], cell["V"], cell["Q"], strict=True):
             V, Q = arb_mat([V]), arb_mat(Q)
-            found.append(((V * y)[0, 0] + (y.transpose() * Q * y)[0, 0] / 2 + q, V + (Q * y).transpose(), Q))
+            found.append(((V * t)[0, 0] + (t.transpose() * Q * t)[0, 0] / 2 + q, V + (Q * t).transpose(), Q))
         return found
 
     def outputs(self, cell: dict[str, Any], q: list[Jet], y: list[Jet]) -> list[Jet]:
@@ -202,7 +203,9 @@ class Checker:
         left = math.prod(Fraction(high[a]) - Fraction(low[a]) for a in axes)
         cells.sort(key=lambda c: c["low"])
         for k, one in enumerate(cells):
-            inside = [l <= a < b <= h for l, a, b, h in zip(low, one["low"], one["high"], high, strict=True)]
+            inside = [
+                first <= a < b <= last for first, a, b, last in zip(low, one["low"], one["high"], high, strict=True)
+            ]
             need(all(inside), "a cell reaches too far")
             left -= math.prod(Fraction(one["high"][a]) - Fraction(one["low"][a]) for a in axes)
             for other in cells[k + 1 :]:
