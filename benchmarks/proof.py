@@ -39,9 +39,12 @@ def cases() -> Iterator[Case]:
     yield "Panda, design of degree 2, circle of 0.1 m", made.strategy, small, PANDA
     iiwa = hk.load("iiwa14")
     x = iiwa.pose(IIWA)[:3, 3]
-    yield "iiwa 14, joint 3 locked, circle of 0.1 m", hk.holonomic(hk.pose(iiwa), hk.lock(2)), hk.circle(
-        x, center=x - [0.1, 0, 0]
-    ), IIWA
+    yield (
+        "iiwa 14, joint 3 locked, circle of 0.1 m",
+        hk.holonomic(hk.pose(iiwa), hk.lock(2)),
+        hk.circle(x, center=x - [0.1, 0, 0]),
+        IIWA,
+    )
     arm, q = hk.load("planar-3r"), np.array([0.3, 0.9, 0.9])
     law = hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]]))
     yield "planar 3R, q2 = q3, box of 1 m by 1 m", law, hk.workspace(box=((1.3, 0.0, 0.0), (0.5, 0.5, 0.0))), q
