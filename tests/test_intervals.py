@@ -177,8 +177,8 @@ def sampled(op: int) -> tuple[ca.SX, list[ca.SX]]:
 
 
 BINARY = {
-    "add", "sub", "mul", "div", "atan2", "fmin", "fmax", "copysign", "pow", "constpow", "lt", "le", "eq", "ne", "and", "or",
-    "if_else_zero", "hypot",
+    "add", "sub", "mul", "div", "atan2", "fmin", "fmax", "copysign", "pow", "constpow", "lt", "le", "eq", "ne", "and",
+    "or", "if_else_zero", "hypot",
 }  # fmt: skip
 
 
