@@ -177,8 +177,8 @@ def sampled(op: int) -> tuple[ca.SX, list[ca.SX]]:
 
 
 BINARY = {
-    "add", "sub", "mul", "div", "atan2", "fmin", "fmax", "copysign", "pow", "constpow", "lt", "le", "eq", "ne", "and", "or",
-    "if_else_zero", "hypot",
+    "add", "sub", "mul", "div", "atan2", "fmin", "fmax", "copysign", "pow", "constpow", "lt", "le", "eq", "ne", "and",
+    "or", "if_else_zero", "hypot",
 }  # fmt: skip
 
 
@@ -206,9 +206,9 @@ def test_an_operation_without_a_rule_is_refused_by_its_name() -> None:
 
 
 def test_the_list_of_operations_is_the_expression() -> None:
-    """Where CasADi writes over an argument too: each place names an earlier one, and the values are those of the function."""
+    """Each place names an earlier one, where CasADi writes over an argument too; the values are the same."""
     x = ca.SX.sym("x", 3)
-    y = ca.vertcat(ca.sin(x[0] * 3.5) + x[1], ca.sq(ca.cos(ca.sin(x[2]) - x[0])) / (2 + x[1]), x[0])
+    y = ca.vertcat(ca.sin(x[0] * 3.5) + x[1], ca.cos(ca.sin(x[2]) - x[0]) ** 2 / (2 + x[1]), x[0])
     listed, at = operation_list({"x": x}, y), np.array([0.3, -0.7, 1.9])
     values: list[float] = []
     rules = {"sin": math.sin, "cos": math.cos, "sq": lambda a: a * a, "neg": lambda a: -a}

@@ -76,7 +76,7 @@ class Equation(Value):
     @cached_property
     def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
         """(inputs, E, facing)."""
-        if self.strategy.constraint.transport is not None:
+        if self.strategy.constraint.looped is not None:
             cure = "its leaves are carried by a differential equation: prove the polynomial that `fitted` makes of it"
             raise ArgumentError("the strategy to certify", self.strategy.name, cure)
         e, task = self.strategy.expressions, one_frame(self.strategy.task)

@@ -159,7 +159,7 @@ def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, f
     """(whole turns (n,) of the joints, a bound of what is missing besides them); infinite if that is not shown.
 
     The root a at the end, less the turns, lies where the first cell's root b at its beginning is the only one; a is
-    within `apart` of the predictor there, b within r, and |E(a)| <= jump. With F = Y E and s = e + omega (apart + r) / 2
+    within `apart` of the predictor there, b within r, and |E(a)| <= jump. With F = Y E, s = e + omega (apart + r) / 2,
     |F(a) - F(b) - (a - b)| <= s |a - b|, hence |a - b| <= |Y| jump / (1 - s).
     """
     cells, f = found.cells, found.findings

@@ -94,10 +94,10 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
             stopped += _places(left)
             reasons += [Extent.BUDGET] * len(left)
             break
-        size = np.max(left.high - left.low, axis=1)
-        order = np.argsort(size, kind="stable")  # the smallest first: where it may fail
-        if budget - spent < len(left):  # the last ones: in the order of a path
+        if budget - spent < len(left):  # the first ones
             order = np.lexsort((left.low[:, 0], left.piece))
+        else:  # the smallest ones, where it may fail
+            order = np.argsort(np.prod(left.high - left.low, axis=1), kind="stable")
         chosen = np.sort(order[: min(batch, budget - spent)])
         rest = np.ones(len(left), dtype=bool)
         rest[chosen] = False
@@ -115,7 +115,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         proven_so_far += int(proven.sum())
         batch = min(BATCH, FEW + 8 * int(proven.sum()))
         say(proven_so_far)
-        small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.max(here.high - here.low, axis=1) < 8 * GRID)
+        small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
         final = ~proven & small
         stopped += _places(some(here, final))
         reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]

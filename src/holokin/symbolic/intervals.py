@@ -179,11 +179,13 @@ _SINE = 9
 """Terms of sine and cosine: up to y^17 and y^16."""
 
 _SINE_OFF, _COSINE_OFF = 40 * 2.0**-53, 56 * 2.0**-53
-"""By how much their polynomials in doubles are off, of |y| and of 1, for |y| <= 1: Horner's rule gives the term of y^(2k)
-or y^(2k + 1) at most 3k + 4 <= 28 factors 1 + d, |d| <= u = 2^-53, from k products by z, k of the roundings of z = y y, k
-+ 1 sums, its coefficient and a last product; so the error is at most 29 u sinh |y| or 29 u cosh y [Hig02, 5.1], sinh 1 <
-1.18, cosh 1 < 1.55. What follows the last term, |y|^19 / 19! or y^18 / 18!, is less than 2 u. Underflow, for |y| < 1e-150,
-loses no more than 1e-300 of y^3."""
+"""By how much their polynomials in doubles are off, of |y| and of 1, for |y| <= 1.
+
+Horner's rule gives the term of y^(2k) or y^(2k + 1) at most 3k + 4 <= 28 factors 1 + d, |d| <= u = 2^-53: k products by
+z, k roundings of z = y y, k + 1 sums, its coefficient and a last product. So the error is at most 29 u sinh |y| or
+29 u cosh y [Hig02, 5.1], sinh 1 < 1.18, cosh 1 < 1.55. What follows the last term, |y|^19 / 19! or y^18 / 18!, is less
+than 2 u. Underflow, for |y| < 1e-150, loses no more than 1e-300 of y^3.
+"""
 
 
 def _polynomials(y: Array) -> tuple[Array, Array]:

@@ -1,0 +1,217 @@
+"""Proofs along paths and over boxes: against closed forms and Newton's method; what must be refused is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, PPR_START, R3_START
+from holokin import constraints as C
+from holokin.proof.bounds import matrix_norm, norm, product
+from holokin.proof.certificate import Certificate, Extent
+from holokin.proof.certify import certify
+from holokin.proof.pathway import Pathway
+from holokin.proof.search import covered
+from holokin.symbolic.intervals import Interval
+
+
+def start(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
+    return robot.pose(q)[:3, 3]
+
+
+def newton(proof: Certificate, cell: int, y: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    """A root of E(., y) of a cell, in doubles, from q; nothing where Newton's method does not converge."""
+    equation, n = proof.equation, proof.equation.n
+    for _ in range(30):
+        at = np.concatenate([q, y, proof.cells.numbers[cell], proof.c])[:, None]
+        found = equation.value(at, at).middle.ravel()
+        E, A = found[:n], found[n:].reshape(n, n).T
+        E[[*np.zeros(equation.strategy.task.m, bool), *equation.strategy.constraint.angular]] %= 2 * np.pi
+        E = np.where(np.pi < E, E - 2 * np.pi * (np.abs(E - 2 * np.pi) < 1), E)
+        if not np.isfinite(A).all() or np.linalg.cond(A) > 1e12:
+            return None
+        step = np.linalg.solve(A, E)
+        q = q - step
+        if np.linalg.norm(step) < 1e-13:
+            return q
+    return None
+
+
+def roots_are_where_they_should_be(proof: Certificate, rng: np.random.Generator, each: int = 2) -> None:
+    """At random poses of each cell Newton finds the root within r, and from random starts in the tube no other."""
+    cells, f = proof.cells, proof.findings
+    for i in rng.permutation(len(cells))[:40]:
+        for _ in range(each):
+            y = rng.uniform(-1, 1, proof.equation.d)
+            middle = cells.predicted(np.tile(y, (len(cells), 1)))[i]
+            root = newton(proof, i, y, middle)
+            assert root is not None
+            assert np.linalg.norm(root - middle) <= f.r[i] + 1e-12
+            assert (f.low[i] <= root + 1e-12).all() and (root - 1e-12 <= f.high[i]).all()
+            away = rng.normal(size=len(root))
+            other = newton(proof, i, y, middle + 0.9 * f.alone[i] * away / np.linalg.norm(away))
+            if other is not None and np.linalg.norm(other - middle) < f.alone[i]:
+                assert np.allclose(other, root, atol=1e-10)
+
+
+def test_norms_are_upper_bounds_that_are_nearly_reached() -> None:
+    """Of random matrices, of zero, of tiny and huge ones; of intervals the norms of all matrices inside."""
+    rng = np.random.default_rng(0)
+    for scale in (1e-140, 1e-3, 1.0, 1e140):
+        for j in (1, 7, 49):
+            M = rng.normal(size=(20, 7, j)) * scale
+            true = np.linalg.norm(M, 2, axis=(1, 2))
+            assert (matrix_norm(M) >= true * (1 - 1e-14)).all()
+            assert (matrix_norm(M) <= true * 7**0.125 * (1 + 1e-9)).all()
+            half = rng.uniform(0, 0.1, M.shape) * scale
+            assert (norm(Interval(M - half, M + half)) >= np.linalg.norm(M - half, 2, axis=(1, 2)) * (1 - 1e-14)).all()
+    assert matrix_norm(np.zeros((1, 3, 3)))[0] < 1e-140
+    for broken in (np.nan, np.inf, 1e200):
+        assert matrix_norm(np.full((1, 3, 3), broken))[0] >= 1e200
+    unbounded = Interval(np.full((1, 3, 3), -np.inf), np.full((1, 3, 3), np.inf))
+    assert norm(product(np.eye(3)[None], unbounded))[0] == np.inf
+
+
+def test_the_leaf_of_the_ppr_arm_is_its_closed_form_E13() -> None:
+    """h = e^x tan(q3 / 2) is constant: q3 = 2 atan(tan(Theta / 2) e^-x), q1 = x - cos q3, q2 = y - sin q3."""
+    from casadi import cos, exp, tan
+
+    robot = hk.load("ppr")
+    leaf = hk.custom(lambda q: [exp(q[0] + cos(q[2])) * tan(q[2] / 2)])
+    G = hk.holonomic(hk.position(robot), leaf)
+    at = start(robot, PPR_START)
+    proof = certify(G, hk.workspace(box=(at, (0.1, 0.1, 0.0))), PPR_START, limits=False)
+    assert proof.whole
+    rng = np.random.default_rng(1)
+    f, boxes = proof.findings, proof.proven.boxes
+    h = float(np.exp(PPR_START[0] + np.cos(PPR_START[2])) * np.tan(PPR_START[2] / 2))
+    for i in range(len(proof)):
+        y = rng.uniform(-1, 1, (30, 3))
+        u = (boxes.low[i] + boxes.high[i]) / 2 + (boxes.high[i] - boxes.low[i]) / 2 * y
+        x = at + u * [0.1, 0.1, 0.0]
+        q3 = 2 * np.arctan(h * np.exp(-x[:, 0]))
+        true = np.column_stack([x[:, 0] - np.cos(q3), x[:, 1] - np.sin(q3), q3])
+        predicted = np.array([proof.cells.predicted(np.tile(s, (len(proof), 1)))[i] for s in y])
+        assert (np.linalg.norm(true - predicted, axis=1) <= f.r[i] + 1e-14).all()
+
+
+@pytest.fixture(scope="module")
+def panda() -> hk.Robot:
+    return hk.load("panda")
+
+
+def near_panda(robot: hk.Robot, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> hk.Path:
+    x = start(robot, PANDA_START)
+    return hk.line(x, x + [0.02, 0.01, -0.01], turn=turn)
+
+
+CONSTRAINTS = {
+    "lock": hk.lock(2),
+    "linear": hk.linear([[1, 0, -1, 0, 0, 0, 0]]),
+    "stereographic": hk.arm_angle(),
+    "conventional": hk.arm_angle(definition="conventional"),
+    "height": C.height(3),
+    "tilted": C.tilted(hk.lock(2), lambda x: 0.3 * x[0] * x[1]),
+    "total": C.total(hk.lock(2), hk.lock(4)),
+}
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turns(name: str, panda: hk.Robot) -> None:
+    """And roots lie in the tubes."""
+    G = hk.holonomic(hk.pose(panda), CONSTRAINTS[name])
+    proof = certify(G, near_panda(panda, (0.03, 0.02, -0.01)), PANDA_START)
+    assert proof.whole, proof.theorem
+    roots_are_where_they_should_be(proof, np.random.default_rng(2))
+
+
+def test_stacked_constraints_and_tasks_of_other_coordinates_are_certified(panda: hk.Robot) -> None:
+    """Position with two constraints one over the other; an axis task; Euler angles; a coupled orientation."""
+    cases: list[tuple[hk.Task, hk.Constraint]] = [
+        (hk.position(panda), C.stack(hk.lock(2), hk.lock(4, 5, 6))),
+        (hk.position(panda), C.stack(hk.coupled(0.1, "rpy"), hk.lock(2))),
+        (hk.pose(panda, orientation="zyz"), hk.lock(2)),
+        (hk.pose(panda, orientation="axis"), C.stack(hk.lock(2), hk.lock(6))),
+    ]
+    for task, constraint in cases:
+        proof = certify(hk.holonomic(task, constraint), near_panda(panda), PANDA_START)
+        assert proof.whole, proof.theorem
+        roots_are_where_they_should_be(proof, np.random.default_rng(3), 1)
+
+
+def test_stationary_postures_are_certified() -> None:
+    """By the unit null vector and by Chang's, of a planar arm."""
+    robot = hk.load("planar-3r")
+    x = start(robot, R3_START)
+    for free in (None, (2,)):
+        G = hk.holonomic(hk.position(robot), hk.stationary(C.posture_cost(np.zeros(3)), free=free))
+        assert certify(G, hk.line(x, x - [0.1, 0.1, 0.0]), R3_START).whole
+
+
+def test_a_carried_leaf_is_refused_in_favour_of_its_polynomial() -> None:
+    """Its second derivatives would be millions of operations."""
+    robot = hk.load("planar-3r")
+    G = hk.radial(hk.moore_penrose(hk.position(robot)), R3_START)
+    x = start(robot, R3_START)
+    with pytest.raises(hk.HolokinError, match="fitted"):
+        certify(G, hk.line(x, x - [0.1, 0.1, 0.0]), R3_START)
+
+
+def test_a_closed_loop_comes_home_and_one_round_the_base_ends_a_turn_further(panda: hk.Robot) -> None:
+    """Bounds of what is missing are those of round-off."""
+    x = start(panda, PANDA_START)
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    proof = certify(G, hk.circle(x, center=x - [0.1, 0, 0]), PANDA_START)
+    assert proof.whole and proof.gap < 1e-12 and not proof.turns.any() and len(proof) <= 120
+    roots_are_where_they_should_be(proof, np.random.default_rng(4), 1)
+    robot = hk.load("planar-3r")
+    q = np.array([0.3, 0.9, 0.9])
+    law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    round_base = certify(law, hk.circle(start(robot, q), center=(0.0, 0.0, 0.0)), q, limits=False)
+    assert round_base.whole and np.abs(round_base.turns).tolist() == [1, 0, 0] and round_base.gap < 1e-12
+    assert not round_base.equation.periodic(np.array([0.0, 1.0, 0.0]))
+
+
+def refused(proof: Certificate, *reasons: Extent) -> None:
+    assert not proof.whole and proof.extent in reasons, proof.theorem
+
+
+def test_singular_boxes_are_refused_with_their_reason() -> None:
+    """A planar arm stretched; a PPR arm where its constraint is singular."""
+    robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
+    law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
+    x = start(robot, q)
+    out = x / np.linalg.norm(x) * (reach + 0.05)
+    refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
+    refused(certify(law, hk.workspace(box=(x, (0.2, 0.2, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
+    ppr = hk.load("ppr")  # g = q1: singular where sin q3 = 0
+    law = hk.holonomic(hk.position(ppr), hk.lock(0))
+    q = np.array([0.0, 0.0, 0.2])
+    x = start(ppr, q)
+    refused(certify(law, hk.workspace(box=(x, (0.1, 0.1, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
+
+
+def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
+    """With limits=False it is proven."""
+    x = start(panda, PANDA_START)
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    path = hk.line(x, x + [0.0, 0.0, -0.05])
+    free = certify(G, path, PANDA_START, limits=False)
+    assert free.whole
+    upper = panda.upper.copy()
+    moved = int(np.argmax(free.high - PANDA_START))
+    upper[moved] = (free.high[moved] + PANDA_START[moved]) / 2
+    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf"), 64)
+    found = covered(domain, domain.first(), Interval(panda.lower, upper), 2000, lambda _count: None)
+    assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
+
+
+def test_a_budget_that_is_spent_leaves_what_was_proven(panda: hk.Robot) -> None:
+    """Fifty cells are too few."""
+    x = start(panda, PANDA_START)
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    proof = certify(G, hk.circle(x, center=x - [0.1, 0, 0]), PANDA_START, budget=50)
+    refused(proof, Extent.BUDGET)
+    assert len(proof) <= 50
