@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin.proof.certificate import Certificate
-from holokin.proof.certify import certify
+from holokin.proof import Certificate, certify
 
 PANDA = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 IIWA = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START
 from holokin import constraints as C
+from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
-from holokin.proof.certificate import Certificate, Extent
-from holokin.proof.certify import certify
+from holokin.proof.certificate import Certificate, Covered, Extent
 from holokin.proof.pathway import Pathway
+from holokin.proof.posebox import PoseRegion
 from holokin.proof.search import covered
 from holokin.symbolic.intervals import Interval
 
@@ -191,6 +194,69 @@ def test_singular_boxes_are_refused_with_their_reason() -> None:
     q = np.array([0.0, 0.0, 0.2])
     x = start(ppr, q)
     refused(certify(law, hk.workspace(box=(x, (0.1, 0.1, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
+
+
+def test_a_wrist_through_its_singularity_is_proven_up_to_there() -> None:
+    """IRB 140, six joints, no constraint: joint 5 from 0.3 to -0.3 along an arc about its own axis."""
+    robot, q = hk.load("irb140"), np.array([0.2, 0.3, 0.1, 0.4, 0.3, -0.2])
+    straight = q * [1, 1, 1, 1, 0, 1]
+    J, x = robot.jacobian(straight), start(robot, q)
+    axis = J[3:, 4]
+    center = robot.pose(straight)[:3, 3] + np.cross(axis, J[:3, 4])
+    center += axis * (axis @ (x - center))
+    G = hk.holonomic(hk.pose(robot), hk.custom(lambda _q: [], rows=0))
+    proof = certify(G, hk.arc(x, center, -0.6, normal=axis, turn=-0.6 * axis), q, limits=False)
+    refused(proof, Extent.END, Extent.SINGULAR)
+    assert 0.45 < proof.proven.boxes.high[-1, 0] < 0.5
+
+
+def test_an_arm_angle_through_its_own_singularity_is_refused() -> None:
+    """The conventional one, where the wrist of an iiwa may be over the shoulder; the stereographic one is regular."""
+    robot, q = hk.load("iiwa14"), np.array([0.0, -0.5, 0.0, -1.4, 0.0, 0.6, 0.0])
+    regular, x = hk.holonomic(hk.pose(robot), hk.arm_angle()), start(robot, q)
+    q = hk.follow(regular, hk.line(x, x - [0.1, 0, 0]), q, samples=20, limits=False).q[-1]
+    box = hk.workspace(box=(start(robot, q), (0.02, 0.0, 0.0)), rotation=robot.pose(q)[:3, :3])
+    G = hk.holonomic(hk.pose(robot), hk.arm_angle(definition="conventional"))
+    refused(certify(G, box, q, limits=False, budget=30), Extent.SINGULAR, Extent.BUDGET)
+    assert certify(regular, box, q, limits=False, budget=100).whole
+
+
+def test_a_loop_across_a_fold_is_not_said_to_close() -> None:
+    """A PPR arm, q1 locked: x = q1 + cos q3 reaches q1 + 1 and no farther."""
+    robot, q = hk.load("ppr"), np.array([0.0, 0.0, 0.5])
+    x = start(robot, q)
+    G = hk.holonomic(hk.position(robot), hk.lock(0))
+    proof = certify(G, hk.circle(x, center=x + [0.1, 0, 0]), q, limits=False)
+    refused(proof, Extent.END, Extent.SINGULAR)
+    assert proof.gap == np.inf and (proof.high[2] < 0.6).all()
+
+
+def strangers(found: Covered, chosen: np.ndarray) -> Covered:
+    """Tubes of some cells so small that no neighbour's root is known to be theirs."""
+    return replace(found, findings=replace(found.findings, alone=np.where(chosen, 0.0, found.findings.alone)))
+
+
+def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> None:
+    """Roots of two cells made strangers, by a tube too small: the path is proven up to there, of a box the rest."""
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    x = start(panda, PANDA_START)
+    path = hk.line(x, x - [0.2, 0.0, 0.0])
+    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf"), 64)
+    found = domain.arranged(covered(domain, domain.first(), None, 200, lambda _count: None))
+    assert domain.connected(found) is found and len(found) > 5
+    part = domain.connected(strangers(found, np.arange(len(found)) == 4))
+    assert len(part) == 4 and part.extent is Extent.APART
+    assert part.stopped == (0, (found.boxes.low[4, 0],)) and part.boxes.high[-1, 0] == found.boxes.low[4, 0]
+    robot, q = hk.load("planar-3r"), np.array([0.3, 0.9, 0.9])
+    law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
+    region = PoseRegion.of(law, hk.workspace(box=(start(robot, q), (0.15, 0.15, 0.0))), q)
+    found = covered(region, region.first(), None, 500, lambda _count: None)
+    behind = found.boxes.low[:, 0] >= 0
+    assert region.connected(found) is found and 3 < behind.sum() < len(found) - 3
+    part = region.connected(strangers(found, behind))
+    assert part.extent is Extent.APART and len(part) == (~behind).sum() and (part.boxes.high[:, 0] <= 0).all()
+    lost = replace(found.only(found.boxes.high[:, 0] != 0.0), extent=Extent.SINGULAR, stopped=(0, (-1.0, -1.0, -1.0)))
+    assert len(region.connected(lost)) == len(lost) == behind.sum()
 
 
 def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:

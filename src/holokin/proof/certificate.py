@@ -39,7 +39,12 @@ class Extent(Enum):
     @property
     def cause(self) -> str:
         """The text without its cure."""
-        return self.value.partition(";")[0]
+        return self.value.rpartition("; ")[0]
+
+    @property
+    def cure(self) -> str:
+        """The other part."""
+        return self.value.rpartition("; ")[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +214,7 @@ def joined(*parts: Any) -> Any:
 
 
 def least_determinant(found: Findings) -> float:
-    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r, and |det A| that / |det Y|."""
+    """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A."""
     if not len(found.r):
         return 0.0
     shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)

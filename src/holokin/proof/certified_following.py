@@ -70,7 +70,7 @@ def follow_certified(
 
     walk = record(task, plan, q, rates, cycles, status, residual)
     if not proof.whole:
-        raise NotCertifiedError(str(proof).rstrip("."), proof.extent.value.partition("; ")[2], walk, proof)
+        raise NotCertifiedError(str(proof).rstrip("."), proof.extent.cure, walk, proof)
     return walk, proof
 
 

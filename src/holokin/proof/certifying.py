@@ -44,10 +44,10 @@ def certify(
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
 
-    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints, [J; J_g]
-    is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that cover all
-    poses, in interval arithmetic that is right to the last rounding. The theorem is about the model: the robot's constants as
-    doubles.
+    E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
+    [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
+    cover all poses, in interval arithmetic that is right to the last rounding. The theorem is about the model: the
+    robot's constants as doubles.
 
     Args:
         where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
@@ -101,7 +101,7 @@ def certify(
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
     about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
     if extent is not Extent.WHOLE:
-        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are proven"
+        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are joined"
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
@@ -136,19 +136,22 @@ def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:
     return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
 
 
-def _glued(domain: Domain, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
-    """Cells over all of a domain, halved until neighbours share roots."""
-    boxes, found = domain.first(), None
+def _glued(domain: Domain, bounds: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+    """Cells over all of a domain, halved until neighbours share roots; or those that hang together."""
+    found = domain.arranged(covered(domain, domain.first(), bounds, budget, say))
     for _ in range(ROUNDS):
-        new = covered(domain, boxes, limits, budget, say)
-        if found is not None:
-            names = ("boxes", "cells", "findings")
-            boxes, cells, findings = (joined(getattr(found, f), getattr(new, f)) for f in names)
-            new = Covered(boxes, cells, findings, new.extent, new.stopped)
-        found = domain.arranged(new)
         apart = domain.unglued(found)
-        if found.extent is not Extent.WHOLE or not apart.any():
-            return found if not apart.any() else found.only(~apart)
-        boxes = halves(found.boxes, found.cells, found.cells.rho / 2, apart)
-        found = found.only(~apart)
-    return Covered(found.boxes, found.cells, found.findings, Extent.APART)
+        of_use = found.extent is Extent.WHOLE or (isinstance(domain, Pathway) and found.extent is not Extent.BUDGET)
+        if not (of_use and apart.any()):
+            break
+        new = covered(domain, halves(found.boxes, found.cells, found.cells.rho / 2, apart), bounds, budget, say)
+        found = domain.arranged(_both(found.only(~apart), new))
+    return domain.connected(found)
+
+
+def _both(one: Covered, other: Covered) -> Covered:
+    """The cells of both, ended where the first of them is."""
+    ends = [(c.stopped, c.extent) for c in (one, other) if c.stopped is not None]
+    stopped, extent = min(ends, key=lambda end: end[0], default=(None, Extent.WHOLE))
+    boxes, cells, findings = (joined(getattr(one, f), getattr(other, f)) for f in ("boxes", "cells", "findings"))
+    return Covered(boxes, cells, findings, extent, stopped)

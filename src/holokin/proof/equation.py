@@ -196,7 +196,7 @@ class Equation(Value):
 
     @cached_property
     def seam(self) -> IntervalFunction:
-        """(numbers, others) -> by what E changes from the end of one member of the family to the beginning of another."""
+        """(numbers, others) -> by what E changes from the end of one member to the beginning of another."""
         one, other = symbol("numbers", self.family.numbers), symbol("others", self.family.numbers)
         change = self._target(SX([1.0]), one) - self._target(SX([-1.0]), other)
         return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, change)

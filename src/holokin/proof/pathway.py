@@ -18,7 +18,7 @@ from ..symbolic.intervals import Interval, point
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from .bounds import UP, norm
-from .certificate import Boxes, Covered, joined
+from .certificate import Boxes, Covered, Extent, joined
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
 from .targets import Stretch
@@ -130,6 +130,16 @@ class Pathway(Value, Domain):
             out[1:] |= out[:-1]
         return out
 
+    def connected(self, found: Covered) -> Covered:
+        """Up to the first place where the next cell is not glued."""
+        apart = self.unglued(found)
+        if not apart.any():
+            return found
+        k = int(np.argmax(apart)) + 1
+        kept = found.only(slice(0, k))
+        stopped = int(found.boxes.piece[k]), tuple(found.boxes.low[k].tolist())
+        return Covered(kept.boxes, kept.cells, kept.findings, Extent.APART, stopped)
+
     def jump(self, found: Covered, one: int, other: int) -> float:
         """A bound of what E changes from the end of one cell to the beginning of another."""
         at = np.concatenate([found.cells.numbers[one], found.cells.numbers[other]])[:, None]
@@ -164,7 +174,7 @@ def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, f
     """
     cells, f = found.cells, found.findings
     last, first = cells.predicted(np.ones((len(cells), 1)))[-1], cells.predicted(-np.ones((len(cells), 1)))[0]
-    turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0)
+    turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0) + 0.0  # no -0
     apart = float(distances(found, np.array([len(cells) - 1]), np.array([0]), turns)[0])
     jump = domain.jump(found, len(cells) - 1, 0)
     slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP

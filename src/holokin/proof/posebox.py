@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import ArgumentError, HolokinError
-from ..motion import inverse
+from ..motion import InverseKinematics, inverse
 from ..strategies import HolonomicStrategy
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
-from .certificate import Boxes, Covered, some
+from .certificate import Boxes, Covered, Extent, some
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
 from .targets import PoseBox
@@ -42,7 +43,7 @@ class PoseRegion(Value, Domain):
     half: Vector
     q: Vector
     """Joints (n,) of the leaf at the middle."""
-    inverse: object
+    inverse: InverseKinematics
     slack: float = 0.0
 
     @staticmethod
@@ -117,8 +118,37 @@ class PoseRegion(Value, Domain):
 
     def unglued(self, found: Covered) -> Flags:
         """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
-        b, findings = found.boxes, found.findings
-        out, slip = np.zeros(len(b), dtype=bool), found.cells.slip
+        out = np.zeros(len(found), dtype=bool)
+        for i, js, bad in self.faces(found):
+            out[i] |= bad.any()
+            out[js[bad]] = True
+        return out
+
+    def connected(self, found: Covered) -> Covered:
+        """Those that can be reached across glued faces from the cell at the middle, or, where none is, the most."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        faces = [(i, js, bad) for i, js, bad in self.faces(found)]
+        glued = not any(bad.any() for _, _, bad in faces)
+        if not len(found) or (found.extent is Extent.WHOLE and glued):
+            return found
+        ones = np.concatenate([np.full(int((~bad).sum()), i) for i, _, bad in faces] or [np.zeros(0, dtype=int)])
+        others = np.concatenate([js[~bad] for _, js, bad in faces] or [np.zeros(0, dtype=int)])
+        k = len(found)
+        part = connected_components(coo_matrix((np.ones(len(ones)), (ones, others)), (k, k)), directed=False)[1]
+        middle = np.flatnonzero((found.boxes.low <= 0).all(axis=1) & (found.boxes.high >= 0).all(axis=1))
+        chosen = part == (part[middle[0]] if len(middle) else np.argmax(np.bincount(part)))
+        kept = found.only(chosen)
+        if found.extent is not Extent.WHOLE:
+            return kept
+        i = int(np.argmin(chosen)) if not chosen.all() else int(np.argmax(self.unglued(found)))
+        stopped = int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
+        return Covered(kept.boxes, kept.cells, kept.findings, Extent.APART, stopped)
+
+    def faces(self, found: Covered) -> Iterator[tuple[int, Indices, Flags]]:
+        """(cell, those that touch it from above along an axis (j,), where they are not shown to share a root (j,))."""
+        b, findings, slip = found.boxes, found.findings, found.cells.slip
         for axis in range(self.equation.d):
             order = np.argsort(b.low[:, axis], kind="stable")
             starts = b.low[order, axis]
@@ -134,10 +164,7 @@ class PoseRegion(Value, Domain):
                 y[:, axis] = b.high[i, axis]
                 mine, theirs = _within(found, np.full(len(js), i), y), _within(found, js, y)
                 apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + slip[i] + slip[js]
-                bad = ~(apart <= findings.alone[js] / UP)
-                out[i] |= bad.any()
-                out[js[bad]] = True
-        return out
+                yield i, js, ~(apart <= findings.alone[js] / UP)
 
     def place(self, found: Covered) -> str:
         """The pose."""

@@ -78,6 +78,10 @@ class Domain(ABC):
         """(k,) True for cells whose root is not shown to be that of a neighbour where they meet."""
 
     @abstractmethod
+    def connected(self, found: Covered) -> Covered:
+        """All cells, or, where they are not all proven or glued, those that hang together with the first ones."""
+
+    @abstractmethod
     def place(self, found: Covered) -> str:
         """In words where the proof failed; nothing where it did not."""
 
@@ -127,11 +131,11 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         left = joined(waiting, again, halves(here, cells, np.maximum(here.rho / 2, need), failed & ~retried))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
-    proven = [joined(*parts) for parts in zip(*done, strict=True)]
+    all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
     if not stopped:
-        return Covered(*proven)
+        return Covered(all_boxes, all_cells, all_findings)
     first = min(range(len(stopped)), key=lambda i: stopped[i])
-    return Covered(*proven, reasons[first], stopped[first])
+    return Covered(all_boxes, all_cells, all_findings, reasons[first], stopped[first])
 
 
 def _places(boxes: Boxes) -> list[tuple[int, tuple[float, ...]]]:

@@ -54,7 +54,10 @@ class Stretch(Family):
 
     curved: bool = False
 
-    dimension = 1
+    @property
+    def dimension(self) -> int:
+        """One: u."""
+        return 1
 
     @property
     def numbers(self) -> int:

@@ -24,7 +24,7 @@ from itertools import product as product_of
 import numpy as np
 
 from ..symbolic.intervals import PI, Interval, multiply, point, subtract
-from ..types import Array, Matrix, Value, Vector
+from ..types import Array, Flags, Matrix, Value, Vector
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
@@ -101,7 +101,7 @@ class Findings(Value):
     high: Matrix
 
     @property
-    def passed(self) -> Array:
+    def passed(self) -> Flags:
         """(k,) True where the theorem holds."""
         return np.isfinite(self.r)
 
