@@ -111,15 +111,17 @@ def test_certified_following_finds_the_postures_of_following_by_leaf(lock: Any, 
     np.testing.assert_allclose(walk.q, other.q, atol=1e-11)
 
 
-def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot) -> None:
+def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_path: Path) -> None:
     tool = panda.pose(START)[:3, 3]
-    path = hk.polyline([tool, tool + [0.15, 0, 0]])
+    path = hk.circle(tool, center=tool - [0.05, 0, 0])
     whole = hk.certify(lock, path, START)
-    part = hk.certify(lock, path, START, budget=3)
+    part = hk.certify(lock, path, START, budget=24)
     assert part.extent is Extent.BUDGET and not part.whole
-    assert len(part) < len(whole) and "budget" in part.table()
+    assert 1 < len(part) < len(whole) and "budget" in part.table()
+    assert verified(part.data, tmp_path / "part.json")
+    assert not verified(part.data | {"cells": part.data["cells"][1:]}, tmp_path / "part.json")
     with pytest.raises(NotCertifiedError) as caught:
-        follow_certified(lock, path, START, budget=3)
+        follow_certified(lock, path, START, budget=24)
     assert caught.value.certificate.extent is Extent.BUDGET and len(caught.value.trajectory) >= 1
 
 

@@ -98,10 +98,7 @@ class Checker:
 
     def __init__(self, data: dict[str, Any]) -> None:
         text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
-        need(
-            hashlib.sha256(text.encode()).hexdigest() == data["sha256"],
-            "it is not as it was written: its SHA-256 differs",
-        )
+        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "the file is not as written: SHA-256")
         self.data, self.n, self.d, self.slack = data, data["joints"], data["parameters"], arb(data["slack"])
 
     def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Jet]:
@@ -130,13 +127,12 @@ class Checker:
         """The theorem of a cell: (hull of its joints, a bound of |det D_q E|, how far a root moves with the pose)."""
         n, d, r, rho, flags = self.n, self.d, arb(cell["r"]), arb(cell["rho"]), self.data["angular"]
         y = [jet(UNIT, n + d, n + i) for i in range(d)]
-        here = self.outputs(cell, [jet(x, n + d, i) for i, x in enumerate(cell["q0"])], [(arb(0), *t[1:]) for t in y])[
-            :n
+        start = [jet(x, n + d, i) for i, x in enumerate(cell["q0"])]
+        here = self.outputs(cell, start, [(arb(0), *t[1:]) for t in y])[:n]
+        turn = [
+            2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0 for E, a in zip(here, flags, strict=True)
         ]
-        E = [
-            E[0] - (2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0)
-            for E, a in zip(here, flags, strict=True)
-        ]
+        E = [E[0] - whole for E, whole in zip(here, turn, strict=True)]
         A, B = (arb_mat([[E[1][0, j] for j in of] for E in here]) for of in (range(n), range(n, n + d)))
         Y, V = A.mid().inv().mid(), arb_mat(cell["V"])
         along = self.predicted(cell, [UNIT] * d)
@@ -152,11 +148,8 @@ class Checker:
         for i, j in product(range(d), repeat=2):
             way += norm(arb_mat([[p[2][i, j] / 2] for p in along]))
             eta += norm(Y * arb_mat([[E[2][i, j] / 2] for E in bent]))
-        e = (
-            norm(Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)]))
-            + omega * way
-            + mixed * arb(d).sqrt()
-        )
+        off = Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+        e = norm(off) + omega * way + mixed * arb(d).sqrt()
         test = [eta - (1 - e) * x + omega * x * x / 2 for x in (r, rho)]
         need(test[0] <= 0 and test[1] < 0 and 0 < r < rho, "the Newton-Kantorovich test fails")
         left = (1 - e - omega * r).lower()
@@ -167,32 +160,24 @@ class Checker:
         """The root of one cell at its end is the only root of the other at its own, but for whole turns."""
         q = []
         for c, x in ((one, ends[0]), (other, ends[1])):
-            y = [
-                (2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0
-                for t, a, b in zip(x, c["low"], c["high"], strict=True)
-            ]
-            q.append(self.predicted(c, y))
+            sides = zip(x, c["low"], c["high"], strict=True)
+            q.append(self.predicted(c, [(2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0 for t, a, b in sides]))
         apart = norm(arb_mat([[a[0] - b[0] - 2 * arb.pi() * k] for a, b, k in zip(*q, turns, strict=True)]))
         need(apart + one["r"] <= other["rho"], "the joints may jump between two cells")
 
     def seam(self, one: Any, other: Any, turns: list[int]) -> Any:
         """Where pieces of a path meet their poses agree within the slack, the roots but for whole turns. Their gap."""
         self.glued(one, other, (one["high"], other["low"]), turns)
-        poses = [
-            self.outputs(c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)])[self.n + 1 :] for c, y in ((one, 1), (other, -1))
-        ]
+        ends = ((c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)]) for c, y in ((one, 1), (other, -1)))
+        poses = [self.outputs(*end)[self.n + 1 :] for end in ends]
         gap = norm(arb_mat([[a[0] - b[0]] for a, b in zip(*poses, strict=True)]))
         need(gap <= self.slack, "pieces of the path do not meet")
         moved: list[Any] = []  # whether a value changes with the turns, by whole turns
         rows = [*self.data["angular"], *[False] * (1 + len(poses[0]))]
         for name, *of in self.data["equation"]:
-            moved.append(
-                bool(turns[of[0]])
-                if name == "input" and of[0] < self.n
-                else name not in ("const", "input", "sin", "cos")
-            )
-            if name not in ("const", "input"):
-                moved[-1] &= any(moved[i] for i in of)
+            given = name in ("const", "input")
+            turned = name == "input" and of[0] < self.n and turns[of[0]] != 0
+            moved.append(turned or (not given and name not in ("sin", "cos") and any(moved[i] for i in of)))
             angle = name == "output" and rows.pop(0)
             need(not moved[-1] or angle or name in ("input", "add", "sub", "neg"), "whole turns change the equation")
         return gap
@@ -203,10 +188,8 @@ class Checker:
         left = math.prod(Fraction(high[a]) - Fraction(low[a]) for a in axes)
         cells.sort(key=lambda c: c["low"])
         for k, one in enumerate(cells):
-            inside = [
-                first <= a < b <= last for first, a, b, last in zip(low, one["low"], one["high"], high, strict=True)
-            ]
-            need(all(inside), "a cell reaches too far")
+            sides = zip(low, one["low"], one["high"], high, strict=True)
+            need(all(first <= a < b <= last for first, a, b, last in sides), "a cell reaches too far")
             left -= math.prod(Fraction(one["high"][a]) - Fraction(one["low"][a]) for a in axes)
             for other in cells[k + 1 :]:
                 if other["low"][0] > one["high"][0]:
@@ -253,8 +236,6 @@ def check(file: str, say: Callable[[int, int], None] = lambda _done, _all: None)
     with open(file, encoding="utf-8") as stream:
         data = json.load(stream)
     try:
-        text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
-        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "the file is not as it was written: SHA-256")
         Checker(data).verify(lambda done: say(done, len(data["cells"])))
     except (LookupError, TypeError, AttributeError) as problem:
         raise ValueError(f"not a certificate of this format ({problem!r})") from None
