@@ -142,11 +142,8 @@ def with_tool(
         UnknownNameError: no such tip. ArgumentError: another tip has that name. ShapeError, NotFiniteError.
     """
     T = pose_matrix(finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,)))
-    robot.check_links()
-    carrier = robot.tips[0].name if tip is None else tip
-    if carrier not in [t.name for t in robot.tips]:
-        raise UnknownNameError("tip", carrier, [t.name for t in robot.tips])
-    tips = [Tip(name, t.joint, t.placement @ T) if t.name == carrier else t for t in robot.tips]
+    carrier = robot.tip(tip)
+    tips = [Tip(name, t.joint, t.placement @ T) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))
 
