@@ -52,6 +52,9 @@ _NEEDED = {
     "raster": ("along", "across", "spacing"), "spiral": ("radius", "spacing"),
 }  # fmt: skip
 
+_OF_ALL = {"samples", "cycles", "entry", "others"}
+"""Keys of [path] that `others` do not have."""
+
 _OPEN = ("arc", "raster", "spiral")
 
 
@@ -118,6 +121,9 @@ class PathTable(Table):
         for key in sorted(self.model_fields_set & {"offset", "lift", "same_way"}):
             if self.passes == 1:
                 raise ValueError(f"{key} is of several passes; give passes, or leave it out")
+        own = {key for other in self.others or [] for key in other.model_fields_set & _OF_ALL}
+        if own:
+            raise ValueError(f"others hold {' and '.join(sorted(own))}; say that of all paths together, in [path]")
         open_polyline = self.kind in ("polyline", "spline") and not self.closed
         leads = self.passes > 1 or self.lead_in > 0 or self.lead_out > 0 or self.retract > 0
         if self.cycles > 1 and (self.kind in _OPEN or open_polyline or leads):
