@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..path import frame_pose
 from ..robot import FARTHEST
 from ..types import Matrix
 from .robot_tables import MOST_PARTS, FrameTable, Three
@@ -136,10 +135,4 @@ class PathTable(Table):
     @property
     def frame_pose(self) -> Matrix:
         """The frame (4, 4) from which the path counts."""
-        return np.eye(4) if self.frame is None else pose_of(self.frame)
-
-
-def pose_of(frame: FrameTable) -> Matrix:
-    """The pose (4, 4) of a frame of a job."""
-    rpy = np.deg2rad(frame.rpy_deg) if frame.rpy_deg is not None else np.array(frame.rpy or [0.0, 0.0, 0.0])
-    return frame_pose("a frame", [*frame.xyz, *rpy.tolist()])
+        return np.eye(4) if self.frame is None else self.frame.matrix
