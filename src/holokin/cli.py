@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 
 from .errors import ArgumentError
 from .exporting import exporting
-from .inspecting import check
+from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .simulating import simulating
 from .version import __version__
@@ -199,23 +199,16 @@ def robots(
 
 @app.command()
 def audit(
-    log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
-    robot: Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
-    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
+    log: Log,
+    robot: RobotName,
+    tip: TipName = None,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
     ] = False,
-    degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
-    topic: Annotated[
-        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'
-        ),
-    ] = None,
-    time: Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")] = None,
+    degrees: Degrees = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    time: TimeColumn = None,
     tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,

@@ -95,7 +95,9 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
         for shape in part.robot.shapes:
             index, T = placed(shape.joint, shape.placement)
-            shapes.append(replace(shape, link=part.prefix + shape.link, joint=index, placement=T))
+            stands = shape.obstacle and index < 0  # what was round a robot is carried, where that rides on another
+            label = part.prefix + shape.link
+            shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands))
         ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])
