@@ -30,7 +30,7 @@ from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from ..ways import rotation_vector
-from .path_tables import PathTable, pose_of
+from .path_tables import PathTable
 from .schema import Job
 
 
@@ -111,7 +111,7 @@ def _through(table: PathTable, origin: Vector, file: FilePath, notes: list[str])
     """Through poses or a file's waypoints: a spline, or lines."""
     times = table.times
     if table.kind == "poses":
-        targets = np.array([pose_of(pose) for pose in table.poses or []]).reshape(-1, 4, 4)
+        targets = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
     else:
         read = read_waypoints(
             file.parent / (table.file or ""), units=table.units, angles=table.angles, order=table.order
