@@ -192,4 +192,5 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, begin: Vector) -> t
         fact, _, cure = str(problem).rpartition("; ")
         raise BranchError(f"the entry to the path failed: {fact}", cure) from problem
     at = posture_text(way.q[-1], strategy.task.robot.joint_names)
-    return way.q[-1], f"{strategy.name} enters the path by {job.path.entry} in {way.t[-1]:.3g} s, at {at}."
+    told = f"{strategy.name} enters the path by {job.path.entry} in {way.t[-1]:.3g} s, at {at};"
+    return way.q[-1], f"{told} this way there is neither timed nor checked."
