@@ -35,7 +35,7 @@ STEADY = 1e-6
 """Relative difference of the path speeds at both ends of a cycle up to which it may be repeated, toppra's own accuracy;
 that of accelerations may be a thousand times as large, for they are its differences on the grid."""
 
-SLOW = 1e-2
+SLOW = 2e-3
 """Share by which the path speed is below the one asked for before it is called slower: rounding up to whole steps of a
 controller takes a thousandth of it."""
 
