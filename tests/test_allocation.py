@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import IIWA_START
 from holokin.job import open_job, run_job
 from holokin.output.figures import figures
-from holokin.robot import Robot
+from holokin.robot import Capsule, Robot, servo, to_mjcf, to_urdf, with_capsules, with_shape
 
 K = np.array([3.0, 3.0, 4.2, 6.55])
 AT_X, AT_Y = np.array([37.0, 35.0, -41.5, -41.5]), np.array([0.0, 0.0, 7.0, -7.0])
@@ -116,7 +116,11 @@ def test_a_controller_of_thrusters_keeps_their_rates(force: hk.Task, pairs: hk.S
 
 
 def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> None:
-    for asked in (lambda: ship.pose(U0), lambda: ship.jacobian(U0), lambda: hk.pose(ship), lambda: hk.position(ship)):
+    for asked in (
+        lambda: ship.pose(U0), lambda: ship.jacobian(U0), lambda: hk.pose(ship), lambda: hk.position(ship),
+        lambda: to_urdf(ship), lambda: to_mjcf(ship), lambda: servo(ship, "position", U0), lambda: with_capsules(ship),
+        lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], ship, floor=0.0),
+    ):  # fmt: skip
         with pytest.raises(hk.HolokinError, match=r"no links: give their task by hk\.custom_task"):
             asked()
     assert ship.skeleton(U0) == []
@@ -131,6 +135,12 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
         hk.coordinates(("a", "a"))
     with pytest.raises(hk.HolokinError, match="limits"):
         hk.follow(hk.moore_penrose(force), hk.line(force(U0), [0, 0, 0]), U0 + 2)
+
+
+def test_a_check_of_thrusts_looks_at_their_limits_and_says_that_it_knows_no_distances(ship: Robot) -> None:
+    report = hk.check(np.array([U0, U0 + [9.0, 0, 0, 0, 0, 0]]), ship)
+    assert [finding.kind for finding in report.findings] == [hk.checking.FindingKind.POSITION]
+    assert "distances were not looked at" in report.table()
 
 
 def test_a_task_of_five_rows_of_ones_own_is_that_of_its_formulas(six: hk.Task) -> None:

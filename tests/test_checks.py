@@ -293,6 +293,10 @@ def test_the_command_looks_at_a_log(holokin: Command, tmp_path: Path, panda: hk.
     quiet = holokin("check", log, "--robot", "panda", "--floor", "0", "--ignore", "base,panda_joint7")
     assert quiet.code == 0 and "nothing found" in quiet.out and "asked for: base and panda_joint7" in quiet.out
     assert_refused(holokin("check", log, "--robot", "panda", "--ignore", "base"), "--ignore", "comma")
+    other = log.read_text("utf-8").replace("panda_joint", "actual_q_").replace("t,", "clock,", 1)
+    log.write_text(other, "utf-8")
+    named = holokin("check", log, "--robot", "panda", "--columns", "actual_q_%d", "--time", "clock")
+    assert named.code == 0 and "nothing found" in named.out
 
 
 def test_a_shape_is_a_value(tmp_path: Path) -> None:

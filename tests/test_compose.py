@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from conftest import Command, assert_refused, urdf, write_job
 from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
 from holokin.job import open_job
 from holokin.job.build import build_robot
+from holokin.robot import Capsule, with_capsules
 
 
 def pose(xyz: list[float], rpy: list[float]) -> np.ndarray:
@@ -223,6 +225,21 @@ def test_a_robot_file_of_parts_or_frames_with_a_fault_is_named(tmp_path: Path, t
     with pytest.raises(RobotFileError, match=said) as caught:
         hk.load(file)
     assert "\n" not in str(caught.value)
+
+
+def test_a_table_beside_an_arm_rides_with_it_on_a_rail_and_stands_still_on_the_ground() -> None:
+    bare = hk.load("ur10e")
+    table = hk.obstacle("table", Capsule(0.1), [0.9, 0.9, 0.2])
+    arm = replace(with_capsules(bare), shapes=(*with_capsules(bare).shapes, table))
+    for whole, stands in ((hk.with_base_pose(arm, [0, 0, 1]), True), (hk.compose(hk.load("rail"), arm), False)):
+        found = whole.shapes[-1]
+        assert (found.obstacle, found.joint < 0) == (stands, stands)
+    along = np.linspace(whole.lower[0], whole.upper[0], 5)
+    Q = np.column_stack([along, np.tile([0.3, -1.1, 1.4, -0.8, 0.7, 0.2], (5, 1))])
+    near, still = (
+        {one.pair: one.least for one in hk.check(rows, whole).pairs if "table" in one.pair} for rows in (Q, Q[:1])
+    )
+    assert near and near == pytest.approx(still, abs=1e-9)
 
 
 def test_joints_as_in_a_urdf_are_a_file_too(tmp_path: Path) -> None:

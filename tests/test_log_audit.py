@@ -365,7 +365,7 @@ def test_the_command_says_the_verdict_and_writes_its_files(tmp_path: Path, monke
     [
         (["nothing.csv", "--robot", "panda"], "there is no such file"),
         (["log.csv", "--robot", "pandora"], "did you mean 'panda'"),
-        (["log.csv", "--robot", "iiwa14"], "rename them or choose another robot"),
+        (["log.csv", "--robot", "iiwa14"], "or choose another robot"),
         (["log.csv", "--robot", "panda", "--tip", "elbow"], "unknown tip"),
         (["log.csv", "--robot", "panda", "--topic", "/x"], "only bags have topics"),
         (["log.csv", "--robot", "panda", "--tolerance", "0"], "tolerance"),

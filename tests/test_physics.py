@@ -151,6 +151,17 @@ def test_a_robot_of_an_mjcf_file_runs_in_its_own_model(tmp_path: Path) -> None:
     assert make_plant(moved, servo(moved, "position", q0)).origin == "the masses of its description"
 
 
+def test_servos_that_fit_the_masses_sag_as_much_whatever_the_links_are_made_of() -> None:
+    """Gains and weight grow together with the density of the capsules that stand for a robot without masses."""
+    robot = hk.load("irb140")
+    q0 = np.array([0.1, 0.3, -0.2, 0.2, 0.6, 0.1])
+    start = robot.pose(q0)[:3, 3]
+    law, way = hk.moore_penrose(hk.position(robot)), hk.line(start, start + [0.02, 0, 0])
+    light, heavy = (play(law, way, q0, dt=2e-3, density=density) for density in (500.0, 4000.0))
+    assert np.abs(light.q[0] - q0).max() > 1e-3
+    assert np.abs(light.q - heavy.q).max() < 1e-6
+
+
 def test_what_cannot_be_played_is_refused(arm: hk.Robot) -> None:
     loop, law = circle(arm), tied(arm)
     for named, words in (

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from exported import STRICT
-from holokin.job import open_job, run_job
+from holokin.job import open_job, run_job, simulate_job
 from holokin.motion import InverseStatus
 from holokin.robot import Robot, to_urdf
 from holokin.synchronized_paths import SynchronizedPaths
@@ -329,6 +329,8 @@ samples = 2
 """
 MOVING = 'others = [{ kind = "circle", center = [0, 0.02, 0], relative = true }]'
 
+LINE = 'others = [{ kind = "polyline", points = [[0, 0, 0], [0, 0.02, 0]], relative = true }]'
+
 
 @pytest.mark.parametrize("others", [MOVING, ""])
 def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, tmp_path: Path) -> None:
@@ -343,13 +345,23 @@ def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, t
     assert moved[1] == pytest.approx(0.04 if others else 0.0, rel=0.01, abs=1e-9)
 
 
-def test_a_job_with_more_paths_than_hands_or_parts_in_parts_is_refused(tmp_path: Path) -> None:
+def test_a_job_with_paths_or_parts_that_its_hands_do_not_have_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "hands.toml"
     many = MOVING.replace("}]", "}, " + MOVING.split("[", 1)[1].split("}")[0] + "}]")
     for text, fault in (
         (JOB.replace("OTHERS", many), "number of frames with a path is 3"),
         (JOB.replace("OTHERS", "").replace('kind = "position",', 'kind = "stacked",'), "stacked needs parts"),
+        (JOB.replace("OTHERS", MOVING.replace("center", "cycles = 2, center")), "others hold cycles"),
+        (JOB.replace("OTHERS", 'entry = "joints"'), "leads one tool to its path"),
+        (JOB.replace("OTHERS", "cycles = 2\n" + LINE), "2 cycles of a path that ends 0.02"),
     ):
         file.write_text(text, "utf-8")
         with pytest.raises(hk.HolokinError, match=fault):
             run_job(*open_job(str(file)))
+
+
+def test_physics_of_two_hands_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "hands.toml"
+    file.write_text(JOB.replace("OTHERS", MOVING), "utf-8")
+    with pytest.raises(hk.HolokinError, match="it serves one tool of a robot"):
+        simulate_job(*open_job(str(file)), {})

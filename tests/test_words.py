@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import holokin
+
 ROOT = Path(__file__).parents[1]
 PLAIN = {
     r"\b(comes?|came|coming|brings?|brought|back) (\w+ ){0,3}home\b": "repeat, return, end where they began",
@@ -51,6 +53,13 @@ def texts() -> list[tuple[str, int, str]]:
         if name.endswith(kinds) and name != "docs/references.md"
         for number, line in enumerate((ROOT / name).read_text("utf-8").splitlines(), 1)
     ]
+
+
+def test_what_is_called_hk_something_can_be_had_of_it() -> None:
+    """In the code's own sentences, above all in the cures of its errors."""
+    named = {word for name, _, line in texts() if name.startswith("src") for word in re.findall(r"\bhk\.(\w+)", line)}
+    assert len(named) > 10
+    assert sorted(word for word in named if not hasattr(holokin, word)) == []
 
 
 @pytest.mark.parametrize("idiom", PLAIN)

@@ -7,7 +7,6 @@ itself, 130 stopped by Ctrl-C.
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,15 +15,13 @@ from typer.core import TyperGroup
 
 from .errors import ArgumentError
 from .exporting import exporting
-from .inspecting import check
+from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .proving import check_certificate
 from .simulating import simulating
 from .version import __version__
 
 if TYPE_CHECKING:
-    from rich.status import Status
-
     from .job import Job
 
 
@@ -52,6 +49,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # else what stands in brackets is lost
 )
 
 
@@ -92,28 +90,18 @@ def run(
     others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
     cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
-    from rich.console import Console
-    from rich.markup import escape
-
     from .job import run_job
     from .output.animate import animate as draw
     from .output.folder import check_folder
     from .output.report import write_report
     from .output.table import print_result
 
-    progress = Console(stderr=True)
     code = 0
     opened = _opened(jobs)
     for name, _, _ in opened:
         check_folder(out, name)
     for name, job, file in opened:
-        with progress.status(f"{escape(name)} ...") if progress.is_terminal else nullcontext() as status:
-
-            def say(text: str, name: str = name, status: Status | None = status) -> None:
-                _ending.check()
-                if status is not None:
-                    status.update(escape(f"{name}: {text}"))
-
+        with _ending.telling(name) as say:
             try:
                 result = run_job(name, job, file, say)
                 say("drawing")
@@ -213,23 +201,16 @@ def robots(
 
 @app.command()
 def audit(
-    log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
-    robot: Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
-    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
+    log: Log,
+    robot: RobotName,
+    tip: TipName = None,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
     ] = False,
-    degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
-    topic: Annotated[
-        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'
-        ),
-    ] = None,
-    time: Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")] = None,
+    degrees: Degrees = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    time: TimeColumn = None,
     tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
@@ -280,30 +261,13 @@ def advise(
     Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a picture.
     Exits 0 when that is done, 2 on bad input.
     """
-    from rich.console import Console
-    from rich.markup import escape
-
     from .job.advised import advise_command
     from .output.advice_report import advice_figure, print_advice
     from .output.plots import write_figure
 
-    progress = Console(stderr=True)
-    with progress.status("...") if progress.is_terminal else nullcontext() as status:
-
-        def say(text: str) -> None:
-            _ending.check()
-            if status is not None:
-                status.update(escape(text))
-
-        def announce(text: str) -> None:
-            if status is not None:
-                status.stop()
-            show(text)
-            if status is not None:
-                status.start()
-
+    with _ending.telling() as say:
         task = "position" if position else None
-        found, write = advise_command(robot, workspace, tip, base, task, start, out, say, announce)
+        found, write = advise_command(robot, workspace, tip, base, task, start, out, say, say.announce)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job = write()
@@ -355,7 +319,7 @@ def certify(
 
 
 app.add_typer(exporting, name="export")
-app.command("simulate")(simulating(lambda: _ending.check()))
+app.command("simulate")(simulating(lambda name: _ending.telling(name)))
 app.command()(check)
 app.command("check-certificate")(check_certificate)
 

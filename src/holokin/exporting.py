@@ -15,7 +15,7 @@ OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`hol
 Folder = Annotated[Path, typer.Option(help="The folder to write.")]
 StrategyName = Annotated[str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")]
 
-exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True)
+exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @exporting.command("c")

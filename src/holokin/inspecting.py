@@ -9,11 +9,24 @@ import typer
 
 from .outcome import show
 
+Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
+RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]
+TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
+Degrees = Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")]
+Topic = Annotated[
+    str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
+]
+Columns = Annotated[
+    str | None,
+    typer.Option(help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'),
+]
+TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")]
+
 
 def check(
-    log: Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")],
-    robot: Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
-    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")] = None,
+    log: Log,
+    robot: RobotName,
+    tip: TipName = None,
     floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
     clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
     radius: Annotated[
@@ -26,10 +39,10 @@ def check(
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: singularities of its position alone.")
     ] = False,
-    degrees: Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")] = None,
-    topic: Annotated[
-        str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
-    ] = None,
+    degrees: Degrees = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    time: TimeColumn = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write what is found to this file.")] = None,
 ) -> None:
     """Look at a motion for exceeded limits, singularities, self-collision and the floor.
@@ -48,7 +61,7 @@ def check(
         if len(pair) != 2:
             raise ArgumentError("--ignore", text, "give the names of two links with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None)
-    motion = read_recording(log, arm, degrees=degrees, topic=topic)
+    motion = read_recording(log, arm, degrees=degrees, topic=topic, columns=columns, time=time)
     free = position or arm.n < 6
     found = checking.check(
         motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),

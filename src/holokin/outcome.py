@@ -12,7 +12,7 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import typer
@@ -73,6 +73,19 @@ class Ending:
         if self.heard:
             raise KeyboardInterrupt
 
+    @contextlib.contextmanager
+    def telling(self, name: str = "") -> Iterator[Telling]:
+        """Tell on a terminal what goes on; what is said names the job, if it has a name."""
+        from rich.console import Console
+        from rich.text import Text
+
+        progress = Console(stderr=True)
+        if not progress.is_terminal:
+            yield Telling(self, name, None)
+            return
+        with progress.status(Text(f"{name} ...".lstrip())) as status:
+            yield Telling(self, name, status)
+
     def tell(self, problem: BaseException, job: str = "") -> int:
         """Say what happened in one sentence on stderr; returns the exit code."""
         if self.heard or isinstance(problem, KeyboardInterrupt):
@@ -104,6 +117,29 @@ def _sentence(problem: BaseException) -> tuple[str, int]:
         "shows the rest: please send that, with the files it reads, to the authors of holokin",
         UNEXPECTED,
     )
+
+
+class Telling:
+    """Hears what a command does, for a line of the terminal that the next one replaces."""
+
+    def __init__(self, ending: Ending, name: str, status: Any) -> None:
+        self._ending, self._name, self._status = ending, name, status
+
+    def __call__(self, text: str) -> None:
+        """Say what goes on now. Raises: KeyboardInterrupt: Ctrl-C was heard."""
+        self._ending.check()
+        if self._status is not None:
+            from rich.text import Text
+
+            self._status.update(Text(f"{self._name}: {text}" if self._name else text))
+
+    def announce(self, text: str) -> None:
+        """Print a line that stays."""
+        if self._status is not None:
+            self._status.stop()
+        show(text)
+        if self._status is not None:
+            self._status.start()
 
 
 def complain(text: str) -> None:

@@ -197,9 +197,8 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     return plan
 
 
-def check_start(plan: Plan, q: Vector) -> None:
-    """Raises: StartError unless the tool at a posture is at the start of the plan's path, in all rows of its task."""
-    task, (p, R) = plan.task, plan.first
+def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
+    """Raises: StartError unless the tool at a posture is at the start (p, R) of a path, in all rows of its task."""
     off = float(np.abs(task.error(q, p, R)).max())
     if off > TOLERANCES.start:
         here, tools = task.place(q)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +11,12 @@ import typer
 
 from .errors import ArgumentError
 from .exporting import OneJob
-from .outcome import show, show_rich
+from .outcome import Telling, show, show_rich
 from .version import __version__
 
 
-def simulating(check: Callable[[], None]) -> Callable[..., None]:
-    """The command; `check` raises where Ctrl-C was heard."""
+def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Callable[..., None]:
+    """The command; `telling` makes what hears how a job goes on."""
 
     def simulate(
         job: OneJob,
@@ -36,9 +36,6 @@ def simulating(check: Callable[[], None]) -> Callable[..., None]:
         Writes logs, figures and the model to OUT/<job>-physics/. Exits 0 when every run ends and the log of every
         strategy with leaves repeats, 1 when one does not, 2 on bad input.
         """
-        from rich.console import Console
-        from rich.markup import escape
-
         from .job import open_one_job, simulate_job
         from .output.folder import check_folder
         from .output.physics_report import FOLDER, print_physics, write_physics
@@ -47,14 +44,7 @@ def simulating(check: Callable[[], None]) -> Callable[..., None]:
         check_folder(out, FOLDER.format(name))
         given = {"cycles": cycles, "servo": servo, "feedback": feedback, "noise": noise, "push": _force(push)}
         changes = {key: value for key, value in given.items() if value is not None}
-        progress = Console(stderr=True)
-        with progress.status(f"{escape(name)} ...") if progress.is_terminal else nullcontext() as status:
-
-            def say(text: str) -> None:
-                check()
-                if status is not None:
-                    status.update(escape(f"{name}: {text}"))
-
+        with telling(name) as say:
             result = simulate_job(name, opened, file, changes, say)
             result = write_physics(result, out, __version__, say)
         show_rich(lambda console: print_physics(result, console))

@@ -30,6 +30,9 @@ class SynchronizedPaths(Value):
         if not self.paths or any(not np.array_equal(path.durations, self.durations) for path in self.paths):
             raise ArgumentError("the paths to run through together", len(self.paths), "make them by hk.synchronized")
 
+    def __repr__(self) -> str:
+        return f"SynchronizedPaths({', '.join(map(repr, self.paths))})"
+
     @property
     def durations(self) -> Vector:
         """Seconds that each segment takes, (S,)."""

@@ -371,7 +371,8 @@ class Task(Value, ABC):
 def of_one_tool(task: Task, what: str) -> None:
     """Raises: ArgumentError: what is asked for serves one tool alone, and this task has several frames or none."""
     if task.frames > 1 or not task.robot.tips:
-        raise ArgumentError(f"the task of {what}", task.name, "it serves one tool of a robot: take the task of one")
+        cure = "take the task of one" if task.robot.tips else "coordinates without links have none"
+        raise ArgumentError(f"the task of {what}", task.name, f"it serves one tool of a robot: {cure}")
 
 
 def targets_of(poses: Array) -> tuple[Matrix, Array]:

@@ -70,7 +70,8 @@ def check(
         All that was found, and all that was not looked at.
 
     Raises:
-        ArgumentError, ShapeError, NotFiniteError: it is no motion of this robot. UnknownNameError: no such link.
+        ArgumentError, ShapeError, NotFiniteError: it is no motion of this robot; a floor or obstacles for
+            `coordinates`, which have no links. UnknownNameError: no such link.
         MissingExtraError: coal is not installed, and shapes other than capsules meet.
     """
     found = motion_of(motion, robot)
@@ -90,7 +91,11 @@ def check(
         remarks.append("singularities were not looked at: no task was given")
     swept: list[Swept] = []
     pairs = Pairs((), (), (), ())
-    if self_collision or level is not None or obstacles:
+    if level is not None or obstacles:
+        robot.check_links()
+    if not robot.tips:
+        remarks.append(f"{robot.name} has no links: distances were not looked at")
+    elif self_collision or level is not None or obstacles:
         if all(shape.obstacle for shape in robot.shapes):
             robot = with_capsules(robot)
             remarks.append(_CAPSULES.format(robot.name, chain_length(robot) / SLENDER))

@@ -31,7 +31,8 @@ def job_strategy(
     if label is None and len(job.strategies) == 1:
         label = next(iter(job.strategies))
     if label is None:
-        raise ArgumentError("the strategy", None, f"name one of the job's: {', '.join(job.strategies)}")
+        cure = f"say which one with --strategy: {', '.join(job.strategies)}"
+        raise ArgumentError("the number of strategies of the job", len(job.strategies), cure)
     if label not in job.strategies:
         raise UnknownNameError(f"strategy of {file.name}", label, tuple(job.strategies))
     known = tuple(str(task.orientation) for task in tasks)

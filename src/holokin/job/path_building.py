@@ -30,7 +30,7 @@ from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import Matrix, Vector
 from ..ways import rotation_vector
-from .path_tables import PathTable, pose_of
+from .path_tables import PathTable
 from .schema import Job
 
 
@@ -111,7 +111,7 @@ def _through(table: PathTable, origin: Vector, file: FilePath, notes: list[str])
     """Through poses or a file's waypoints: a spline, or lines."""
     times = table.times
     if table.kind == "poses":
-        targets = np.array([pose_of(pose) for pose in table.poses or []]).reshape(-1, 4, 4)
+        targets = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
     else:
         read = read_waypoints(
             file.parent / (table.file or ""), units=table.units, angles=table.angles, order=table.order
@@ -192,4 +192,5 @@ def build_entry(job: Job, strategy: Strategy, path: AnyPath, begin: Vector) -> t
         fact, _, cure = str(problem).rpartition("; ")
         raise BranchError(f"the entry to the path failed: {fact}", cure) from problem
     at = posture_text(way.q[-1], strategy.task.robot.joint_names)
-    return way.q[-1], f"{strategy.name} enters the path by {job.path.entry} in {way.t[-1]:.3g} s, at {at}."
+    told = f"{strategy.name} enters the path by {job.path.entry} in {way.t[-1]:.3g} s, at {at};"
+    return way.q[-1], f"{told} this way there is neither timed nor checked."

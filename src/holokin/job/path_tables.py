@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..path import frame_pose
 from ..robot import FARTHEST
 from ..types import Matrix
 from .robot_tables import MOST_PARTS, FrameTable, Three
@@ -51,6 +50,9 @@ _NEEDED = {
     "poses": ("poses",), "waypoints": ("file",), "svg": ("file",), "figure-eight": ("width",),
     "raster": ("along", "across", "spacing"), "spiral": ("radius", "spacing"),
 }  # fmt: skip
+
+_OF_ALL = {"samples", "cycles", "entry", "others"}
+"""Keys of [path] that `others` do not have."""
 
 _OPEN = ("arc", "raster", "spiral")
 
@@ -118,6 +120,9 @@ class PathTable(Table):
         for key in sorted(self.model_fields_set & {"offset", "lift", "same_way"}):
             if self.passes == 1:
                 raise ValueError(f"{key} is of several passes; give passes, or leave it out")
+        own = {key for other in self.others or [] for key in other.model_fields_set & _OF_ALL}
+        if own:
+            raise ValueError(f"others hold {' and '.join(sorted(own))}; say that of all paths together, in [path]")
         open_polyline = self.kind in ("polyline", "spline") and not self.closed
         leads = self.passes > 1 or self.lead_in > 0 or self.lead_out > 0 or self.retract > 0
         if self.cycles > 1 and (self.kind in _OPEN or open_polyline or leads):
@@ -130,10 +135,4 @@ class PathTable(Table):
     @property
     def frame_pose(self) -> Matrix:
         """The frame (4, 4) from which the path counts."""
-        return np.eye(4) if self.frame is None else pose_of(self.frame)
-
-
-def pose_of(frame: FrameTable) -> Matrix:
-    """The pose (4, 4) of a frame of a job."""
-    rpy = np.deg2rad(frame.rpy_deg) if frame.rpy_deg is not None else np.array(frame.rpy or [0.0, 0.0, 0.0])
-    return frame_pose("a frame", [*frame.xyz, *rpy.tolist()])
+        return np.eye(4) if self.frame is None else self.frame.matrix

@@ -10,11 +10,14 @@ from ..errors import HolokinError
 from ..motion import drift
 from ..output.physics_report import PhysicsResult, Played
 from ..physics import play
-from ..robot import knows_masses, servo
+from ..robot import knows_masses, servo, weighed
+from ..synchronized_paths import paths_of
+from ..task import of_one_tool
 from .build import build_begin, build_robot, build_start, build_strategy, naming
-from .path_building import build_entry, build_path
+from .path_building import build_entry
 from .physics_table import PhysicsTable
 from .schema import Job
+from .several_paths import build_paths
 
 
 def simulate_job(
@@ -34,11 +37,13 @@ def simulate_job(
     start = build_start(job, robot, file)
     with naming(file, "task"):
         task = job.task.tasks(robot, start)[0]
+        of_one_tool(task, "a simulation")
     with naming(file, "path"):
-        path, _ = build_path(job, task, start, file)
+        (path,) = paths_of(build_paths(job, task, start, file)[0])
     cycles = table.cycles if path.closed else 1
     with naming(file, "physics"):
         push = table.force(robot, path, cycles)
+    heavy = weighed(robot, table.density)
     played: list[Played] = []
     for label, its in job.strategies.items():
         say(label)
@@ -46,7 +51,7 @@ def simulate_job(
             strategy = build_strategy(job, label, task, start, label)
             begin, _ = build_begin(its, strategy, start)
             begin, _ = build_entry(job, strategy, path, begin)
-            drive = servo(robot, table.servo, begin, frequency=table.frequency, compensated=table.compensated)
+            drive = servo(heavy, table.servo, begin, frequency=table.frequency, compensated=table.compensated)
             run = play(
                 strategy, path, begin, servo=drive, feedback=table.feedback, cycles=cycles, dt=table.dt,
                 gain=table.gain, noise=table.noise, push=push, density=table.density,

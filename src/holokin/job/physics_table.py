@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from ..errors import ArgumentError
 from ..path import Path
 from ..physics import Push, cycle_time
 from ..robot import DENSITY, Robot, weighed
-from .table import Length, Positive, Table
+from .table import Length, Positive, Table, filled
 
 MOST_CYCLES = 1000
 """Cycles on physics: a minute of computing each hundred."""
@@ -44,8 +43,4 @@ class PhysicsTable(Table):
 
     def changed(self, changes: dict[str, Any]) -> PhysicsTable:
         """With other values of some keys. Raises: ArgumentError: one makes no sense."""
-        try:
-            return PhysicsTable(**(self.model_dump(exclude_unset=True) | changes))
-        except ValidationError as problem:
-            fault = problem.errors()[0]
-            raise ArgumentError(str(fault["loc"][0]), fault["input"], f"see [physics]: {fault['msg']}") from None
+        return filled(PhysicsTable, "physics", self.model_dump(exclude_unset=True) | changes)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import Any
 
-from pydantic import ValidationError
-
 from ..errors import ArgumentError
 from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
 from ..motion import TimedTrajectory, follow
@@ -16,6 +14,7 @@ from .motion_tables import ProgramTable, TimingTable
 from .path_building import build_entry
 from .schema import Job
 from .several_paths import build_paths
+from .table import filled
 
 
 def program_of_job(
@@ -40,16 +39,12 @@ def program_of_job(
         raise ArgumentError(
             "the acceleration of the joints", None, "give --acceleration, or a table [timing] in the job"
         )
+    timing = filled(TimingTable, "timing", table)
     with naming(file, "path"):
         path, _ = build_paths(job, strategy.task, start, file)
         start, _ = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
     walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
-    try:
-        timing = TimingTable(**table)
-    except ValidationError as problem:  # of options given instead; those of the job have been looked at
-        fault = problem.errors()[0]
-        raise ArgumentError(str(fault["loc"][0]), fault["input"], f"see [timing]: {fault['msg']}") from None
     timed = timing.timed(walk, robot)
     how = job.program or ProgramTable()
     about = f"Job {name}: {strategy.name} on {robot.name}, {job.title}"

@@ -9,7 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
+from ..path import frame_pose
 from ..robot import Robot, assembled, beside, coordinates, load
+from ..types import Matrix
 from .table import Length, Number, Numbers, Table
 
 MOST_PARTS = 32
@@ -36,6 +38,12 @@ class FrameTable(Table):
         """(xyz [m], rpy [rad])."""
         turned = np.deg2rad(self.rpy_deg).tolist() if self.rpy_deg is not None else self.rpy
         return self.xyz, turned or [0.0, 0.0, 0.0]
+
+    @property
+    def matrix(self) -> Matrix:
+        """The pose (4, 4)."""
+        xyz, rpy = self.pose()
+        return frame_pose("a frame", [*xyz, *rpy])
 
 
 class ModelTable(Table):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, JobError
 from ..synchronized_paths import AnyPath, synchronized
 from ..task import Task
 from ..task_kinds import parts_of
@@ -17,7 +17,7 @@ def build_paths(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[An
     """The path and notes on its file, or paths of several frames run through together; one without stays where it is.
 
     Raises:
-        JobError, ArgumentError: as `build_path`, or more paths than frames.
+        JobError, ArgumentError: as `build_path`; more paths than frames; an entry, which serves one tool.
     """
     others = job.path.others or []
     if len(others) >= task.frames:
@@ -25,12 +25,14 @@ def build_paths(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[An
         raise ArgumentError("the number of frames with a path", len(others) + 1, cure)
     if task.frames == 1:
         return build_path(job, task, start, file)
+    if job.path.entry is not None:
+        raise JobError(file, "path.entry", "leads one tool to its path, the task has several", "leave it out")
     found, notes = [], []
     for f, part in enumerate(parts_of(task)):
         if f > len(others):
             found.append(part.pose(start)[:3, 3])
         else:
-            table = job.path if f == 0 else others[f - 1]
+            table = job.path if f == 0 else others[f - 1].model_copy(update={"cycles": job.path.cycles})
             path, note = build_path(job.model_copy(update={"path": table}), part, start, file)
             found.append(path)
             notes.append(note)

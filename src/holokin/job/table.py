@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..analysis import MOST_JOINTS
+from ..errors import ArgumentError
 from ..robot import FARTHEST, Robot
 from ..symbolic import SX, horzcat, parse, vertcat
 
@@ -31,6 +32,18 @@ class Table(BaseModel):
     """A table of a job file: no other keys, no conversions, and it never changes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+Filled = TypeVar("Filled", bound=Table)
+
+
+def filled(table: type[Filled], key: str, values: dict[str, Any]) -> Filled:
+    """A table of values that are given elsewhere than in a job file. Raises: ArgumentError: one makes no sense."""
+    try:
+        return table(**values)
+    except ValidationError as problem:
+        fault = problem.errors()[0]
+        raise ArgumentError(str((*fault["loc"], key)[0]), fault["input"], f"see [{key}]: {fault['msg']}") from None
 
 
 def joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:

@@ -86,7 +86,7 @@ def follow(
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
-    check_start(plan, start)
+    check_start(task, start, *plan.first)
     return _walk(strategy, leaf, plan, start, int(cycles), limits)
 
 

@@ -67,7 +67,7 @@ def simulate(
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
     plan = make_plan(task, path, int(steps), tool[1])
-    check_start(plan, start)
+    check_start(task, start, *plan.first)
     return _Run(chosen, task, plan, start, cycles).go(patience)
 
 

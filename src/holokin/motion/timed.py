@@ -165,7 +165,8 @@ class TimedTrajectory(Value):
 
     def table(self) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
-        lines = [f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms"]
+        fastest = f"up to {self.path_speed.max():.3g} times the speed of the path"
+        lines = [f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"]
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
         for load in self.loads:
             cells = [

@@ -35,8 +35,9 @@ STEADY = 1e-6
 """Relative difference of the path speeds at both ends of a cycle up to which it may be repeated, toppra's own accuracy;
 that of accelerations may be a thousand times as large, for they are its differences on the grid."""
 
-SLOW = 1e-3
-"""Share by which the path speed is below the one asked for before it is called slower."""
+SLOW = 2e-3
+"""Share by which the path speed is below the one asked for before it is called slower: rounding up to whole steps of a
+controller takes a thousandth of it."""
 
 MOST_STEPS = 4_000_000
 """Samples of a timed trajectory: an hour at 1 kHz, and a gigabyte for seven joints."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError
+from ..robot.composing import pose_matrix
 from ..types import (
     Array,
     ArrayLike,
@@ -87,6 +88,10 @@ class Path(Value):
             if not 0 < duration < np.inf:
                 cure = "leave out repeated points, and give points and speeds that a robot can have"
                 raise ArgumentError("the seconds that a segment takes", duration, cure)
+
+    def __repr__(self) -> str:
+        count = len(self.segments)
+        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s)"
 
     @typed
     def __add__(self, other: Path) -> Path:
@@ -327,7 +332,7 @@ def join(*paths: Path) -> Path:
         elif path.rotation is not None and rotation is not None:
             off = float(np.abs(path.rotation - turned @ rotation).max())
             if off > ALIKE:
-                cure = "turn the tool on the way: hk.line(..., turn=...), or hk.connected(a, b)"
+                cure = "turn the tool on the way there, by hk.line(..., turn=...)"
                 raise ArgumentError("the difference of rotations where two paths meet", off, cure)
         segments = (*whole.segments, *path.starting_at(whole.end).segments)
         whole = replace(whole, segments=segments, rotation=rotation)
@@ -342,11 +347,8 @@ def frame_pose(what: str, frame: ArrayLike) -> Matrix:
     """
     given = numbers(what, frame)
     if given.shape == (6,):
-        from scipy.spatial.transform import Rotation  # here, because it doubles the time to import holokin
-
-        six, out = finite(what, given, (6,)), np.eye(4)
-        out[:3, :3], out[:3, 3] = Rotation.from_euler("xyz", six[3:]).as_matrix(), six[:3]
-        return out
+        six = finite(what, given, (6,))
+        return pose_matrix(six[:3], six[3:])
     return tool_pose(what, finite(what, given, (4, 4), "or x, y, z, roll, pitch, yaw (6,)"))
 
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, OpenPathError, StartError
+from ..errors import ArgumentError, OpenPathError
 from ..motion import Controller, LoopWatch, StepStatus, controller
 from ..path import Path
 from ..progress import progress
-from ..robot import DENSITY, Servo, doubtful_unit
+from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
+from ..sampling import check_start
 from ..strategies import Strategy
 from ..task import of_one_tool
-from ..tolerances import TOLERANCES
 from ..types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from .plant import Plant, make_plant, mujoco_module
 from .run import PhysicalRun
@@ -112,16 +112,13 @@ def play(
     dt, noise = positive("dt", dt, "give a positive step in seconds"), not_negative("noise", noise)
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"playing {cycles} cycles", path.gap)
-    drive = servo_of(task.robot, servo, start) if isinstance(servo, str) else servo
+    drive = servo_of(weighed(task.robot, density), servo, start) if isinstance(servo, str) else servo
     told = FITTING[drive.kind] if feedback is None else feedback
     if told not in FEEDBACKS:
         raise ArgumentError("feedback", told, f"use one of {', '.join(FEEDBACKS)}")
     begun = task.pose(start)[:3, :3] if path.rotation is None else path.rotation
     plan = _Plan.of(path, begun, dt, cycles)
-    off = float(np.abs(task.error(start, plan.position[0], plan.rotation[0])).max())
-    if off > TOLERANCES.start:
-        at = task.pose(start)[:3, 3]
-        raise StartError(off, at, plan.position[0], doubtful_unit(task.robot, plan.position[0], task.tip))
+    check_start(task, start, plan.position[0], plan.rotation[0])
     K = 10.0 if gain is None else gain
     law = controller(strategy, dt=dt, start=start, gain=K, constraint_gain=K)
     plant = make_plant(task.robot, drive, dt=dt, density=density)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -16,8 +17,14 @@ NUMBER = "%d"
 """Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0."""
 
 
+def in_si(name: str) -> str:
+    """The name of a column without a unit in brackets that is of SI, as in "time [s]"; with any other as it is."""
+    return re.sub(r"\s*\[(s|rad|m)\]$", "", name)
+
+
 def column_named(file: Path, header: Sequence[str], name: str, what: str) -> int:
     """The place of a column. Raises: RecordingError, which names the nearest."""
+    name = in_si(name)
     if name in header:
         return header.index(name)
     fact = f"there is no column {shown(name)!r} for {what}"

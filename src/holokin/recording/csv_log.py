@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import RecordingError
 from ..robot import Robot
 from ..types import Matrix, Vector
-from .columns import Columns, column_named, columns_named
+from .columns import Columns, column_named, columns_named, in_si
 from .log import Samples, joints_missing, listed, shown
 
 TIMES = ("t", "time", "stamp", "secs", "timestamp")
@@ -87,7 +87,8 @@ def csv_pieces(
                     ",".join(first.split()),
                     (",".join(line.split()) + "\n" for line in lines),
                 )
-            header = [cell.strip().strip("#").strip() for cell in next(csv.reader([first], delimiter=delimiter), [])]
+            cells = next(csv.reader([first], delimiter=delimiter), [])
+            header = [in_si(cell.strip().strip("#").strip()) for cell in cells]
             if not any(header):
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
                 raise RecordingError(file, fact, cure)

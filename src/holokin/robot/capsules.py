@@ -36,8 +36,9 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
             the chain, the sum of the distances from frame to frame on the way to the first tip.
 
     Raises:
-        UnknownNameError: a name that no link has. ArgumentError.
+        UnknownNameError: a name that no link has. ArgumentError: a bad radius, or a robot without links.
     """
+    robot.check_links()
     steps = _steps(robot)
     names = {-1: BASE} | {i: joint.name for i, joint in enumerate(robot.joints)}
     given = dict(radius) if isinstance(radius, Mapping) else {}
@@ -60,8 +61,12 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
 
 @typed
 def chain_length(robot: Robot) -> float:
-    """Sum of the distances [m] from frame to frame on the way from the base to the first tip, sliders at zero."""
-    tip = robot.tips[0]
+    """Sum of the distances [m] from frame to frame on the way from the base to the first tip, sliders at zero.
+
+    Raises:
+        ArgumentError: a robot without links.
+    """
+    tip = robot.tip()
     total, index = float(np.linalg.norm(tip.placement[:3, 3])), tip.joint
     while index >= 0:
         joint = robot.joints[index]
@@ -104,10 +109,7 @@ def with_shape(
     Raises:
         UnknownNameError: no such tip. ArgumentError, ShapeError, NotFiniteError.
     """
-    tips = {end.name: end for end in robot.tips}
-    if tip is not None and tip not in tips:
-        raise UnknownNameError("tip", tip, tuple(tips))
-    end = robot.tips[0] if tip is None else tips[tip]
+    end = robot.tip(tip)
     placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
     clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
     return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape)))

@@ -95,7 +95,9 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
         for shape in part.robot.shapes:
             index, T = placed(shape.joint, shape.placement)
-            shapes.append(replace(shape, link=part.prefix + shape.link, joint=index, placement=T))
+            stands = shape.obstacle and index < 0  # what was round a robot is carried, where that rides on another
+            label = part.prefix + shape.link
+            shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands))
         ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])
@@ -142,11 +144,8 @@ def with_tool(
         UnknownNameError: no such tip. ArgumentError: another tip has that name. ShapeError, NotFiniteError.
     """
     T = pose_matrix(finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,)))
-    robot.check_links()
-    carrier = robot.tips[0].name if tip is None else tip
-    if carrier not in [t.name for t in robot.tips]:
-        raise UnknownNameError("tip", carrier, [t.name for t in robot.tips])
-    tips = [Tip(name, t.joint, t.placement @ T) if t.name == carrier else t for t in robot.tips]
+    carrier = robot.tip(tip)
+    tips = [Tip(name, t.joint, t.placement @ T) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..arguments import typed
-from ..errors import UnknownNameError
 from ..types import Array, Matrix, Vector
 from .model import Robot, Tip
 from .numeric import joint_frames, placed
@@ -29,11 +28,7 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     """
     from scipy.optimize import minimize
 
-    robot.check_links()
-    known = {t.name: t for t in robot.tips}
-    if tip is not None and tip not in known:
-        raise UnknownNameError("tip", tip, tuple(known))
-    end = robot.tips[0] if tip is None else known[tip]
+    end = robot.tip(tip)
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     if not (bounded | robot.hinges).all():
         return float("inf")

@@ -201,7 +201,7 @@ class Robot(Value):
 
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
-        chosen = self._tip(tip)
+        chosen = self.tip(tip)
         return self.kinematics_at(q, chosen.joint, chosen.placement)
 
     def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
@@ -222,7 +222,7 @@ class Robot(Value):
 
     def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
-        chosen = self._tip(tip)
+        chosen = self.tip(tip)
         frames = self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
@@ -309,7 +309,8 @@ class Robot(Value):
         if not self.tips:
             raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
 
-    def _tip(self, name: str | None) -> Tip:
+    def tip(self, name: str | None = None) -> Tip:
+        """A tip by name, by default the first. Raises: UnknownNameError, ArgumentError: these are `coordinates`."""
         self.check_links()
         if name is None:
             return self.tips[0]
@@ -336,7 +337,7 @@ class Robot(Value):
         return {}
 
     def _numeric(self, tip: str | None) -> Function:
-        name = self._tip(tip).name
+        name = self.tip(tip).name
         if name not in self._functions:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -357,7 +358,7 @@ class Robot(Value):
             return known[tip]
         except (KeyError, TypeError):  # a new one, or no name at all
             check("tip", str | None, tip)
-        name = self._tip(tip).name
+        name = self.tip(tip).name
         if name not in known:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
