@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from .errors import ArgumentError
-from .exporting import exporting
+from .exporting import OneJob, exporting
 from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .proving import check_certificate
@@ -279,7 +279,7 @@ def advise(
 
 @app.command()
 def certify(
-    job: Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")],
+    job: OneJob,
     workspace: Annotated[
         bool, typer.Option("--workspace", help="Over the box of its [workspace], not along its path.")
     ] = False,
@@ -290,25 +290,13 @@ def certify(
 
     Writes OUT/<job>-proof/<strategy>-certificate.json. Exits 0 when all of it is proven, 1 when not, 2 on bad input.
     """
-    from rich.console import Console
-    from rich.markup import escape
-
-    from .job import certify_job, expand, open_job
+    from .job import certify_job, open_one_job
     from .output.folder import check_folder
     from .output.proof_report import print_certificates, write_certificates
 
-    if expand([job]) != [job]:
-        raise ArgumentError("the job", job, f"it stands for several: choose one of {', '.join(expand([job]))}")
-    name, opened, file = open_job(job)
+    name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")
-    progress = Console(stderr=True)
-    with progress.status(f"{escape(name)} ...") if progress.is_terminal else nullcontext() as status:
-
-        def say(text: str) -> None:
-            _ending.check()
-            if status is not None:
-                status.update(escape(f"{name}: {text}"))
-
+    with _ending.telling(name) as say:
         found = dict(certify_job(opened, file, workspace=workspace, budget=budget, say=say))
     files = write_certificates(f"{name}-proof", found, out, __version__)
     show_rich(lambda console: print_certificates(opened.title, found, console))
