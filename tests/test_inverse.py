@@ -286,3 +286,11 @@ def test_without_a_redundant_joint_the_pose_tells_the_joints_of_the_starts_branc
         hk.holonomic(task, hk.lock(0))
     with pytest.raises(ArgumentError, match="give a strategy with leaves"):
         hk.inverse(hk.moore_penrose(hk.position(irb140)), q)
+
+
+@pytest.mark.parametrize("native", ["0", "1"])
+def test_no_pose_has_no_joints(native: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOLOKIN_NATIVE", native)
+    robot = hk.load("planar-3r")
+    ik = hk.inverse(hk.holonomic(hk.position(robot), hk.lock(0)), [0.3, 0.7, -0.5])
+    assert ik.batch(np.zeros((0, 4, 4))).q.shape == (0, 3)

@@ -262,15 +262,16 @@ class InverseKinematics(Value):
             with np.errstate(invalid="ignore"):
                 gap = last_row_gap(wanted)[..., None, None]
                 turned = np.where(gap < ROTATION, wanted[..., :3, :3], 0.0 * gap)  # NaN where that row is not finite
-            return np.ascontiguousarray(wanted[..., :3, 3]).reshape(k, -1), turned.reshape(k, -1, 3)
-        points = wanted.reshape(k, -1)
+            side = len(p)
+            return np.ascontiguousarray(wanted[..., :3, 3]).reshape(k, side), turned.reshape(k, side, 3)
+        points = wanted.reshape(k, int(np.prod(wanted.shape[1:])))
         missing = np.broadcast_to(p[points.shape[1] :], (k, len(p) - points.shape[1]))
         return np.hstack([points, missing]), np.broadcast_to(R, (k, *R.shape))
 
     def _refused(self, p: Matrix, R: Array) -> Indices:
         """The statuses of bad poses; REACHED for the others."""
         status = np.full(len(p), int(InverseStatus.REACHED), dtype=np.intp)
-        turned = rotation_gap(R.reshape(len(p), -1, 3, 3)).max(axis=1)
+        turned = rotation_gap(R.reshape(len(p), R.shape[1] // 3, 3, 3)).max(axis=1)
         status[~(turned < ROTATION)] = InverseStatus.NOT_A_ROTATION
         status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
         return status
@@ -298,7 +299,8 @@ class InverseKinematics(Value):
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
-        return self.strategy.task.place(self.start)
+        p, R = self.strategy.task.place(self.start)
+        return frozen(p), frozen(R)
 
     @cached_property
     def _leaf(self) -> Vector:
@@ -321,7 +323,7 @@ def _steps(step: ArrayLike, joints: int) -> Vector:
 
 def _in_rows(p: Matrix, R: Array) -> Matrix:
     """(k, 12F): positions, and rotations by rows."""
-    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), -1)]))
+    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), 3 * p.shape[1])]))
 
 
 def _beyond(robot: Robot, q: Vector) -> bool:
