@@ -133,12 +133,19 @@ def random(count: int, seed: int = 0) -> Counter[str]:
     return ends
 
 
-if __name__ == "__main__":
+def main() -> int:
+    """The table, or random robots; with --quick the first row alone."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--random", type=int, default=0)
     parser.add_argument("--only", default="")
+    parser.add_argument("--quick", action="store_true")
     asked = parser.parse_args()
     if asked.random:
         print(dict(random(asked.random)))
     else:
-        table(asked.only)
+        table(next(cases())[0] if asked.quick else asked.only)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
