@@ -74,6 +74,18 @@ def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     return q
 
 
+def build_tasks(job: Job, file: FilePath) -> tuple[Robot, Vector, list[Task]]:
+    """(robot, start posture (n,), a task, or one for each orientation of a list) of a job.
+
+    Raises:
+        JobError, JointLimitError, and what the tasks raise.
+    """
+    robot = build_robot(job, file)
+    start = build_start(job, robot, file)
+    with naming(file, "task"):
+        return robot, start, job.task.tasks(robot, start)
+
+
 def build_strategy(job: Job, label: str, task: Task, start: Vector, title: str) -> Strategy:
     """A strategy of the job, called `title`; a fitted one is fitted to another one of it. Raises: HolokinError."""
     table = job.strategies[label]

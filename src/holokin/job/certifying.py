@@ -10,7 +10,7 @@ from ..errors import ExpressionError, HolokinError, JobError
 from ..path import Path
 from ..proof import Certificate, certify
 from ..strategies import HolonomicStrategy
-from .build import build_begin, build_robot, build_start, build_strategy, naming
+from .build import build_begin, build_strategy, build_tasks, naming
 from .covering import build_workspace
 from .path_building import build_entry, build_path
 from .runner import OF_ONE_STRATEGY
@@ -31,10 +31,7 @@ def certify_job(
     Raises:
         HolokinError: bad input.
     """
-    robot = build_robot(job, file)
-    start = build_start(job, robot, file)
-    with naming(file, "task"):
-        tasks = job.task.tasks(robot, start)
+    robot, start, tasks = build_tasks(job, file)
     if not workspace:
         with naming(file, "path"):
             where, _ = build_path(job, tasks[0], start, file)

@@ -8,7 +8,7 @@ from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategies import Strategy
 from ..types import Vector
-from .build import build_begin, build_robot, build_start, build_strategy, naming
+from .build import build_begin, build_strategy, build_tasks, naming
 from .schema import Job
 
 
@@ -24,10 +24,7 @@ def job_strategy(
     Raises:
         UnknownNameError: no such strategy or orientation, or none named among several.
     """
-    robot = build_robot(job, file)
-    start = build_start(job, robot, file)
-    with naming(file, "task"):
-        tasks = job.task.tasks(robot, start)
+    _, start, tasks = build_tasks(job, file)
     if label is None and len(job.strategies) == 1:
         label = next(iter(job.strategies))
     if label is None:

@@ -13,7 +13,7 @@ from ..physics import play
 from ..robot import knows_masses, servo, weighed
 from ..synchronized_paths import paths_of
 from ..task import of_one_tool
-from .build import build_begin, build_robot, build_start, build_strategy, naming
+from .build import build_begin, build_strategy, build_tasks, naming
 from .path_building import build_entry
 from .physics_table import PhysicsTable
 from .schema import Job
@@ -33,10 +33,8 @@ def simulate_job(
         HolokinError: bad input, or a strategy that cannot be run.
     """
     table = (job.physics or PhysicsTable()).changed(changes)
-    robot = build_robot(job, file)
-    start = build_start(job, robot, file)
+    robot, start, (task, *_) = build_tasks(job, file)
     with naming(file, "task"):
-        task = job.task.tasks(robot, start)[0]
         of_one_tool(task, "a simulation")
     with naming(file, "path"):
         (path,) = paths_of(build_paths(job, task, start, file)[0])

@@ -36,9 +36,8 @@ from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .build import (
     build_begin,
-    build_robot,
-    build_start,
     build_strategy,
+    build_tasks,
     naming,
 )
 from .check_tables import ChecksTable
@@ -114,10 +113,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         HolokinError: bad input; or no strategy could be run, for the first one's reason.
     """
     began = time.perf_counter()
-    robot = build_robot(job, file)
-    start = build_start(job, robot, file)
-    with naming(file, "task"):
-        tasks = job.task.tasks(robot, start)
+    robot, start, tasks = build_tasks(job, file)
     with naming(file, "path"):
         path, notes = build_paths(job, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)

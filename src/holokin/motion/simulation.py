@@ -170,14 +170,22 @@ def _targets(plan: Plan) -> tuple[Array, Matrix]:
 
     Of F > 1 frames (k, F, 4, 4) and (k, F, 6).
     """
-    from scipy.spatial.transform import Rotation
-
-    k, frames = plan.steps, plan.task.frames
+    frames = plan.task.frames
     p = np.vstack([plan.first[0][None], plan.position]).reshape(-1, frames, 3)
     R = np.concatenate([plan.first[1][None], plan.rotation]).reshape(-1, frames, 3, 3)
-    poses = np.tile(np.eye(4), (k, frames, 1, 1))
-    poses[..., :3, 3], poses[..., :3, :3] = p[1:], R[1:]
+    poses, twists = steps_between(p, R, plan.h)
+    return (poses[1:], twists) if frames > 1 else (poses[1:, 0], twists[:, 0])
+
+
+def steps_between(p: Array, R: Array, h: Vector) -> tuple[Array, Array]:
+    """Poses (k + 1, F, 4, 4) of positions (k + 1, F, 3) and rotations, and the constant twists (k, F, 6) between them.
+
+    h (k,): how long each step takes [s].
+    """
+    from scipy.spatial.transform import Rotation
+
+    poses = np.tile(np.eye(4), (*p.shape[:2], 1, 1))
+    poses[..., :3, 3], poses[..., :3, :3] = p, R
     turns = (R[1:] @ R[:-1].swapaxes(-1, -2)).reshape(-1, 3, 3)
-    turned = Rotation.from_matrix(turns).as_rotvec().reshape(k, frames, 3)
-    twists = np.concatenate([np.diff(p, axis=0), turned], axis=-1) / plan.h[:, None, None]
-    return (poses, twists) if frames > 1 else (poses[:, 0], twists[:, 0])
+    turned = Rotation.from_matrix(turns).as_rotvec().reshape(-1, *p.shape[1:])
+    return poses, np.concatenate([np.diff(p, axis=0), turned], axis=-1) / h[:, None, None]

@@ -10,6 +10,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, OpenPathError
 from ..motion import Controller, LoopWatch, StepStatus, controller
+from ..motion.simulation import steps_between
 from ..path import Path
 from ..progress import progress
 from ..robot import DENSITY, Servo, weighed
@@ -150,8 +151,6 @@ class _Plan:
     @staticmethod
     def of(path: Path, start_rotation: Matrix, dt: float, cycles: int) -> _Plan:
         """Raises: ArgumentError: too many steps."""
-        from scipy.spatial.transform import Rotation
-
         ramp = min(RAMP, path.duration)
         moving = path.duration + ramp
         steps = int(np.ceil((moving + REST) / dt))
@@ -162,11 +161,8 @@ class _Plan:
         s = np.where(t > moving - ramp, path.duration - _ramped(moving - t, ramp), s)
         at = path.at(np.clip(s, 0.0, path.duration))
         p, R = at.position, at.rotation @ start_rotation
-        poses = np.tile(np.eye(4), (steps + 1, 1, 1))
-        poses[:, :3, 3], poses[:, :3, :3] = p, R
-        turned = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).as_rotvec()
-        twists = np.vstack([np.hstack([np.diff(p, axis=0), turned]) / dt, np.zeros((1, 6))])
-        return _Plan(dt, p, R, poses, twists)
+        poses, twists = steps_between(p[:, None], R[:, None], np.full(steps, dt))
+        return _Plan(dt, p, R, poses[:, 0], np.vstack([twists[:, 0], np.zeros((1, 6))]))
 
     @property
     def steps(self) -> int:

@@ -87,7 +87,7 @@ class Domain(ABC):
 
 
 def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
-    """Extent boxes over all of some boxes, as far as they can be."""
+    """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are."""
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []

@@ -141,14 +141,14 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     low = np.vstack([np.nextafter(cells.q0 - wide, -np.inf).T, -one, fixed])
     high = np.vstack([np.nextafter(cells.q0 + wide, np.inf).T, one, fixed])
     bent = equation.curvature(low, high)
-    first = 1 + equation.guards
-    last = first + n * n * (n + 1) // 2
-    H = Interval(_symmetric(bent.low[first:last], n), _symmetric(bent.high[first:last], n))
+    facing, guards, bends, mixed = (
+        Interval(low, high) for low, high in zip(*(np.split(x, _places(equation)) for x in bent), strict=True)
+    )
+    H = Interval(_symmetric(bends.low, n), _symmetric(bends.high, n))
     omega = norm(product(Y, H))
     e = at_center + omega * cells.way * UP
     if equation.family.turning:  # |y| <= sqrt(d)
-        mixed = _columns(Interval(bent.low[last:], bent.high[last:]), n)
-        e = e + norm(product(Y, mixed)) * np.sqrt(d)
+        e = e + norm(product(Y, _columns(mixed, n))) * np.sqrt(d)
     e *= UP
 
     flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
@@ -158,11 +158,11 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     eta = norm(product(Y, _wrapped(equation, E)))
     eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
-    apart = np.maximum(bent.low[1:last], -bent.high[1:last])[: equation.guards]
-    facing = np.minimum(bent.low[0], apart.min(axis=0, initial=np.inf))
+    apart = np.maximum(guards.low, -guards.high).min(axis=0, initial=np.inf)
+    clear = np.minimum(facing.low[0], apart)
     with np.errstate(invalid="ignore", over="ignore"):
         gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
-        good = (e < 1) & (gap >= 0) & (facing > 0)
+        good = (e < 1) & (gap >= 0) & (clear > 0)
         least = 2 * eta / (1 - e + np.sqrt(np.where(good, gap, 0.0))) * UP
         most = np.minimum(cells.rho, 2 * (1 - e) / np.maximum(omega, 1e-300) / UP - least)
         r = least * MARGIN
@@ -171,7 +171,13 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     r = np.where(good, r, np.inf)
     size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-6)  # the radii of the checker are rounded more coarsely
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
-    return Findings(Y, omega, e, eta, r, alone, facing, low, high)
+    return Findings(Y, omega, e, eta, r, alone, clear, low, high)
+
+
+def _places(equation: Equation) -> tuple[int, int, int]:
+    """Where in `Equation.curvature` the guards, the second derivatives by q and those by y and q begin."""
+    n, first = equation.n, 1 + equation.guards
+    return 1, first, first + n * n * (n + 1) // 2
 
 
 def inverses(A: Array) -> Array:
