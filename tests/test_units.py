@@ -133,14 +133,44 @@ def test_a_step_in_which_a_joint_moves_far_is_warned_of_and_taken(
 
 def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
-    for header, row, what in (
-        ("x,y,z,qx,qy,qz,qw", "0.5,0,0.3,1,0,0,0", "a quaternion"),
-        (",".join(f"T{i}{j}" for i in range(3) for j in range(4)), "1,0,0,0,0,1,0,0,0,0,1,0", "a matrix"),
+    for header, row in (
+        ("x,y,z,qx,qy,qz,qw", "0.5,0,0.3,1,0,0,0"),
+        (",".join(f"T{i}{j}" for i in range(3) for j in range(4)), "1,0,0,0,0,1,0,0,0,0,1,0"),
     ):
         file.write_text(f"{header}\n{row}\n")
-        with pytest.raises(RecordingError, match=f"its rotation is {what}; leave out degrees=True"):
-            hk.read_workspace(file, degrees=True)
-        assert len(hk.read_workspace(file, degrees=False).given) == 1
+        with pytest.raises(RecordingError, match="has no angles; leave out angles="):
+            hk.read_workspace(file, angles="deg")
+        assert len(hk.read_workspace(file).given) == 1
+
+
+def test_an_angle_beyond_a_turn_is_believed_where_somebody_says_radians(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text("x,y,z,roll,pitch,yaw\n0.5,0,0.3,0,0,7\n")
+    with pytest.raises(RecordingError, match="it looks like degrees"):
+        hk.read_workspace(file)
+    assert hk.read_workspace(file, angles="rad").given[0, 0, 0] == pytest.approx(np.cos(7))
+
+
+def test_both_readers_of_poses_know_the_same_columns(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    turned = Rotation.from_rotvec([[0.1, 0.2, 0.3], [0.3, 0.2, 0.1]])
+    rows = {
+        "x [m],y [m],z [m],qx,qy,qz,qw": np.hstack([[[0.5, 0, 0.3], [0.5, 0.1, 0.3]], turned.as_quat()]),
+        "x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg": np.hstack(
+            [[[500, 0, 300], [500, 100, 300]], np.rad2deg(turned.as_rotvec())]
+        ),
+        ",".join(f"T{i}{j}" + "_m" * (j == 3) for i in range(3) for j in range(4)): np.concatenate(
+            [turned.as_matrix(), [[[0.5], [0], [0.3]], [[0.5], [0.1], [0.3]]]], axis=2
+        ).reshape(2, 12),
+    }
+    for header, table in rows.items():
+        file.write_text("\n".join([header, *(",".join(f"{v:.17g}" for v in row) for row in table)]))
+        cloud, waypoints = hk.read_workspace(file), hk.read_waypoints(file)
+        assert waypoints.rotations is not None
+        assert np.abs(cloud.given[:, :3, 3] - [[0.5, 0, 0.3], [0.5, 0.1, 0.3]]).max() < 1e-15
+        assert np.array_equal(cloud.given[:, :3, 3], waypoints.points)
+        assert np.abs(waypoints.rotations - turned.as_matrix()).max() < 1e-14
+        assert np.array_equal(cloud.given[:, :3, :3], waypoints.rotations)
 
 
 def test_coverage_says_which_poses_of_a_cloud_it_looked_at(panda: hk.Robot) -> None:

@@ -132,8 +132,8 @@ def test_poses_read_from_a_csv_file_are_those_that_were_written(tmp_path: Path, 
         cloud = hk.read_workspace(file)
         assert np.allclose(cloud.poses(1000), some_poses, atol=1e-14), name
     degrees = table(tmp_path / "d.csv", "yaw,pitch,roll,x,y,z", np.hstack([turned.as_euler("xyz", True)[:, ::-1], p]))
-    assert np.allclose(hk.read_workspace(degrees, degrees=True).poses(20), some_poses, atol=1e-14)
-    with pytest.raises(RecordingError, match="say degrees=True"):
+    assert np.allclose(hk.read_workspace(degrees, angles="deg").poses(20), some_poses, atol=1e-14)
+    with pytest.raises(RecordingError, match="say angles='deg'"):
         hk.read_workspace(degrees)
 
 
@@ -151,8 +151,8 @@ def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_base_in_this_order(tmp_pa
         ("x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,nan,0,0,0,0,1\n", "line 3, column 'y' holds 'nan'"),
         ("x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,one\n", "line 2, column 'qw' holds 'one'"),
         ("x,y,z,qx,qy,qz,qw\n", "no poses"),
-        ("x,y\n0,0\n", "are no pose"),
-        ("x,y,z,qx\n0,0,0,0\n", "rotations are incomplete"),
+        ("x,y\n0,0\n", "has no column z"),
+        ("x,y,z,qx\n0,0,0,0\n", "column 'qx' alone is no orientation"),
         ("x,y,z,x\n0,0,0,0\n", "2 columns 'x'"),
         ("x,y,z\n0,0,0\n0,0,0,1\n", "line 3 has 4 cells, the header 3"),
         ("0,0,0,0,0,0,1\n", "no header"),

@@ -218,7 +218,7 @@ def calls() -> dict[str, Call]:
             "spin": 0.5}),
         "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
         "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
-        "read_workspace": (hk.read_workspace, ("no.csv",), {"degrees": False, "rotation": one}),
+        "read_workspace": (hk.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one}),
         "coverage": (hk.coverage, (held, q, k["space"]), {
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
         "design": (hk.design, (task, k["space"], q), {

@@ -43,7 +43,8 @@ def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str
     """
     times: list[int] = []
 
-    def wanted(header: Sequence[str]) -> list[int]:
+    def wanted(names: Sequence[str]) -> list[int]:
+        header = [in_si(name) for name in names]
         times.extend(_time_column(file, header) if time is None else [column_named(file, header, time, "the time")])
         if columns is None:
             return [*times, *_joint_columns(file, header, robot, robot.joint_names)]
@@ -88,7 +89,7 @@ def csv_pieces(
                     (",".join(line.split()) + "\n" for line in lines),
                 )
             cells = next(csv.reader([first], delimiter=delimiter), [])
-            header = [in_si(cell.strip().strip("#").strip()) for cell in cells]
+            header = [cell.strip().strip("#").strip() for cell in cells]
             if not any(header):
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
                 raise RecordingError(file, fact, cure)
