@@ -6,10 +6,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from black_boxes import locked, pull
+from black_boxes import locked, pull, turn
 from conftest import PANDA_START
 from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
@@ -25,7 +24,7 @@ def curved(robot: hk.Robot, i: int, j: int, kappa: float):
 
     def law(q, pose, twist, dt):
         here = robot.pose(q)
-        x = np.append(here[:3, 3] - home[:3, 3], Rotation.from_matrix(here[:3, :3] @ home[:3, :3].T).as_rotvec())
+        x = np.append(here[:3, 3] - home[:3, 3], turn(here[:3, :3] @ home[:3, :3].T))
         v = pull(robot, q, pose, dt)
         return np.linalg.solve(
             np.vstack([robot.jacobian(q), np.eye(7)[2]]), np.append(v, kappa * (x[i] * v[j] - x[j] * v[i]) / 2)
