@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -19,6 +20,9 @@ from holokin import cli
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # a hundred tests start Python: with bytecode in half the time
+sys.dont_write_bytecode = False
+os.environ.setdefault("CFLAGS", "-O0")  # what an export's self-test compares takes a compiler a third of the time so
 
 HERE = Path(__file__).parent
 collect_ignore = (

@@ -230,13 +230,16 @@ def tags() -> tuple[Tag, ...]:
     """Every tag in src/, in the order of files and lines."""
     found = []
     for file in sorted(f for f in (ROOT / "src").rglob("*") if f.suffix in (".py", ".toml")):
-        tree = ast.parse(file.read_text("utf-8")) if file.suffix == ".py" else None
-        for line, text in comments(file):
-            if match := TAG.match(text):
+        text = file.read_text("utf-8")
+        if not any(map(TAG.search, text.splitlines())):
+            continue  # to read its tokens takes longer
+        tree = ast.parse(text) if file.suffix == ".py" else None
+        for line, said in comments(file):
+            if match := TAG.match(said):
                 name, first = function_at(tree, line) if tree else ("", 0)
-                assert name or tree is None, f"{file}:{line}: the tag {text!r} stands in no function"
+                assert name or tree is None, f"{file}:{line}: the tag {said!r} stands in no function"
                 place = file.relative_to(ROOT).as_posix()
-                found += [Tag(item, place, name, first, text) for item in re.findall(ITEM, match[1])]
+                found += [Tag(item, place, name, first, said) for item in re.findall(ITEM, match[1])]
     return tuple(found)
 
 

@@ -8,6 +8,8 @@ import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,6 +59,12 @@ HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", 
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    """The tree of a file, which several statements are about."""
+    return ast.parse(file.read_text("utf-8"))
+
+
 def layer_of(module: Path) -> str:
     parts = module.relative_to(ROOT).parts
     return parts[0].removesuffix(".py")
@@ -66,10 +74,11 @@ def rank(layer: str) -> int:
     return next(i for i, names in enumerate(LAYERS) if layer in names)
 
 
+@cache
 def imports(module: Path) -> list[tuple[str, ast.stmt]]:
     """(absolute dotted name, statement) of every import, relative ones resolved."""
     package = list(module.relative_to(ROOT.parent).with_suffix("").parts)[:-1]
-    return imports_of(ast.parse(module.read_text("utf-8")), package)
+    return imports_of(parsed(module), package)
 
 
 def imports_of(tree: ast.Module, package: list[str] | None = None) -> list[tuple[str, ast.stmt]]:
@@ -163,14 +172,18 @@ def test_every_public_name_has_a_docstring_with_substance() -> None:
         assert thing.__doc__, name
         assert len(thing.__doc__) > 20, name
     for module in MODULES:
-        tree = ast.parse(module.read_text("utf-8"))
-        assert ast.get_docstring(tree), module
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-                inner = any(
-                    node in ast.walk(f) and f is not node for f in ast.walk(tree) if isinstance(f, ast.FunctionDef)
-                )
-                assert inner or ast.get_docstring(node), f"{module}: {node.name}"
+        assert ast.get_docstring(parsed(module)), module
+        for node in outer_definitions(parsed(module)):
+            assert node.name.startswith("_") or ast.get_docstring(node), f"{module}: {node.name}"
+
+
+def outer_definitions(node: ast.AST) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    """Functions and classes that stand in no function."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            yield child
+        if not isinstance(child, ast.FunctionDef | ast.expr):
+            yield from outer_definitions(child)
 
 
 def test_every_source_key_is_on_the_references_page() -> None:

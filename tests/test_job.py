@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,20 @@ from holokin.output.animate import animate
 from holokin.output.figures import figures
 from holokin.output.report import write_report
 from holokin.output.result import METRICS, JobResult
-from holokin.output.table import number, print_result
+from holokin.output.table import number, print_result, row
+
+RESULTS = (Path(__file__).parents[1] / "docs" / "results.md").read_text("utf-8")
 
 
-@pytest.fixture(scope="module", params=packaged_jobs())
-def result(request: pytest.FixtureRequest) -> JobResult:
-    return run_job(*open_job(request.param))
+@cache
+def done(job: str) -> JobResult:
+    """A packaged job, run once for all statements about it."""
+    return run_job(*open_job(job))
 
 
-def test_every_packaged_job_shows_what_it_expects(result: JobResult) -> None:
+@pytest.mark.parametrize("job", packaged_jobs())
+def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
+    result = done(job)
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
     assert all(s.checks for s in result.strategies)
     assert {s.verdict.holonomic for s in result.strategies} == {True, False}
@@ -34,6 +40,16 @@ def test_every_packaged_job_shows_what_it_expects(result: JobResult) -> None:
         assert set(strategy.metrics) == set(METRICS)
         home = strategy.metrics["drift_total"] < 1e-9
         assert home is strategy.verdict.holonomic
+
+
+@pytest.mark.parametrize("job", PAPER)
+def test_the_tables_shown_are_what_the_jobs_print_today(job: str) -> None:
+    """Every printed cell that is not round-off."""
+    printed = [{cell.strip() for cell in line.split("│")} for line in RESULTS.splitlines() if "│" in line]
+    for strategy in done(job).drawn:
+        wanted = [cell for cell in row(strategy)[1:] if not ("e-" in cell and float(cell) < 1e-9)]
+        assert any(set(wanted) <= cells for cells in printed), wanted
+    assert f"report: out/{job}/report.html" in RESULTS
 
 
 def test_paper_is_the_name_of_four_jobs() -> None:
@@ -53,7 +69,7 @@ def test_an_expectation_that_is_wrong_fails(tmp_path: Path) -> None:
 
 
 def test_a_report_is_one_folder_written_whole(tmp_path: Path) -> None:
-    result = run_job(*open_job("ppr-half-circle"))
+    result = done("ppr-half-circle")
     folder = write_report(result, tmp_path / "out", "0")
     names = {p.name for p in folder.iterdir()}
     assert {"report.html", "result.json", "robot.png", "robot.svg", "ways-paper.png", "paper-clockwise.csv"} <= names

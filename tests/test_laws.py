@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
@@ -27,12 +29,16 @@ IIWA_START = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 0.6, 0.0])  # the tool tilted, 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A strategy and whether mathematics says that it is holonomic."""
+    """A strategy, made when it is wanted, and whether mathematics says that it is holonomic."""
 
     name: str
     start: np.ndarray
     holonomic: bool
-    strategy: hk.Strategy
+    make: Callable[[], hk.Strategy]
+
+    @cached_property
+    def strategy(self) -> hk.Strategy:
+        return self.make()
 
 
 def _weight(q: ca.SX) -> ca.SX:
@@ -52,41 +58,49 @@ EVERY_ORIENTATION = [
 ]
 
 
-def _curved() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+Makers = dict[str, tuple[np.ndarray, Callable[[], hk.Strategy]]]
+"""A start and what makes the strategy, by name."""
+
+
+def _curved() -> Makers:
     """Strategies without leaves: pseudo-inverses, weighted or not, and the coupling with the geometric Jacobian."""
     return {
-        "ppr moore-penrose": (PPR_START, hk.moore_penrose(PPR)),
-        "ppr weighted": (PPR_START, hk.weighted(PPR, np.diag([1.0, 0.5, 2.0]))),
-        "3r moore-penrose": (R3_START, hk.moore_penrose(R3)),
-        "3r weighted q": (R3_START, hk.weighted(R3, _weight)),
-        "irb140 moore-penrose": (IRB_START, hk.moore_penrose(IRB)),
-        "irb140 coupled geometric": (IRB_START, hk.strategies.coupled_twist(IRB, 1.0)),
-        **{f"{name} moore-penrose": (start, hk.moore_penrose(task)) for name, task, start in EVERY_ORIENTATION},
-        "panda inertia weighted": (PANDA_START, hk.strategies.inertia_weighted(_heavy())),
+        "ppr moore-penrose": (PPR_START, lambda: hk.moore_penrose(PPR)),
+        "ppr weighted": (PPR_START, lambda: hk.weighted(PPR, np.diag([1.0, 0.5, 2.0]))),
+        "3r moore-penrose": (R3_START, lambda: hk.moore_penrose(R3)),
+        "3r weighted q": (R3_START, lambda: hk.weighted(R3, _weight)),
+        "irb140 moore-penrose": (IRB_START, lambda: hk.moore_penrose(IRB)),
+        "irb140 coupled geometric": (IRB_START, lambda: hk.strategies.coupled_twist(IRB, 1.0)),
+        **{
+            f"{name} moore-penrose": (start, lambda task=task: hk.moore_penrose(task))
+            for name, task, start in EVERY_ORIENTATION
+        },
+        "panda inertia weighted": (PANDA_START, lambda: hk.strategies.inertia_weighted(_heavy())),
     }
 
 
-def _flat() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+def _flat() -> Makers:
     """Strategies with leaves: from a constraint, an involutive N_G, springs of one redundant joint, or a transport."""
     stacked = hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
     angles = hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")
     slopes = np.array([[1, 0, -1, 0, 0.2, 0, 0], [0, 0, 0.3, 0, 0, 0, 1]])
     return {
-        "ppr paper": (PPR_START, hk.null_basis(PPR, paper_frame)),
-        "ppr de luca": (PPR_START, hk.holonomic(PPR, hk.custom(de_luca_g))),
-        "3r linear": (R3_START, hk.holonomic(R3, hk.linear([0.0, 1.0, -1.0]))),
-        "3r custom": (R3_START, hk.holonomic(R3, hk.custom(lambda q: q[0] + 0.4 * ca.sin(q[1]) * q[2]))),
-        "irb140 coupled zyz": (IRB_START, hk.holonomic(IRB, hk.coupled(1.0))),
-        "irb140 coupled rpy": (IRB_START, hk.holonomic(IRB, angles)),
-        "irb140 stack": (IRB_START, hk.holonomic(IRB, stacked)),
+        "ppr paper": (PPR_START, lambda: hk.null_basis(PPR, paper_frame)),
+        "ppr de luca": (PPR_START, lambda: hk.holonomic(PPR, hk.custom(de_luca_g))),
+        "3r linear": (R3_START, lambda: hk.holonomic(R3, hk.linear([0.0, 1.0, -1.0]))),
+        "3r custom": (R3_START, lambda: hk.holonomic(R3, hk.custom(lambda q: q[0] + 0.4 * ca.sin(q[1]) * q[2]))),
+        "irb140 coupled zyz": (IRB_START, lambda: hk.holonomic(IRB, hk.coupled(1.0))),
+        "irb140 coupled rpy": (IRB_START, lambda: hk.holonomic(IRB, angles)),
+        "irb140 stack": (IRB_START, lambda: hk.holonomic(IRB, stacked)),
         **{
-            f"{name} linear": (start, hk.holonomic(task, hk.linear(slopes[: task.n - task.m])))
+            f"{name} linear": (start, lambda task=task: hk.holonomic(task, hk.linear(slopes[: task.n - task.m])))
             for name, task, start in EVERY_ORIENTATION
         },
         **_more(),
     }
 
 
+@cache
 def _heavy() -> hk.Task:
     """The Panda of a URDF, which has masses."""
     return hk.pose(hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp"))
@@ -97,7 +111,7 @@ def paper_inverse(q: ca.SX) -> list:
     return [[ca.cos(q[2]) ** 2, 0], [ca.sin(q[2]) * ca.cos(q[2]), 1], [-ca.sin(q[2]), 0]]
 
 
-def _more() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
+def _more() -> Makers:
     """Every other constraint and holonomic strategy of the library."""
     springs = hk.constraints.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
     tilt = hk.constraints.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
@@ -110,35 +124,43 @@ def _more() -> dict[str, tuple[np.ndarray, hk.Strategy]]:
         "tilted": tilt,
         "total": hk.constraints.total(hk.lock(2), hk.constraints.height("panda_joint4"), weights=[1.0, 0.5]),
     }
-    out = {f"panda {name}": (PANDA_START, hk.holonomic(ARM, g)) for name, g in constraints.items()}
-    linear = hk.holonomic(ARM, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
-    transport = hk.strategies.from_transport(
-        PPR, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
-        around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
-    )  # fmt: skip
+    out = {f"panda {name}": (PANDA_START, lambda g=g: hk.holonomic(ARM, g)) for name, g in constraints.items()}
+
+    def fitted() -> hk.Strategy:
+        linear = hk.holonomic(ARM, hk.linear([1, 0, -1, 0, 0.2, 0, 0]))
+        return hk.strategies.fitted(linear, postures, degree=3)
+
+    def transport() -> hk.Strategy:
+        return hk.strategies.from_transport(
+            PPR, lambda x, z: [x[0] - ca.cos(z), x[1] - ca.sin(z), z], lambda x, z: z + x[0] * x[1], lambda q: q[2],
+            around=PPR_START, inverse=lambda x, z: z - x[0] * x[1],
+        )  # fmt: skip
+
     return out | {
-        "aside height": (ASIDE, hk.holonomic(ARM, hk.constraints.height("panda_joint4"))),
+        "aside height": (ASIDE, lambda: hk.holonomic(ARM, hk.constraints.height("panda_joint4"))),
         "best stationary manipulability": (
             BEST,
-            hk.holonomic(ARM, hk.stationary(hk.constraints.manipulability_cost())),
+            lambda: hk.holonomic(ARM, hk.stationary(hk.constraints.manipulability_cost())),
         ),
-        "iiwa14 rpy arm angle": (IIWA_START, hk.holonomic(TURNED, hk.arm_angle())),
-        "iiwa14 rpy radial": (IIWA_START, hk.radial(hk.moore_penrose(TURNED), IIWA_START, steps=1)),
-        "panda radial": (PANDA_START, hk.radial(hk.moore_penrose(ARM), PANDA_START, steps=1)),
-        "panda fitted": (PANDA_START, hk.strategies.fitted(linear, postures, degree=3)),
-        "panda gravity": (PANDA_START, hk.holonomic(_heavy(), hk.stationary(hk.constraints.gravity_cost()))),
-        "3r impedance": (R3_START, hk.strategies.impedance(R3, springs)),
-        "3r impedance by stiffness": (R3_START, hk.strategies.impedance(R3, springs, force="stiffness")),
-        "ppr given": (PPR_START, hk.strategies.right_inverse(PPR, paper_inverse)),
+        "iiwa14 rpy arm angle": (IIWA_START, lambda: hk.holonomic(TURNED, hk.arm_angle())),
+        "iiwa14 rpy radial": (IIWA_START, lambda: hk.radial(hk.moore_penrose(TURNED), IIWA_START, steps=1)),
+        "panda radial": (PANDA_START, lambda: hk.radial(hk.moore_penrose(ARM), PANDA_START, steps=1)),
+        "panda fitted": (PANDA_START, fitted),
+        "panda gravity": (PANDA_START, lambda: hk.holonomic(_heavy(), hk.stationary(hk.constraints.gravity_cost()))),
+        "3r impedance": (R3_START, lambda: hk.strategies.impedance(R3, springs)),
+        "3r impedance by stiffness": (R3_START, lambda: hk.strategies.impedance(R3, springs, force="stiffness")),
+        "ppr given": (PPR_START, lambda: hk.strategies.right_inverse(PPR, paper_inverse)),
         "ppr from transport": (PPR_START, transport),
     }
 
 
 CASES = [
-    Case(name, start, holonomic, strategy)
+    Case(name, start, holonomic, make)
     for holonomic, group in ((False, _curved()), (True, _flat()))
-    for name, (start, strategy) in group.items()
+    for name, (start, make) in group.items()
 ]
+UNWRITTEN = ("ppr paper", "ppr given", "3r impedance", "3r impedance by stiffness")
+"""Those that have leaves for which nobody wrote a g."""
 every = pytest.mark.parametrize("case", CASES, ids=[c.name for c in CASES])
 
 
@@ -149,6 +171,7 @@ def postures(case: Case, count: int, radius: float = 0.2) -> np.ndarray:
 @every
 def test_a_strategy_is_a_right_inverse(case: Case) -> None:
     G = case.strategy
+    assert isinstance(G, HolonomicStrategy) is (case.holonomic and case.name not in UNWRITTEN)
     for q in postures(case, 10):
         assert np.abs(G.task.jacobian(q) @ G(q) - np.eye(G.task.m)).max() < 1e-11
 
@@ -237,7 +260,7 @@ def test_two_ways_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> No
     assert spread.largest < 1e-9 if case.holonomic else spread.largest > 1e-5
 
 
-HELD = [c for c in CASES if isinstance(c.strategy, HolonomicStrategy)]
+HELD = [c for c in CASES if c.holonomic and c.name not in UNWRITTEN]
 
 
 @pytest.mark.parametrize("case", HELD, ids=lambda c: c.name)

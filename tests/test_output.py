@@ -44,6 +44,11 @@ def ppr_cycle() -> JobResult:
 
 
 @pytest.fixture(scope="module")
+def panda_circle() -> JobResult:
+    return shortened("panda-circle", cycles=2, samples=40)
+
+
+@pytest.fixture(scope="module")
 def half_lost() -> JobResult:
     """A Panda whose leaf ends on the clockwise way only."""
     file = Path(__file__).parents[1] / "examples" / "panda-strategies.toml"
@@ -76,7 +81,7 @@ def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> N
 # --- units ---
 
 
-def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult) -> None:
+def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult, panda_circle: JobResult) -> None:
     assert largest(np.array([0.1, -0.3, 0.2]), ("m", "m", "rad")) == "0.3 m"
     assert largest(np.array([0.1, -0.3, 0.4]), ("m", "m", "rad")) == "0.4 rad"
     walk = ppr_cycle.strategies[0].cycles
@@ -89,7 +94,8 @@ def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult) -> 
     assert "[m or rad]" in made["drift"].axes[0].get_ylabel()
     assert "[m or rad]" in made["cycles"].axes[0].get_ylabel()
     assert "[m or rad]" in columns(ppr_cycle)[2][0]
-    panda = {stem: figure for stem, _, figure in figures(shortened("panda-circle", cycles=2, samples=20))}
+    one = replace(panda_circle, strategies=panda_circle.strategies[:1])
+    panda = {stem: figure for stem, _, figure in figures(one)}
     assert "[rad]" in panda["drift"].axes[0].get_ylabel()
 
 
@@ -193,9 +199,9 @@ def test_the_mean_drift_is_not_the_total_over_the_cycles() -> None:
     assert f["drift_mean"] > 1.003 * f["drift_total"] / 14
 
 
-def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
+def test_peak_speed_is_the_share_of_the_joints_limit(panda_circle: JobResult) -> None:
     """One hinge locked to the tool's speed: twice the path's speed is twice the share, and the worst joint is named."""
-    slow = shortened("panda-circle", cycles=1, samples=40)
+    slow = panda_circle
     strategy = slow.strategies[0]
     limits = slow.robot.max_velocity
     shares = np.max([np.abs(w.dq).max(axis=0) for w in strategy.trajectories().values()], axis=0) / limits
@@ -203,7 +209,7 @@ def test_peak_speed_is_the_share_of_the_joints_limit() -> None:
     assert remarks(slow) == []
     factor = 1.5 / shares.max()
     fast = shortened(
-        "panda-circle", cycles=1, samples=40, speed=0.1 * factor, strategies={"mp": MoorePenrose(kind="moore-penrose")}
+        "panda-circle", cycles=2, samples=40, speed=0.1 * factor, strategies={"mp": MoorePenrose(kind="moore-penrose")}
     )
     assert fast.strategies[0].metrics["peak_speed"] == pytest.approx(1.5)
     said = speed_warning(fast, fast.strategies[0])
@@ -243,10 +249,9 @@ def test_nothing_expected_is_not_ok(ppr_cycle: JobResult, half_lost: JobResult) 
 # --- verdicts ---
 
 
-def test_a_verdict_is_a_sentence_that_a_small_loop_confirms() -> None:
+def test_a_verdict_is_a_sentence_that_a_small_loop_confirms(panda_circle: JobResult) -> None:
     """0.1 m by 0.1 m: the joints end 0.01 |F| away to first order in the area, here at a tenth of the size."""
-    result = shortened("panda-circle", cycles=1, samples=40)
-    pseudo, held = result.strategies[0], result.strategies[1]
+    pseudo, held = panda_circle.strategies[:2]
     v = pseudo.verdict
     told, shown = v.sentence, v.details
     assert str(v).splitlines() == [told, f"  {shown}"]
@@ -266,7 +271,7 @@ def test_a_verdict_is_a_sentence_that_a_small_loop_confirms() -> None:
     assert moved == pytest.approx(side**2 * np.linalg.norm(curvature(strategy, q)[:, 0, 1]), rel=0.02)
 
 
-def test_the_report_explains_its_terms(ppr_cycle: JobResult, tmp_path: Path) -> None:
+def test_the_report_explains_its_terms(ppr_cycle: JobResult, sketched: None, tmp_path: Path) -> None:
     page = (write_report(ppr_cycle, tmp_path, "0") / "report.html").read_text("utf-8")
     verdicts = page.index("is NOT holonomic")
     for term in ("Defect:", "Leaf:", "Drift:"):
@@ -295,7 +300,7 @@ def test_no_label_of_a_picture_in_space_is_cut_off() -> None:
                 assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
 
 
-def test_the_report_names_joints_and_prints_no_round_off(tmp_path: Path) -> None:
+def test_the_report_names_joints_and_prints_no_round_off(sketched: None, tmp_path: Path) -> None:
     """Postures stand with the names of their joints; 2e-30 rad is 0, as a posture and as a figure."""
     name, job, file = open_job("panda-circle")
     laws = {"moore-penrose": job.strategies["moore-penrose"]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -31,27 +32,33 @@ def dome(u: float, v: float) -> float:
     return 0.5 - np.sqrt(0.25 - u * u - v * v)
 
 
-def shapes() -> dict[str, hk.Path]:
-    return {
-        "spline": hk.spline(POINTS),
-        "round": hk.spline(POINTS, closed=True),
-        "poses": hk.spline(poses()),
-        "round poses": hk.spline(poses(), closed=True),
-        "timed": hk.spline(poses(), times=TIMES),
-        "lines through poses": hk.polyline(poses()),
-        "function": hk.path_of(lambda t: [np.cos(t), np.sin(t), 0.1 * np.sin(2 * t)], [0, 2 * np.pi]),
-        "eight": hk.figure_eight([0.4, 0, 0.3], 0.2, 0.1, [0, 1, 1]),
-        "raster": hk.raster([0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.03, surface=lambda u, v: 2 * u * u - v * v),
-        "spiral": hk.spiral([0.4, 0, 0.3], 0.05, 0.02, surface=dome, inward=True),
-        "blend": hk.blended(hk.polyline(poses()), 0.005),
-        "frame": hk.spline(poses()).in_frame([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
-        "leads": hk.with_leads(hk.spline(POINTS), 0.02, 0.03, retract=0.05),
-        "passes": hk.passes(hk.polyline(poses()), 3, offset=[0, 0, 0.01], back_and_forth=False, lift=[0, 0, 0.03]),
-    }
+SHAPES = {
+    "spline": lambda: hk.spline(POINTS),
+    "round": lambda: hk.spline(POINTS, closed=True),
+    "poses": lambda: hk.spline(poses()),
+    "round poses": lambda: hk.spline(poses(), closed=True),
+    "timed": lambda: hk.spline(poses(), times=TIMES),
+    "lines through poses": lambda: hk.polyline(poses()),
+    "function": lambda: hk.path_of(lambda t: [np.cos(t), np.sin(t), 0.1 * np.sin(2 * t)], [0, 2 * np.pi]),
+    "eight": lambda: hk.figure_eight([0.4, 0, 0.3], 0.2, 0.1, [0, 1, 1]),
+    "raster": lambda: hk.raster([0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.03, surface=lambda u, v: 2 * u * u - v * v),
+    "spiral": lambda: hk.spiral([0.4, 0, 0.3], 0.05, 0.02, surface=dome, inward=True),
+    "blend": lambda: hk.blended(hk.polyline(poses()), 0.005),
+    "frame": lambda: hk.spline(poses()).in_frame([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+    "leads": lambda: hk.with_leads(hk.spline(POINTS), 0.02, 0.03, retract=0.05),
+    "passes": lambda: hk.passes(hk.polyline(poses()), 3, offset=[0, 0, 0.01], back_and_forth=False, lift=[0, 0, 0.03]),
+}
+every = pytest.mark.parametrize("path", SHAPES, indirect=True)
 
 
-MADE = shapes()
-every = pytest.mark.parametrize("path", MADE.values(), ids=MADE.keys())
+@cache
+def shape(name: str) -> hk.Path:
+    return SHAPES[name]()
+
+
+@pytest.fixture
+def path(request: pytest.FixtureRequest) -> hk.Path:
+    return shape(request.param)
 
 
 @every
@@ -264,7 +271,7 @@ def test_a_frame_moves_points_and_turns_alike() -> None:
     assert np.abs(b.position - (a.position @ F[:3, :3].T + F[:3, 3])).max() < 1e-14
     wanted = F[:3, :3] @ a.rotation @ path.rotation
     assert np.abs(b.rotation @ moved.rotation - wanted).max() < 1e-13
-    assert np.abs(MADE["frame"].at(t).position - b.position).max() < 1e-14
+    assert np.abs(shape("frame").at(t).position - b.position).max() < 1e-14
 
 
 def test_joined_paths_must_meet_in_one_orientation() -> None:

@@ -260,7 +260,7 @@ def test_sanitizers_find_nothing_in_a_loop_whatever_comes(flags: tuple[str, ...]
     given, start, _ = LAWS["a plane"]()
     made = hk.export_c(hk.radial(given, start, steps=1), tmp_path, start=start, name="law", vectors_count=2)
     text = ON_ANYTHING.replace("k < 20000", "k < 400")
-    sanitize = ("-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    sanitize = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     run = subprocess.run(
         [str(program(made, text, tmp_path, *STRICT, *sanitize, *flags, leaf=LEAF))],
         capture_output=True, text=True, timeout=100, check=False,

@@ -52,4 +52,6 @@ def rotation_matrix(turn: Array) -> Array:
     """exp: the rotations (..., 3, 3) of rotation vectors (..., 3) [rad]."""
     from scipy.spatial.transform import Rotation
 
+    if not np.any(turn):  # most paths turn no tool, and SciPy's takes as long as all else of a step
+        return np.tile(np.eye(3), (*np.shape(turn)[:-1], 1, 1))
     return Rotation.from_rotvec(np.array(turn)).as_matrix()  # a copy: it refuses what nobody can write to

@@ -122,7 +122,7 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
     error = (1 - CONFIDENCE) * share / 2  # half for single phases, half for their average
     noise = _noise(visits)
     limit = quantile(error / (SHAPES * phases * d), noise.dof)
-    shapes = np.array([_shape(r, c) for r in _RATIOS])
+    shapes = _shapes(_RATIOS, c)
     shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
     shifts = LEAF_SLOPE * _shifts(shapes, visits.moves, noise.moves)
     along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - shifts[:, :, None]
@@ -175,17 +175,19 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
         return found(Trend.ALTERNATES, ratio, (low, high))
     converged = later is None or later.trend in (Trend.ZERO, Trend.DECAYS) or hidden <= tolerance
     if -fading <= low and high <= fading and converged:
-        f = _shape(ratio, c)
+        f = _shapes(np.array([ratio]), c)[0]
         b = f @ visits.y[:, at] / (f @ f)
         left = visits.axes[at] @ b * ratio ** (k - 1) / (1 - ratio)
         return found(Trend.DECAYS, ratio, (low, high), left=left)
     return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
 
 
-def _shape(r: float, c: Vector) -> Vector:
-    """Sums of a drift that changes by the factor r from cycle to cycle, after c cycles, less their mean."""
-    f = c if abs(1 - r) < 1e-9 else (1 - np.sign(r) ** c * np.abs(r) ** c) / (1 - r)
-    return f - f.mean()
+def _shapes(ratios: Vector, c: Vector) -> Matrix:
+    """For each r, sums of a drift that changes by the factor r from cycle to cycle, after c cycles, less their mean."""
+    r = np.asarray(ratios)[:, None]
+    even = np.abs(1 - r) < 1e-9
+    f = np.where(even, c, (1 - np.sign(r) ** c * np.abs(r) ** c) / np.where(even, 1.0, 1 - r))
+    return f - f.mean(axis=1, keepdims=True)
 
 
 def _shifts(shapes: Matrix, moves: Array, scatter: Vector) -> Matrix:
@@ -227,7 +229,7 @@ def _residual(y: Matrix) -> tuple[Matrix, float]:
     rest = y - np.outer(line, line @ y)
 
     def across(ratios: Vector) -> Matrix:
-        curves = np.array([_shape(r, c) for r in ratios])
+        curves = _shapes(ratios, c)
         curves = curves - np.outer(curves @ line, line)
         return curves / np.linalg.norm(curves, axis=1, keepdims=True)
 
@@ -288,7 +290,7 @@ def _ratio(
     hidden = np.inf
     if k >= FEWEST and inside[-1] < _BENT:
         c = np.arange(k, dtype=float)
-        curves = np.array([_shape(r, c) for r in inside])
+        curves = _shapes(inside, c)
         line = c - c.mean()
         line = line - curves * ((curves @ line) / (curves**2).sum(axis=1))[:, None]  # across each curve
         sizes = (line**2).sum(axis=1)
@@ -300,7 +302,7 @@ def _ratio(
 def _misfits(series: Vector, ratios: Vector) -> Vector:
     """Sum of squares that the best a + b (1 - r^c) / (1 - r) leaves of a series without mean (k,), for each r."""
     c = np.arange(len(series), dtype=float)
-    shapes = np.array([_shape(r, c) for r in ratios])
+    shapes = _shapes(ratios, c)
     return series @ series - (shapes @ series) ** 2 / (shapes**2).sum(axis=1)
 
 

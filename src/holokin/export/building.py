@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,8 @@ PATIENCE = 300.0
 def check(exported: Exported) -> list[str]:
     """Build and run the self-test in double and in single precision; returns what each says.
 
+    Flags for the compiler in CFLAGS of the environment come last, as with make.
+
     Raises:
         ExportError: no compiler, it refuses the code, or a test fails.
     """
@@ -30,7 +33,8 @@ def check(exported: Exported) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         for precision, defined in (("double", ()), ("float", (f"-D{exported.name.upper()}_FLOAT",))):
             test = str(Path(folder) / f"selftest-{precision}{'.exe' if sys.platform == 'win32' else ''}")
-            command = [*chosen.command, "-std=c99", "-O1", *WARNINGS, *defined, *sources, "-o", test, "-lm"]
+            flags = ["-std=c99", "-O1", *WARNINGS, *os.environ.get("CFLAGS", "").split()]
+            command = [*chosen.command, *flags, *defined, *sources, "-o", test, "-lm"]
             _run(command, f"{chosen.version} refused the exported code in {precision}")
             said.append(_run([test], f"the self-test in {precision} failed").strip())
     return said

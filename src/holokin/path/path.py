@@ -178,13 +178,13 @@ class Path(Value):
         """Rotation (3, 3) between the start and the end."""
         return np.asarray(self._rotations[-1])
 
-    @property
+    @cached_property
     def gap(self) -> float:
         """How far the end pose is from the start pose: the larger of metres and radians."""
         chord = float(np.linalg.norm(self._rotations[-1] - np.eye(3))) / np.sqrt(8.0)  # sin(angle / 2)
         return max(float(np.linalg.norm(self.end - self.start)), 2 * float(np.arcsin(min(chord, 1.0))))
 
-    @property
+    @cached_property
     def closed(self) -> bool:
         """True when the path ends in the pose it starts from."""
         return self.gap <= CLOSED
@@ -213,7 +213,8 @@ class Path(Value):
         p, v, w, R = positions(rows, u), slope / seconds, w / seconds, rotation_matrix(phi) @ self._bases[index]
         if self.closed and k:  # a closed path ends exactly where it starts
             last = (index == len(self.segments) - 1) & (u == 1.0)
-            p[last], R[last] = self.start, np.eye(3)
+            if last.any():
+                p[last], R[last] = self.start, np.eye(3)
         return Samples(self._starts[index] + u * self._durations[index], p, R, v, w)
 
     @property

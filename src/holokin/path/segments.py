@@ -195,9 +195,11 @@ def derivatives(rows: Matrix, u: Vector) -> tuple[Matrix, Matrix, Matrix]:
     arc = a * (np.cos(angle) * rows[:, 6:9] - np.sin(angle) * rows[:, 3:6])
     slope = arc + (along[:, :3] + u * (2 * along[:, 3:6] + 3 * u * along[:, 6:]))
     phi = turning[:, :3] + u * (turning[:, 3:6] + u * (turning[:, 6:9] + u * turning[:, 9:]))
+    even = ~turning[:, 6:].any(axis=1, keepdims=True)
+    if even.all():
+        return slope, phi, np.broadcast_to(turning[:, 3:6], phi.shape)
     rate = turning[:, 3:6] + u * (2 * turning[:, 6:9] + 3 * u * turning[:, 9:])
-    even = ~turning[:, 6:].any(axis=1)
-    return slope, phi, np.where(np.reshape(even, (-1, 1)), turning[:, 3:6], spin(phi, rate))
+    return slope, phi, np.where(even, turning[:, 3:6], spin(phi, rate))
 
 
 def spin(phi: Array, rate: Array) -> Array:
