@@ -98,6 +98,17 @@ class PoseRegion(Value, Domain):
         T[:, :3, :3] = self.R0 @ turn.as_matrix()
         return T
 
+    def place_of(self, q: Vector) -> Vector:
+        """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""
+        from scipy.spatial.transform import Rotation
+
+        T = self.equation.strategy.task.pose(q)
+        turn = Rotation.from_matrix(self.R0.T @ T[:3, :3]).as_quat()
+        half_turn = abs(turn[3]) < 1e-9
+        w = np.full(3, np.inf) if half_turn else 2 * turn[:3] / turn[3]
+        at = np.concatenate([T[:3, 3] - self.p0, w])[: self.equation.d]
+        return np.where(self.half > 0, at / np.where(self.half > 0, self.half, 1.0), 0.0)
+
     def joints(self, boxes: Boxes) -> Matrix:
         """By inverse kinematics on the leaf."""
         found = np.empty((len(boxes), self.equation.n))
