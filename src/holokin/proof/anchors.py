@@ -21,26 +21,25 @@ NEWTONS = 3
 def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolute: Flags) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
     n, d = domain.equation.n, domain.equation.d
-    nothing = Anchors(np.zeros(d), start, np.inf, np.zeros((0, n)), np.inf, None)
     if not len(found):
-        return nothing
+        return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None)
     places = [(np.zeros(1), start)] if d == 1 else []
     if isinstance(domain, PoseRegion):
         places = [(domain.place_of(start), start), (np.zeros(d), domain.q)]
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
-    u, q, within = nothing.u, start, np.inf
+    u, q, within = np.zeros(d), start, np.inf
     for u, q in places:
         within = _apart(domain, found, _holding(found, 0, u), u, q)
         if np.isfinite(within):
             break
     if not isinstance(domain, Pathway):
-        return Anchors(u, q, within, nothing.seams, 0.0, None)
+        return Anchors(u[None], q[None], within, 0.0, None)
     pieces, end, begin = int(found.boxes.piece.max()) + 1, np.ones(1), np.zeros(1)
-    seams, gap, turns = [], 0.0, None
+    postures, gap, turns = [q], 0.0, None
     for piece in range(1, pieces):
         one, other = _holding(found, piece - 1, end), _holding(found, piece, begin)
-        seams.append(_root(domain, found, other, begin))
-        gap = max(gap, sum(_apart(domain, found, i, at, seams[-1]) for i, at in ((one, end), (other, begin))))
+        postures.append(_root(domain, found, other, begin))
+        gap = max(gap, sum(_apart(domain, found, i, at, postures[-1]) for i, at in ((one, end), (other, begin))))
     if closed:
         first, last = _holding(found, 0, begin), _holding(found, pieces - 1, end)
         b, a = _root(domain, found, first, begin), _root(domain, found, last, end)
@@ -50,8 +49,7 @@ def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolu
         apart += 1e-15 * float(np.linalg.norm(np.abs(size) + np.abs(b)))
         if np.isfinite(apart) and domain.equation.periodic(whole):
             gap, turns = max(gap, apart), whole
-            seams.append(b)
-    return Anchors(u, q, within, np.array(seams).reshape(-1, n), gap, turns)
+    return Anchors(np.zeros((pieces, 1)), np.array(postures), within, gap, turns)
 
 
 def _holding(found: Covered, piece: int, u: Vector) -> int | None:

@@ -87,17 +87,16 @@ class Covered(Value):
 
 @dataclass(frozen=True, eq=False)
 class Anchors(Value):
-    """Postures that roots are shown to be near to.
+    """Postures q (k, n) that the roots of k pieces at the parameters u (k, d) are shown to be near to.
 
-    At the parameters u (d,) of the first piece the root is within `within` [joint unit] of q (n,). Where pieces of a
-    path meet, the roots of both are near the same one of `seams` (k, n), and at most `gap` apart. Of a path that is
-    shown to close, the last seam is its beginning, less the whole `turns` (n,) of the joints.
+    The first one is the start; its root is at most `within` [joint unit] away. Where a piece of a path begins, its root
+    and that at the end of the piece before are at most `gap` apart. Of a path that is shown to close, its end and its
+    beginning are, but for the whole `turns` (n,) of the joints.
     """
 
-    u: Vector
-    q: Vector
+    u: Matrix
+    q: Matrix
     within: float
-    seams: Matrix
     gap: float
     turns: Vector | None
 
@@ -201,17 +200,18 @@ class Certificate(Value):
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
-            **lowered(equation.operations, inputs, n + 1),
-            "level": self.c.tolist(), "angular": list(equation.strategy.constraint.angular),
-            "start": {"u": anchors.u.tolist(), "q": anchors.q.tolist()}, "seams": anchors.seams.tolist(),
-            "limits": None if self.limits is None else [finite(bound).tolist() for bound in self.limits],
+            **lowered(equation.operations, inputs, [*equation.angular, False]),
+            "level": self.c.tolist(),
+            "limits": [finite(x).tolist() for x in self.limits or (np.full(n, -np.inf), np.full(n, np.inf))],
             "claims": {
-                "whole": self.whole, "cells": len(self), "low": self.low.tolist(), "high": self.high.tolist(),
-                "determinant": self.determinant, "within": float(finite(anchors.within)),
-                "gap": float(finite(anchors.gap)),
+                "whole": self.whole, "low": self.low.tolist(), "high": self.high.tolist(),
+                "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
                 "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
             },
-            "pieces": [{"numbers": row.tolist(), "cells": tree(k)} for k, row in enumerate(self.pieces)],
+            "pieces": [
+                {"numbers": row.tolist(), "u": u.tolist(), "q": q.tolist(), "cells": tree(k)}
+                for k, (row, u, q) in enumerate(zip(self.pieces, anchors.u, anchors.q, strict=True))
+            ],
         }  # fmt: skip
 
     @typed
@@ -226,7 +226,7 @@ class Certificate(Value):
 
 def digest(data: dict[str, Any]) -> str:
     """SHA-256 of all but itself."""
-    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -1,7 +1,8 @@
 """A list of operations in the few words that the checker knows: sums, products, reciprocals and eight functions.
 
-Every change is one of real numbers: asin x = atan2(x, sqrt((1 - x)(1 + x))). A comparison is made of signs, which are
-no number where they are not known, so that the checker refuses what lies across a kink.
+Every change is one of real numbers: atan2(y, x) = 2 atan(y / (r + x)), which has no value on its cut. A comparison is
+made of signs, which are no number where they are not known: the checker refuses what lies across a kink. A row that
+counts up to whole turns, a sum of angles, becomes the angle of the product of the complex numbers e^(i angle).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ class Lowered:
         self.constants: dict[float, int] = {}
         self.rows: dict[tuple[Any, ...], int] = {}
         self.truths: set[Place] = set()
+        self.angles: dict[Place, tuple[Place, Place]] = {}
 
     def number(self, value: float) -> Place:
         """A constant."""
@@ -70,6 +72,26 @@ class Lowered:
             base, left = (self.do("sq", base) if left > 1 else base), left // 2
         return self.do("inv", found) if value < 0 else found
 
+    def angle(self, y: Place, x: Place) -> Place:
+        """atan2(y, x)."""
+        r = self.do("sqrt", self.do("add", self.do("sq", x), self.do("sq", y)))
+        half = self.do("atan", self.do("mul", y, self.do("inv", self.do("add", r, x))))
+        found = self.do("add", half, half)
+        self.angles[found] = y, x
+        return found
+
+    def turned(self, a: Place) -> tuple[Place, Place]:
+        """(y, x), whose angle is a but for whole turns."""
+        name, *of = list(self.rows)[a.at] if a.kind == "operation" else ("", a)
+        if a in self.angles:
+            return self.angles[a]
+        if name not in ("add", "sub"):
+            return self.do("sin", a), self.do("cos", a)
+        (b, a), (d, c) = self.turned(of[0]), self.turned(of[1])
+        signs = ("add", "sub") if name == "add" else ("sub", "add")
+        y = self.do(signs[0], self.do("mul", b, c), self.do("mul", a, d))
+        return y, self.do(signs[1], self.do("mul", a, c), self.do("mul", b, d))
+
     def truth(self, a: Place) -> Place:
         """1 where a is not 0, else 0."""
         return a if a in self.truths else self.is_true(self.do("sq", self.do("sign", a)))
@@ -107,9 +129,9 @@ class Lowered:
             "pow": self.power,
             "constpow": self.power,
             "tan": lambda x: do("mul", do("sin", x), do("inv", do("cos", x))),
-            "atan": lambda x: do("atan2", x, one),
-            "asin": lambda x: do("atan2", x, root(do("sub", one, x), do("add", one, x))),
-            "acos": lambda x: do("atan2", root(do("sub", one, x), do("add", one, x)), x),
+            "atan2": self.angle,
+            "asin": lambda x: do("atan", do("mul", x, do("inv", root(do("sub", one, x), do("add", one, x))))),
+            "acos": lambda x: self.angle(root(do("sub", one, x), do("add", one, x)), x),
             "sinh": lambda x: do("mul", half, do("sub", *exponentials(x))),
             "cosh": lambda x: do("mul", half, do("add", *exponentials(x))),
             "tanh": lambda x: do(
@@ -137,11 +159,14 @@ class Lowered:
         return rules[name](*a) if name in rules else do(name, *a)
 
 
-def lowered(operations: Sequence[Sequence[Any]], inputs: Sequence[int | float], outputs: int) -> dict[str, Any]:
-    """A list of `interval_function.operation_list` in words of the checker, as far as its first `outputs` need it.
+def lowered(
+    operations: Sequence[Sequence[Any]], inputs: Sequence[int | float], angular: Sequence[bool]
+) -> dict[str, Any]:
+    """A list of `interval_function.operation_list` in words of the checker, as far as its first outputs need it.
 
     Args:
         inputs: of each of its inputs the place among those of the checker, a whole number, or what it is, a float.
+        angular: of each of these outputs whether it counts up to whole turns.
     """
     made = Lowered()
     places: list[Place] = []
@@ -156,7 +181,10 @@ def lowered(operations: Sequence[Sequence[Any]], inputs: Sequence[int | float], 
             places.append(Place("input", given) if isinstance(given, int) else made.number(given))
         else:
             places.append(made.of(name, *(places[i] for i in of)))
-    rows, needed = list(made.rows), set[Place](results[:outputs])
+    results = [
+        made.angle(*made.turned(place)) if angle else place for place, angle in zip(results, angular, strict=False)
+    ]
+    rows, needed = list(made.rows), set[Place](results)
     for at in reversed(range(len(rows))):
         if Place("operation", at) in needed:
             needed.update(rows[at][1:])
@@ -170,4 +198,4 @@ def lowered(operations: Sequence[Sequence[Any]], inputs: Sequence[int | float], 
         if Place("operation", at) in needed:
             found.append([name, *(kept[place] for place in of)])
             kept[Place("operation", at)] = len(kept)
-    return {"constants": constants, "operations": found, "outputs": [kept[place] for place in results[:outputs]]}
+    return {"constants": constants, "operations": found, "outputs": [kept[place] for place in results]}
