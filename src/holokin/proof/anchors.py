@@ -20,7 +20,7 @@ NEWTONS = 3
 
 def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolute: Flags) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
-    n, d = domain.equation.n, domain.equation.d
+    d = domain.equation.d
     if not len(found):
         return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None)
     places = [(np.zeros(1), start)] if d == 1 else []

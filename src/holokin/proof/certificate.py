@@ -197,14 +197,15 @@ class Certificate(Value):
             return partition(boxes.low[here], boxes.high[here], [(least, 1.0)] * d, leaf)
 
         robot, finite = equation.strategy.task.robot, np.nan_to_num
+        bounds = self.limits or Interval(np.full(n, -np.inf), np.full(n, np.inf))
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
             **lowered(equation.operations, inputs, [*equation.angular, False]),
             "level": self.c.tolist(),
-            "limits": [finite(x).tolist() for x in self.limits or (np.full(n, -np.inf), np.full(n, np.inf))],
             "claims": {
-                "whole": self.whole, "low": self.low.tolist(), "high": self.high.tolist(),
+                "whole": self.whole,
+                "joints": [finite(x).tolist() for x in (bounds.low, self.low, self.high, bounds.high)],
                 "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
                 "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
             },

@@ -53,7 +53,7 @@ class Lowered:
         values = {place: value for value, place in self.constants.items()}
         for factor, other in ((a, b), (b, a)):
             value = values.get(factor.at, 0.5) if factor.kind == "constant" else 0.5
-            if value % 1 == 0 and 1 < abs(value) <= MULTIPLES or value == -1:
+            if (value % 1 == 0 and 1 < abs(value) <= MULTIPLES) or value == -1:
                 found = other
                 for _ in range(int(abs(value)) - 1):
                     found = self.do("add", found, other)

@@ -32,7 +32,9 @@ def _tree(low: Matrix, high: Matrix, those: Indices, sides: list[Any], leaf: Cal
         under = np.searchsorted(ends, at, side="right")
         over = len(those) - np.searchsorted(starts, at, side="left")
         clear = under + over == len(those)
-        cuts += [(abs(int(i - j)), axis, float(c)) for i, j, c in zip(under[clear], over[clear], at[clear], strict=True)]
+        cuts += [
+            (abs(int(i - j)), axis, float(c)) for i, j, c in zip(under[clear], over[clear], at[clear], strict=True)
+        ]
     _, axis, at = min(cuts)
     is_below = high[those, axis] <= at
     lower, upper = sides.copy(), sides.copy()

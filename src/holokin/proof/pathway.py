@@ -14,7 +14,7 @@ import numpy as np
 
 from ..path import Path
 from ..strategies import HolonomicStrategy
-from ..symbolic.intervals import Interval, point
+from ..symbolic.intervals import Interval
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from .bounds import UP, norm
