@@ -70,7 +70,7 @@ class Cell:
         )
         self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in given["Q"]] + [arb_mat(d, d)] * d
 
-    def predicted(self, y: Any) -> Any:
+    def p(self, y: Any) -> Any:
         """(q, u) (n + d, 1) at y (d, 1), and its derivatives (n + d, d)."""
         bend = arb_mat([(Q * y).entries() for Q in self.Q])
         return self.x + self.V * y + bend * y / 2, self.V + bend
@@ -78,7 +78,7 @@ class Cell:
     def at(self, u: Any) -> Any:
         """y (d, 1) and p (n, 1) at u."""
         y = arb_mat([[(2 * arb(x) - a - b) / (arb(b) - a)] for x, (a, b) in zip(u, self.sides, strict=True)])
-        return y, arb_mat([[x] for x in self.predicted(y)[0].entries()[: -len(u)]])
+        return y, arb_mat([[x] for x in self.p(y)[0].entries()[: -len(u)]])
 
 
 class Checker:
@@ -87,20 +87,16 @@ class Checker:
     def __init__(self, data: Any, say: Any) -> None:
         self.data, self.claims, self.say = data, data["claims"], say
         n, d = self.n, self.d = len(self.claims["joints"][0]), len(data["pieces"][0]["u"])
-        self.one = arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
-        self.middle, self.all_y = arb_mat(d, 1), arb_mat(d, 1, [UNIT] * d)
+        self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
         self.by_y, self.by_s = arb_mat([[1]] * d + [[0]] * n), arb_mat([[0] * n] * d + self.one.tolist())
 
     def enclose(self, cell: Cell, y: Any, s: Any, twice: bool = False) -> Any:
-        """E (n, 1) at p(y) + s, and a list of [E_y, E_s] (n, d + n) and, if `twice`, its derivatives by each y_k."""
+        """E (n, 1) at p(y) + s, and [D] with D = [E_y, E_s] (n, d + n), or [D, D by y_1, ...]; jets are such lists."""
         n, d, orders, (*rows, facing) = self.n, self.d, range(1 + self.d * twice), self.data["outputs"]
-        x, slope = cell.predicted(y)
+        x, slope = cell.p(y)
         values = [a + b for a, b in zip(x.entries(), s.entries() + [0] * d, strict=True)] + self.numbers
-        # A value has a list of matrices (1, d + n): its derivatives D by (y, s), then those of D by each y_k.
         given = zip(slope.tolist(), self.one.tolist() + [[0] * n] * d, cell.Q, strict=True)
-        jets: list[Any] = [
-            [arb_mat([D + one]), *(arb_mat([row + [0] * n]) for row in Q.tolist())] for D, one, Q in given
-        ]
+        jets: list[Any] = [[arb_mat([D + e]), *(arb_mat([row + [0] * n]) for row in Q.tolist())] for D, e, Q in given]
         jets += [None] * len(self.numbers)
         for name, *of in self.data["operations"]:
             those = [jets[i] for i in of]
@@ -117,7 +113,7 @@ class Checker:
 
     def bounds(self, cell: Cell, s: Any) -> Any:
         """(M, eta) for all y and a box of s; eta is right where s is 0."""
-        E, [first] = self.enclose(cell, self.middle, s)
+        E, [first] = self.enclose(cell, 0 * self.all_y, s)
         _, [_, *second] = self.enclose(cell, self.all_y, s, twice=True)
         once = size(cell.Y * first - self.by_s.transpose())
         twice = sum((size(cell.Y * D) for D in second), 0 * once)
@@ -133,8 +129,7 @@ class Checker:
         cell.r = size((self.one - cell.M).solve(eta))
         self.say()
         need(self.claims["determinant"] <= abs((self.one + cell.M * UNIT).det() / cell.Y.det()), "|det D_q E| is less")
-        x = cell.predicted(self.all_y)[0].entries()[: self.n]
-        hull = zip(*self.claims["joints"], x, cell.r.entries(), strict=True)
+        hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)
         need(all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, q, r in hull), "a joint may leave hull or limits")
         return cell
 
@@ -186,10 +181,9 @@ def check(file: str, say: Any = lambda: None) -> Any:
     """The data of a certificate's file, verified. Raises: RejectedError; OSError, ValueError: no certificate."""
     text = Path(file).read_text("utf-8")
     try:
-        data = json.loads(text)
-        body = json.dumps({key: value for key, value in data.items() if key != "sha256"}, allow_nan=False)
-        written = text == f"{json.dumps(data)}\n" and hashlib.sha256(body.encode()).hexdigest() == data["sha256"]
-        need(written, "the file is not as it was written: SHA-256")
+        data = {key: value for key, value in json.loads(text).items() if key != "sha256"}
+        sha256 = hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()
+        need(text == json.dumps(data | {"sha256": sha256}) + "\n", "the file is not as it was written: SHA-256")
         Checker(data, say).verify()
         return data
     except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as problem:
