@@ -198,6 +198,7 @@ class Certificate(Value):
 
         robot, finite = equation.strategy.task.robot, np.nan_to_num
         bounds = self.limits or Interval(np.full(n, -np.inf), np.full(n, np.inf))
+        joints = zip((bounds.low, self.low, self.high, bounds.high), (-np.inf, -np.inf, np.inf, np.inf), strict=True)
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
@@ -205,7 +206,7 @@ class Certificate(Value):
             "level": self.c.tolist(),
             "claims": {
                 "whole": self.whole,
-                "joints": [finite(x).tolist() for x in (bounds.low, self.low, self.high, bounds.high)],
+                "joints": [finite(np.r_[x, [none] * (n - len(x))]).tolist() for x, none in joints],  # more unknowns
                 "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
                 "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
             },

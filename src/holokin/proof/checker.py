@@ -86,13 +86,13 @@ class Checker:
 
     def __init__(self, data: Any, say: Any) -> None:
         self.data, self.claims, self.say = data, data["claims"], say
-        n, d = self.n, self.d = len(self.claims["joints"][0]), len(data["pieces"][0]["u"])
+        n, d = self.n, self.d = len(data["pieces"][0]["q"]), len(data["pieces"][0]["u"])
         self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
         self.by_y, self.by_s = arb_mat([[1]] * d + [[0]] * n), arb_mat([[0] * n] * d + self.one.tolist())
 
     def enclose(self, cell: Cell, y: Any, s: Any, twice: bool = False) -> Any:
         """E (n, 1) at p(y) + s, and [D] with D = [E_y, E_s] (n, d + n), or [D, D by y_1, ...]; jets are such lists."""
-        n, d, orders, (*rows, facing) = self.n, self.d, range(1 + self.d * twice), self.data["outputs"]
+        n, d, orders, rows = self.n, self.d, range(1 + self.d * twice), self.data["outputs"][: self.n]
         x, slope = cell.p(y)
         values = [a + b for a, b in zip(x.entries(), s.entries() + [0] * d, strict=True)] + self.numbers
         given = zip(slope.tolist(), self.one.tolist() + [[0] * n] * d, cell.Q, strict=True)
@@ -107,7 +107,7 @@ class Checker:
             for k, ((i, j), a) in product(orders[1:], bends.items() if all(those) else ()):
                 sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
             jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
-        need(values[facing] > 0, "the tool may face the other way")
+        need(all(values[i] > 0 for i in self.data["outputs"][n:]), "the tool may face the other way")
         found = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
         return arb_mat([[values[i]] for i in rows]), found
 
