@@ -208,7 +208,7 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "a hull that is too small": lambda d: d["claims"]["joints"][1].__setitem__(0, d["claims"]["joints"][1][0] + 0.05),
     "a hull of two joints": lambda d: d["claims"]["joints"][2].pop(),
     "limits within the hull": lambda d: d["claims"]["joints"][3].__setitem__(1, d["claims"]["joints"][2][1] - 1e-9),
-    "a larger determinant": lambda d: d["claims"].update(determinant=10 * d["claims"]["determinant"]),
+    "a larger determinant": lambda d: d["claims"].update(determinant=1e3 * d["claims"]["determinant"]),
     "a smaller gap": lambda d: d["claims"].update(gap=1e-17),
     "a negative gap": lambda d: d["claims"].update(gap=-1.0),
     "no gap": lambda d: d["claims"].update(gap=math.nan),

@@ -11,6 +11,9 @@ from .posebox import PoseRegion
 from .search import Domain
 from .tube import Cells, centred, examined
 
+NEAR = 1e-6
+"""Of the places of a box where its start may be, the first one is taken whose posture is as near to the root."""
+
 ROOM = 4.0
 """Of a distance that is not round-off: for the checker, whose bounds are those of a whole cell."""
 
@@ -30,7 +33,7 @@ def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolu
     u, q, within = np.zeros(d), start, np.inf
     for u, q in places:
         within = _apart(domain, found, _holding(found, 0, u), u, q)
-        if np.isfinite(within):
+        if within < NEAR:
             break
     if not isinstance(domain, Pathway):
         return Anchors(u[None], q[None], within, 0.0, None)

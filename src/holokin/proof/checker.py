@@ -60,10 +60,11 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
 
 
 class Cell:
-    """A box of u and a predictor of (q, u). `Checker.prove` adds M, rho and r, `cover` the cells joined to it."""
+    """A box of u and a predictor of (q, u). `Checker.prove` finds M, rho and r, `cover` the cells joined to it."""
 
     def __init__(self, given: Any, sides: Any) -> None:
-        d, self.sides, self.Y, self.joined = len(sides), sides, arb_mat(given["Y"]), {self}
+        d, self.sides, self.joined = len(sides), sides, {self}
+        self.Y = self.M = self.rho = self.r = arb_mat(given["Y"])
         self.x = arb_mat([[q] for q in given["q0"]] + [[(arb(a) + b) / 2] for a, b in sides])
         self.V = arb_mat(
             given["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(sides)]
@@ -104,7 +105,7 @@ class Checker:
             need(value.is_finite(), "the constraint may have a kink, or be undefined")
             values.append(value)
             sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
-            for k, ((i, j), a) in product(orders[1:], bends.items() if all(those) else ()):
+            for k, ((i, j), a) in product(orders[1:], (bends if all(those) else {}).items()):
                 sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
             jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
         need(all(values[i] > 0 for i in self.data["outputs"][n:]), "the tool may face the other way")
@@ -193,7 +194,6 @@ def check(file: str, say: Any = lambda: None) -> Any:
 if __name__ == "__main__":
     try:
         print("\nVERIFIED:", check(sys.argv[1], lambda: print(".", end="", file=sys.stderr, flush=True))["claims"])
-    except RejectedError as problem:
-        sys.exit(f"\nREJECTED: {problem}")
-    except (OSError, ValueError, LookupError) as problem:
-        sys.exit(print(f"not read: {problem}") or 2)
+    except (RejectedError, OSError, ValueError, LookupError) as problem:
+        print("\nREJECTED:" if isinstance(problem, RejectedError) else "\nnot read:", problem)
+        sys.exit(1 if isinstance(problem, RejectedError) else 2)

@@ -19,6 +19,9 @@ from .search import AIM, TUBE, Domain, on_grid
 from .targets import PoseBox
 from .tube import centred, examined
 
+NEAR = 1e-9
+"""A pose is in a box without extent if it is as near [m, 1]."""
+
 WIDER = 1 + 1e-12
 """Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
 
@@ -107,7 +110,8 @@ class PoseRegion(Value, Domain):
         half_turn = abs(turn[3]) < 1e-9
         w = np.full(3, np.inf) if half_turn else 2 * turn[:3] / turn[3]
         at = np.concatenate([T[:3, 3] - self.p0, w])[: self.equation.d]
-        return np.where(self.half > 0, at / np.where(self.half > 0, self.half, 1.0), 0.0)
+        wide = self.half > 0
+        return np.where(wide, at / np.where(wide, self.half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
 
     def joints(self, boxes: Boxes) -> Matrix:
         """By inverse kinematics on the leaf."""
