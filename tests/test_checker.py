@@ -329,7 +329,7 @@ def relevant(data: Data, place: tuple[Any, ...], amount: float) -> float:
 
 
 @given(st.data(), st.floats(-1, 1).filter(lambda x: abs(x) > 0.2), st.integers(-12, 0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_a_certificate_with_any_number_changed_is_rejected_or_still_true(
     loop: Data, file: Path, draw: st.DataObject, amount: float, power: int
 ) -> None:
