@@ -18,9 +18,11 @@ from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
 from ..types import Array, Flags, Indices, Matrix, Value, Vector
 from .equation import Equation
+from .lowering import lowered
+from .partition import partition
 from .tube import Cells, Findings
 
-FORMAT = "holokin certificate 1"
+FORMAT = "holokin certificate 2"
 
 DETERMINANT = 1.15
 """Of e + omega r in the bound of the determinant: room for the checker's own."""
@@ -84,6 +86,22 @@ class Covered(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Anchors(Value):
+    """Postures q (k, n) that the roots of k pieces at the parameters u (k, d) are shown to be near to.
+
+    The first one is the start; its root is at most `within` [joint unit] away. Where a piece of a path begins, its root
+    and that at the end of the piece before are at most `gap` apart. Of a path that is shown to close, its end and its
+    beginning are, but for the whole `turns` (n,) of the joints.
+    """
+
+    u: Matrix
+    q: Matrix
+    within: float
+    gap: float
+    turns: Vector | None
+
+
+@dataclass(frozen=True, eq=False)
 class Certificate(Value):
     """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
@@ -108,7 +126,7 @@ class Certificate(Value):
     seconds: float
     equation: Equation
     c: Vector
-    slack: float
+    anchors: Anchors
     limits: Interval | None
     pieces: Matrix
 
@@ -159,32 +177,43 @@ class Certificate(Value):
     def data(self) -> dict[str, Any]:
         """What the checker reads: the equation as a list of operations, the cells, and what is claimed of them.
 
-        A piece's parameters go from low to high; its numbers, the middle and the half sides of a cell follow (q, y) in
-        the inputs of the equation, and the level follows them.
+        The places of the equation are q, u, a piece's numbers, the level, the constants, the operations.
         """
-        equation, boxes, cells = self.equation, self.proven.boxes, self.proven.cells
-        place = np.zeros((equation.d, equation.d), dtype=int)
-        place[np.triu_indices(equation.d)] = np.arange(cells.Q.shape[2])
-        Q = cells.Q[:, :, np.maximum(place, place.T)]
-        named = {
-            "piece": boxes.piece, "low": boxes.low, "high": boxes.high, "q0": cells.q0, "V": cells.V, "Q": Q,
-            "r": self.findings.r, "rho": self.findings.alone,
-        }  # fmt: skip
-        rows = [{key: values[i].tolist() for key, values in named.items()} for i in range(len(cells))]
-        claims = {"low": self.low.tolist(), "high": self.high.tolist(), "determinant": self.determinant}
-        if np.isfinite(self.gap):
-            claims |= {"turns": self.turns.astype(int).tolist(), "gap": self.gap}
-        robot, start = equation.strategy.task.robot, 0.0 if equation.d == 1 else -1.0
+        equation, boxes, cells, anchors = self.equation, self.proven.boxes, self.proven.cells, self.anchors
+        n, d, least = equation.n, equation.d, 0.0 if equation.d == 1 else -1.0
+        given = self.pieces.shape[1]
+        level = range(n + d + given, n + d + given + len(self.c))
+        inputs = [*range(n + d + given), *[0.0] * d, *[1.0] * d, *level]  # u = 0 + 1 y
+        place = np.zeros((d, d), dtype=int)
+        place[np.triu_indices(d)] = np.arange(cells.Q.shape[2])
+        named = {"q0": cells.q0, "V": cells.V, "Q": cells.Q[:, :, np.maximum(place, place.T)], "Y": self.findings.Y}
+
+        def tree(piece: int) -> Any:
+            here = np.flatnonzero(boxes.piece == piece)
+
+            def leaf(i: int) -> dict[str, Any]:
+                return {key: values[here[i]].tolist() for key, values in named.items()}
+
+            return partition(boxes.low[here], boxes.high[here], [(least, 1.0)] * d, leaf)
+
+        robot, finite = equation.strategy.task.robot, np.nan_to_num
+        bounds = self.limits or Interval(np.full(n, -np.inf), np.full(n, np.inf))
+        joints = zip((bounds.low, self.low, self.high, bounds.high), (-np.inf, -np.inf, np.inf, np.inf), strict=True)
         return {
-            "format": FORMAT, "title": self.title, "theorem": self.theorem, "whole": self.whole, "where": self.where,
-            "robot": robot.name, "names": list(robot.joint_names), "joints": equation.n, "parameters": equation.d,
-            "units": [c.unit for c in robot.coordinates], "pieces": [
-                {"numbers": numbers.tolist(), "low": [start] * equation.d, "high": [1.0] * equation.d}
-                for numbers in self.pieces
-            ], "equation": equation.operations, "level": self.c.tolist(),
-            "angular": list(equation.angular), "slack": self.slack,
-            "limits": None if self.limits is None else [_finite(bound) for bound in self.limits],
-            "claims": claims, "cells": rows,
+            "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
+            "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
+            **lowered(equation.operations, inputs, [*equation.angular, False]),
+            "level": self.c.tolist(),
+            "claims": {
+                "whole": self.whole,
+                "joints": [finite(np.r_[x, [none] * (n - len(x))]).tolist() for x, none in joints],  # more unknowns
+                "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
+                "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
+            },
+            "pieces": [
+                {"numbers": row.tolist(), "u": u.tolist(), "q": q.tolist(), "cells": tree(k)}
+                for k, (row, u, q) in enumerate(zip(self.pieces, anchors.u, anchors.q, strict=True))
+            ],
         }  # fmt: skip
 
     @typed
@@ -199,7 +228,7 @@ class Certificate(Value):
 
 def digest(data: dict[str, Any]) -> str:
     """SHA-256 of all but itself."""
-    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
+    text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -239,7 +268,3 @@ def determinants(A: Array) -> Interval:
             factor = iv.divide(Interval(rows[i].low[j], rows[i].high[j]), pivot)
             rows[i] = iv.subtract(rows[i], iv.multiply(factor, rows[j]))
     return total
-
-
-def _finite(bounds: Vector) -> list[float | None]:
-    return [float(x) if np.isfinite(x) else None for x in bounds]

@@ -17,9 +17,10 @@ from ..symbolic.intervals import Interval
 from ..trajectory import Status
 from ..types import ArrayLike, Vector, whole
 from ..workspaces import Workspace
+from .anchors import anchored
 from .certificate import Certificate, Covered, Extent, joined, least_determinant
 from .equation import one_frame
-from .pathway import Pathway, closing
+from .pathway import Pathway
 from .posebox import PoseRegion
 from .search import Domain, covered, halves
 
@@ -91,9 +92,9 @@ def certify(
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and walk is not None and ended:
         extent, place = _WHY.get(walk.status, Extent.END), ended
-    turns, gap = np.zeros(robot.n), np.inf
-    if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
-        turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))
+    closed = extent is Extent.WHOLE and isinstance(where, Path) and where.closed
+    anchors = anchored(domain, found, start, closed, np.array([c.unit == "rad" for c in robot.coordinates]))
+    turns, gap = (np.zeros(robot.n), np.inf) if anchors.turns is None else (anchors.turns, anchors.gap)
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
@@ -105,7 +106,7 @@ def certify(
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, domain.slack, bounds, pieces,
+        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces,
     )  # fmt: skip
 
 

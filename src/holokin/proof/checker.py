@@ -1,26 +1,26 @@
-"""The checker: verifies a certificate again with Arb's balls [Joh17], sharing no code with the search that found it.
+"""The checker verifies a certificate again, with the balls of Arb [Joh17]. It needs python-flint and this file alone.
 
-It needs python-flint and this file alone: `python checker.py FILE`. It reads E(q, y) as a list of operations, encloses
-it with its derivatives, repeats the Newton-Kantorovich test of every cell, and looks at how cells join: docs/proof.md.
+A certificate holds E(q, u), n numbers, as a list of operations. E = 0 where the joints q reach the pose u of a path,
+0 <= u <= 1, or of a box, -1 <= u_k <= 1, on one leaf. A cell is a box of u, run through by y in [-1, 1]^d; it predicts
+the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at its middle. Let, number by number,
+
+    eta >= |Y E(p(y), y)|,   M >= |1 - Y D_q E(p(y) + s, y)|   for all y and all |s| <= rho.
+
+If eta + M rho < rho, then s - Y E(p(y) + s, y) maps the box |s| <= rho into itself and contracts it: for each pose it
+holds just one root, within r = (1 - M)^-1 eta of p(y) and smooth in the pose, and D_q E is regular. [Kra69]
 """
-
-from __future__ import annotations
 
 import hashlib
 import json
-import math
 import sys
-from collections.abc import Callable
-from fractions import Fraction
-from itertools import pairwise, product
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 from flint import arb, arb_mat, ctx
 
-ctx.prec = 80
-UNIT, NAN = arb(0, 1), arb("nan")
-Jet = tuple[Any, Any, Any]
-"""A ball, its gradient (1, N) and its second derivatives (N, N)."""
+ctx.prec = 64
+UNIT, NAN, TURN = arb(0, 1), arb("nan"), 2 * arb.pi()
 
 
 class RejectedError(Exception):
@@ -33,224 +33,167 @@ def need(true: bool, what: str) -> None:
         raise RejectedError(what)
 
 
-def sign(a: Any) -> Any:
-    """1 or -1; no number where that is not known, so that no test passes."""
-    return arb(1) if a > 0 else arb(-1) if a < 0 else NAN
+def size(M: Any) -> Any:
+    """Upper bounds of |M|, number by number."""
+    return arb_mat(M.nrows(), M.ncols(), [abs(x).upper() for x in M.entries()])
 
 
-def unary(f: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """The rule of a function of one number from (f, f', f'')."""
-    return lambda a: ((found := f(a))[0], (found[1],), {(0, 0): found[2]})
+def below(a: Any, b: Any) -> bool:
+    """Whether a < b, number by number."""
+    return all(x < y for x, y in zip(a.entries(), b.entries(), strict=True))
 
 
-def arctan2(y: Any, x: Any) -> Any:
-    """Across its cut the value is no number; the derivatives are."""
-    r = 1 / (abs(x) ** 2 + abs(y) ** 2)
-    bends = {(0, 0): -2 * x * y * r * r, (0, 1): (y * y - x * x) * r * r, (1, 1): 2 * x * y * r * r}
-    return arb.atan2(y, x) if x > 0 or y > 0 or y < 0 else NAN, (x * r, -y * r), bends
+RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
+    "add": lambda a, b: (a + b, (1, 1), {}),
+    "sub": lambda a, b: (a - b, (1, -1), {}),
+    "mul": lambda a, b: (a * b, (b, a), {(0, 1): 1, (1, 0): 1}),
+    "inv": lambda a: (1 / a, (-1 / a**2,), {(0, 0): 2 / a**3}),
+    "sq": lambda a: (abs(a) ** 2, (2 * a,), {(0, 0): 2}),
+    "sqrt": lambda a: (a.sqrt(), (a.rsqrt() / 2,), {(0, 0): -(a.rsqrt() ** 3) / 4}),
+    "exp": lambda a: (a.exp(), (a.exp(),), {(0, 0): a.exp()}),
+    "log": lambda a: (a.log(), (1 / a,), {(0, 0): -1 / a**2}),
+    "sin": lambda a: (a.sin(), (a.cos(),), {(0, 0): -a.sin()}),
+    "cos": lambda a: (a.cos(), (-a.sin(),), {(0, 0): -a.cos()}),
+    "atan": lambda a: (a.atan(), (1 / (1 + abs(a) ** 2),), {(0, 0): -2 * a / (1 + abs(a) ** 2) ** 2}),
+    "sign": lambda a: (arb(1) if a > 0 else arb(-1) if a < 0 else NAN, (0,), {}),
+}
 
 
-RULES: dict[str, Callable[..., Any]] = {  # of balls: (value, slopes, second derivatives)
-    "add": lambda a, b: (a + b, (1, 1), {}), "sub": lambda a, b: (a - b, (1, -1), {}), "atan2": arctan2,
-    "mul": lambda a, b: (a * b, (b, a), {(0, 1): 1}), "sq": unary(lambda a: (abs(a) ** 2, 2 * a, 2)),
-    "div": lambda a, b: (a / b, (1 / b, -a / b**2), {(0, 1): -1 / b**2, (1, 1): 2 * a / b**3}),
-    "neg": unary(lambda a: (-a, -1, 0)), "twice": unary(lambda a: (2 * a, 2, 0)), "assign": unary(lambda a: (a, 1, 0)),
-    "inv": unary(lambda a: (1 / a, -1 / a**2, 2 / a**3)), "log": unary(lambda a: (a.log(), 1 / a, -1 / a**2)),
-    "sqrt": unary(lambda a: (a.sqrt(), a.rsqrt() / 2, -(a.rsqrt() ** 3) / 4)), "exp": unary(lambda a: [a.exp()] * 3),
-    "sin": unary(lambda a: (a.sin(), a.cos(), -a.sin())), "cos": unary(lambda a: (a.cos(), -a.sin(), -a.cos())),
-    "tan": unary(lambda a: (t := a.tan(), s := 1 + t * t, 2 * t * s)),
-    "fabs": unary(lambda a: (a * (s := sign(a)), s, 0)),
-    "atan": unary(lambda a: (a.atan(), r := 1 / (1 + abs(a) ** 2), -2 * a * r * r)),
-    "asin": unary(lambda a: (a.asin(), r := (1 - a * a).rsqrt(), a * r**3)),
-    "acos": unary(lambda a: (a.acos(), -(r := (1 - a * a).rsqrt()), -a * r**3)),
-    "copysign": lambda a, b: (a * (s := sign(a) * sign(b)), (s, 0), {}), "constpow": lambda a, b: RULES["pow"](a, b),
-    "pow": lambda a, b: (a**b, (b * a ** (b - 1), 0 if b.is_exact() else NAN), {(0, 0): b * (b - 1) * a ** (b - 2)}),
-}  # fmt: skip
+class Cell:
+    """A box of u and a predictor of (q, u). `Checker.prove` finds M, rho and r, `cover` the cells joined to it."""
 
+    def __init__(self, given: Any, sides: Any) -> None:
+        d, self.sides, self.joined = len(sides), sides, {self}
+        self.Y = self.M = self.rho = self.r = arb_mat(given["Y"])
+        self.x = arb_mat([[q] for q in given["q0"]] + [[(arb(a) + b) / 2] for a, b in sides])
+        self.V = arb_mat(
+            given["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(sides)]
+        )
+        self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in given["Q"]] + [arb_mat(d, d)] * d
 
-def operate(name: str, args: list[Jet]) -> Jet:
-    """An operation of jets, by the chain rule."""
-    need(name in RULES, f"the operation {name!r} has no rule")
-    value, slopes, bends = RULES[name](*(a[0] for a in args))
-    slope = sum((a[1] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][1] * slopes[0])
-    bend = sum((a[2] * s for a, s in zip(args[1:], slopes[1:], strict=True)), args[0][2] * slopes[0])
-    for (i, j), b in bends.items():
-        outer = args[i][1].transpose() * args[j][1] * b
-        bend = bend + outer if i == j else bend + outer + outer.transpose()
-    return value, slope, bend
+    def p(self, y: Any) -> Any:
+        """(q, u) (n + d, 1) at y (d, 1), and its derivatives (n + d, d)."""
+        bend = arb_mat([(Q * y).entries() for Q in self.Q])
+        return self.x + self.V * y + bend * y / 2, self.V + bend
 
-
-def jet(v: Any, N: int, at: int | None = None) -> Jet:
-    """A variable, number `at` of N, or a constant."""
-    return arb(v), arb_mat(1, N, [int(i == at) for i in range(N)]), arb_mat(N, N)
-
-
-def norm(M: Any) -> Any:
-    """An upper bound of the 2-norm: |(M M^T)^4|_F^(1/8)."""
-    S = M * M.transpose()
-    S = S * S
-    total = sum((x * x for x in (S * S).entries()), arb(0)).upper()
-    return total if total == 0 else total.root(16).upper()
+    def at(self, u: Any) -> Any:
+        """y (d, 1) and p (n, 1) at u."""
+        y = arb_mat([[(2 * arb(x) - a - b) / (arb(b) - a)] for x, (a, b) in zip(u, self.sides, strict=True)])
+        return y, arb_mat([[x] for x in self.p(y)[0].entries()[: -len(u)]])
 
 
 class Checker:
-    """A certificate, as read from its file."""
+    """The data of a certificate."""
 
-    def __init__(self, data: dict[str, Any]) -> None:
-        text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
-        need(hashlib.sha256(text.encode()).hexdigest() == data["sha256"], "the file is not as written: SHA-256")
-        self.data, self.n, self.d, self.slack = data, data["joints"], data["parameters"], arb(data["slack"])
+    def __init__(self, data: Any, say: Any) -> None:
+        self.data, self.claims, self.say = data, data["claims"], say
+        n, d = self.n, self.d = len(data["pieces"][0]["q"]), len(data["pieces"][0]["u"])
+        self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
+        self.by_y, self.by_s = arb_mat([[1]] * d + [[0]] * n), arb_mat([[0] * n] * d + self.one.tolist())
 
-    def predicted(self, cell: dict[str, Any], y: list[Any]) -> list[Jet]:
-        """q(y) = q0 + V y + 1/2 Q y y, and its derivatives."""
-        t, found = arb_mat([[x] for x in y]), []
-        for q, V, Q in zip(cell["q0"], cell["V"], cell["Q"], strict=True):
-            V, Q = arb_mat([V]), arb_mat(Q)
-            found.append(((V * t)[0, 0] + (t.transpose() * Q * t)[0, 0] / 2 + q, V + (Q * t).transpose(), Q))
-        return found
+    def enclose(self, cell: Cell, y: Any, s: Any, twice: bool = False) -> Any:
+        """E (n, 1) at p(y) + s, and [D] with D = [E_y, E_s] (n, d + n), or [D, D by y_1, ...]; jets are such lists."""
+        n, d, orders, rows = self.n, self.d, range(1 + self.d * twice), self.data["outputs"][: self.n]
+        x, slope = cell.p(y)
+        values = [a + b for a, b in zip(x.entries(), s.entries() + [0] * d, strict=True)] + self.numbers
+        given = zip(slope.tolist(), self.one.tolist() + [[0] * n] * d, cell.Q, strict=True)
+        jets: list[Any] = [[arb_mat([D + e]), *(arb_mat([row + [0] * n]) for row in Q.tolist())] for D, e, Q in given]
+        jets += [None] * len(self.numbers)
+        for name, *of in self.data["operations"]:
+            those = [jets[i] for i in of]
+            value, slopes, bends = RULES[name](*(values[i] for i in of))
+            need(value.is_finite(), "the constraint may have a kink, or be undefined")
+            values.append(value)
+            sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
+            for k, ((i, j), a) in product(orders[1:], (bends if all(those) else {}).items()):
+                sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
+            jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
+        need(all(values[i] > 0 for i in self.data["outputs"][n:]), "the tool may face the other way")
+        found = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
+        return arb_mat([[values[i]] for i in rows]), found
 
-    def outputs(self, cell: dict[str, Any], q: list[Jet], y: list[Jet]) -> list[Jet]:
-        """E (n,), what must be positive, and what of the tool pose enters E."""
-        sides = [(arb(a), arb(b)) for a, b in zip(cell["low"], cell["high"], strict=True)]
-        rest = [*self.data["pieces"][cell["piece"]]["numbers"], *((a + b) / 2 for a, b in sides)]
-        rest += [*((b - a) / 2 for a, b in sides), *self.data["level"]]
-        N, values = q[0][1].ncols(), []
-        inputs = [*q, *y, *(jet(x, N) for x in rest)]
-        for name, *of in self.data["equation"]:
-            if name in ("const", "input", "output"):
-                values.append(jet(of[0], N) if name == "const" else (inputs if name == "input" else values)[of[0]])
-            else:
-                values.append(operate(name, [values[i] for i in of]))
-        return values[-sum(name == "output" for name, *_ in self.data["equation"]) :]
+    def bounds(self, cell: Cell, s: Any) -> Any:
+        """(M, eta) for all y and a box of s; eta is right where s is 0."""
+        E, [first] = self.enclose(cell, 0 * self.all_y, s)
+        _, [_, *second] = self.enclose(cell, self.all_y, s, twice=True)
+        once = size(cell.Y * first - self.by_s.transpose())
+        twice = sum((size(cell.Y * D) for D in second), 0 * once)
+        return (once + twice) * self.by_s, size(cell.Y * E) + (once + twice / 2) * self.by_y
 
-    def cell(self, cell: dict[str, Any]) -> tuple[list[Any], Any, Any]:
-        """The theorem of a cell: (hull of its joints, a bound of |det D_q E|, how far a root moves with the pose)."""
-        n, d, r, rho, flags = self.n, self.d, arb(cell["r"]), arb(cell["rho"]), self.data["angular"]
-        y = [jet(UNIT, n + d, n + i) for i in range(d)]
-        start = [jet(x, n + d, i) for i, x in enumerate(cell["q0"])]
-        here = self.outputs(cell, start, [(arb(0), *t[1:]) for t in y])[:n]
-        turn = [
-            2 * arb.pi() * round(float(E[0].mid()) / math.tau) if a else 0 for E, a in zip(here, flags, strict=True)
-        ]
-        E = [E[0] - whole for E, whole in zip(here, turn, strict=True)]
-        A, B = (arb_mat([[E[1][0, j] for j in of] for E in here]) for of in (range(n), range(n, n + d)))
-        Y, V = A.mid().inv().mid(), arb_mat(cell["V"])
-        along = self.predicted(cell, [UNIT] * d)
-        bent = self.outputs(cell, along, [jet(UNIT, d, i) for i in range(d)])[:n]
-        *wide, facing = self.outputs(cell, [jet(p[0] + UNIT * rho, n + d, i) for i, p in enumerate(along)], y)[: n + 1]
-        need(facing[0] > 0, "the tool may face the other way")
-        need(all(a or E[0].is_finite() for E, a in zip(wide, flags, strict=True)), "the constraint may jump")
-        omega = norm(Y * arb_mat([[E[2][j, k] for j in range(n) for k in range(n)] for E in wide]))
-        mixed = norm(Y * arb_mat([[E[2][j, k] for j in range(n) for k in range(n, n + d)] for E in wide]))
-        way = max(norm(V * arb_mat([[s] for s in (1, *signs)])) for signs in product((-1, 1), repeat=d - 1))
-        eta = norm(Y * arb_mat([[x] for x in E])) + norm(Y) * self.slack
-        eta += sum(norm(Y * (A * V + B) * arb_mat([[int(i == j)] for j in range(d)])) for i in range(d))
-        for i, j in product(range(d), repeat=2):
-            way += norm(arb_mat([[p[2][i, j] / 2] for p in along]))
-            eta += norm(Y * arb_mat([[E[2][i, j] / 2] for E in bent]))
-        off = Y * A - arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-        e = norm(off) + omega * way + mixed * arb(d).sqrt()
-        test = [eta - (1 - e) * x + omega * x * x / 2 for x in (r, rho)]
-        need(test[0] <= 0 and test[1] < 0 and 0 < r < rho, "the Newton-Kantorovich test fails")
-        left = (1 - e - omega * r).lower()
-        need(left > 0, "[J; J_g] may be singular")
-        return [p[0] + UNIT * r for p in along], left**n / abs(Y.det()), norm(Y) / left
+    def prove(self, cell: Cell) -> Cell:
+        """The cell with its theorem, and what is claimed of it."""
+        M, eta = self.bounds(cell, arb_mat(self.n, 1))
+        guess = eta + M * (eta + M * eta)
+        cell.rho = 3 * guess + arb_mat(self.n, 1, [max(guess.entries()) / 8 + 1e-15] * self.n)
+        cell.M, _ = self.bounds(cell, cell.rho * UNIT)
+        need(below(eta + cell.M * cell.rho, cell.rho), "[J; J_g] may be singular")
+        cell.r = size((self.one - cell.M).solve(eta))
+        self.say()
+        need(self.claims["determinant"] <= abs((self.one + cell.M * UNIT).det() / cell.Y.det()), "|det D_q E| is less")
+        hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)
+        need(all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, q, r in hull), "a joint may leave hull or limits")
+        return cell
 
-    def glued(self, one: Any, other: Any, ends: tuple[Any, Any], turns: list[int]) -> None:
-        """The root of one cell at its end is the only root of the other at its own, but for whole turns."""
-        q = []
-        for c, x in ((one, ends[0]), (other, ends[1])):
-            sides = zip(x, c["low"], c["high"], strict=True)
-            q.append(self.predicted(c, [(2 * arb(t) - a - b) / (arb(b) - a) if a < b else 0 for t, a, b in sides]))
-        apart = norm(arb_mat([[a[0] - b[0] - 2 * arb.pi() * k] for a, b, k in zip(*q, turns, strict=True)]))
-        need(apart + one["r"] <= other["rho"], "the joints may jump between two cells")
+    def cover(self, tree: Any, sides: Any) -> list[Cell]:
+        """The cells of a box of u: one; or null, none; or [axis, at, below, above], those of the two parts of a cut."""
+        if not isinstance(tree, list):
+            need(bool(tree) or not self.whole, "the cells leave a gap")
+            return [self.prove(Cell(tree, sides))] if tree else []
+        axis, at, *halves = tree
+        need(sides[axis][0] < at < sides[axis][1], "a cut is outside of its box")
+        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], at), (at, sides[axis][1]))]
+        lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
+        for one, other in product(*([c for c in of if at in c.sides[axis]] for of in (lower, upper))):
+            face = [(max(a, c), min(b, d)) for (a, b), (c, d) in zip(one.sides, other.sides, strict=True)]
+            if all(a < b or k == axis for k, (a, b) in enumerate(face)):
+                p, q = (cell.at([(arb(a) + b) / 2 for a, b in face])[1] for cell in (one, other))
+                glued = below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho)
+                need(glued, "the joints may jump between two cells")
+                one.joined.update(other.joined)
+                for cell in other.joined:
+                    cell.joined = one.joined
+        return lower + upper
 
-    def seam(self, one: Any, other: Any, turns: list[int]) -> Any:
-        """Where pieces of a path meet their poses agree within the slack, the roots but for whole turns. Their gap."""
-        self.glued(one, other, (one["high"], other["low"]), turns)
-        ends = ((c, [jet(x, 1) for x in c["q0"]], [jet(y, 1)]) for c, y in ((one, 1), (other, -1)))
-        poses = [self.outputs(*end)[self.n + 1 :] for end in ends]
-        gap = norm(arb_mat([[a[0] - b[0]] for a, b in zip(*poses, strict=True)]))
-        need(gap <= self.slack, "pieces of the path do not meet")
-        moved: list[Any] = []  # whether a value changes with the turns, by whole turns
-        rows = [*self.data["angular"], *[False] * (1 + len(poses[0]))]
-        for name, *of in self.data["equation"]:
-            given = name in ("const", "input")
-            turned = name == "input" and of[0] < self.n and turns[of[0]] != 0
-            moved.append(turned or (not given and name not in ("sin", "cos") and any(moved[i] for i in of)))
-            angle = name == "output" and rows.pop(0)
-            need(not moved[-1] or angle or name in ("input", "add", "sub", "neg"), "whole turns change the equation")
-        return gap
+    def away(self, cells: list[Cell], u: Any, q: Any) -> Any:
+        """How far the root at u is from the joints q at most. All cells are joined to the one there."""
+        holding = [c for c in cells if all(a <= x <= b for x, (a, b) in zip(u, c.sides, strict=True))]
+        need(len(holding) > 0 and len(holding[0].joined) == len(cells), f"the cells are not joined to the one at {u}")
+        cell, (y, p) = holding[0], holding[0].at(u)
+        s = arb_mat([[x] for x in q]) - p
+        need(below(size(s), cell.rho), f"the joints at {u} are not near their root")
+        return max(size((self.one - cell.M).solve(size(cell.Y * self.enclose(cell, y, s)[0]))).entries())
 
-    def piece(self, low: list[float], high: list[float], cells: list[Any]) -> None:
-        """Cells lie beside each other, share roots where they touch, and fill it; but for a part of a box of poses."""
-        axes = range(self.d)
-        left = math.prod(Fraction(high[a]) - Fraction(low[a]) for a in axes)
-        cells.sort(key=lambda c: c["low"])
-        for k, one in enumerate(cells):
-            sides = zip(low, one["low"], one["high"], high, strict=True)
-            need(all(first <= a < b <= last for first, a, b, last in sides), "a cell reaches too far")
-            left -= math.prod(Fraction(one["high"][a]) - Fraction(one["low"][a]) for a in axes)
-            for other in cells[k + 1 :]:
-                if other["low"][0] > one["high"][0]:
-                    break
-                common = [(max(one["low"][a], other["low"][a]), min(one["high"][a], other["high"][a])) for a in axes]
-                apart = [b - a for a, b in common if b <= a]
-                need(len(apart) > 0, "cells overlap")
-                if apart == [0]:
-                    middle = [(arb(a) + b) / 2 for a, b in common]
-                    self.glued(one, other, (middle, middle), [0] * self.n)
-        need(left == 0 or (self.d > 1 and not self.data["whole"]), "the cells leave a gap")
-
-    def verify(self, say: Callable[[int], None] = lambda _done: None) -> None:
-        """All that is claimed. Raises: RejectedError; others where the data are no certificate."""
-        data, claims = self.data, self.data["claims"]
-        need(data["slack"] >= 0, "the slack is negative")
-        bounds = data["limits"] or [[None] * self.n] * 2
-        for a, low, high, b in zip(bounds[0], claims["low"], claims["high"], bounds[1], strict=True):
-            need((a is None or a <= low) and (b is None or high <= b), "a joint may leave its limits")
-        for k, cell in enumerate(data["cells"]):
-            try:
-                hull, determinant, _ = self.cell(cell)
-            except (RejectedError, ZeroDivisionError) as problem:
-                raise RejectedError(f"cell {k + 1}: {problem}") from None
-            within = (a <= q and q <= b for a, q, b in zip(claims["low"], hull, claims["high"], strict=True))
-            need(all(within), f"cell {k + 1}: a joint may leave the hull")
-            need(claims["determinant"] <= determinant, f"cell {k + 1}: the determinant may be smaller")
-            say(k + 1)
-        pieces = [[c for c in data["cells"] if c["piece"] == k] for k in range(len(data["pieces"]))]
-        for k, (piece, cells) in enumerate(zip(data["pieces"], pieces, strict=True)):
-            part = self.d == 1 and not data["whole"] and k == len(pieces) - 1  # of a path: up to its last cell
-            self.piece(
-                piece["low"], max((c["high"] for c in cells), default=piece["low"]) if part else piece["high"], cells
-            )
-        for one, other in pairwise(pieces):
-            self.seam(one[-1], other[0], [0] * self.n)
-        if "turns" in claims:
-            gap = self.cell(pieces[0][0])[2] * self.seam(pieces[-1][-1], pieces[0][0], claims["turns"])
-            need(data["whole"] and gap <= claims["gap"], "the joints may end farther from where they began")
+    def verify(self) -> None:
+        """All that is claimed. Raises: RejectedError."""
+        data, claims, pieces = self.data, self.claims, self.data["pieces"]
+        ends = [[0] * self.n for _ in pieces[1:]] + [claims["turns"]]
+        for piece, after, turns in zip(pieces, pieces[1:] + pieces[:1], ends, strict=True):
+            self.whole = claims["whole"] or after is not pieces[0]
+            self.numbers = [arb(x) for x in piece["numbers"] + data["level"] + data["constants"]]
+            cells = self.cover(piece["cells"], [(0, 1) if self.d == 1 else (-1, 1)] * self.d)
+            gap = self.away(cells, [0] if self.d == 1 else piece["u"], piece["q"])
+            need(gap <= claims["gap"], "the leaf may miss the start")
+            if turns:
+                q = [x + TURN * k.__index__() for x, k in zip(after["q"], turns, strict=True)]
+                need(self.away(cells, [1], q) <= claims["gap"], "the path may not go on, or not close")
 
 
-def check(file: str, say: Callable[[int, int], None] = lambda _done, _all: None) -> dict[str, Any]:
-    """The content of a certificate, verified. Raises: RejectedError; OSError, ValueError: no certificate."""
-    with open(file, encoding="utf-8") as stream:
-        data = json.load(stream)
+def check(file: str, say: Any = lambda: None) -> Any:
+    """The data of a certificate's file, verified. Raises: RejectedError; OSError, ValueError: no certificate."""
+    text = Path(file).read_text("utf-8")
     try:
-        Checker(data).verify(lambda done: say(done, len(data["cells"])))
-    except (LookupError, TypeError, AttributeError) as problem:
+        data = {key: value for key, value in json.loads(text).items() if key != "sha256"}
+        sha256 = hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()
+        need(text == json.dumps(data | {"sha256": sha256}) + "\n", "the file is not as it was written: SHA-256")
+        Checker(data, say).verify()
+        return data
+    except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as problem:
         raise ValueError(f"not a certificate of this format ({problem!r})") from None
-    return data
 
 
 if __name__ == "__main__":
     try:
-        found = check(sys.argv[1], lambda done, of: print(f"\r{done} of {of} cells", end="", file=sys.stderr))
-        sys.exit(
-            print(f"\rVERIFIED: {len(found['cells'])} cells, {'all' if found['whole'] else 'a part'} of what was asked")
-        )
-    except RejectedError as problem:
-        print(f"\rREJECTED: {problem}")
-        sys.exit(1)
-    except (OSError, ValueError, LookupError) as problem:
-        print(f"\rnot read: {problem}")
-        sys.exit(2)
+        print("\nVERIFIED:", check(sys.argv[1], lambda: print(".", end="", file=sys.stderr, flush=True))["claims"])
+    except (RejectedError, OSError, ValueError, LookupError) as problem:
+        print("\nREJECTED:" if isinstance(problem, RejectedError) else "\nnot read:", problem)
+        sys.exit(1 if isinstance(problem, RejectedError) else 2)

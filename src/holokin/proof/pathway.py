@@ -2,7 +2,7 @@
 
 The root at the end of a cell must lie where the next cell's is the only root; so the roots make one smooth curve of
 joints. Where a path's pieces meet, and where a closed path ends, its poses agree but for round-off, which is enclosed
-and may be `SEAM` at most: there the joints jump by as little as `closing` tells.
+and may be `SEAM` at most: there the joints jump by as little as `anchors` tells.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from ..path import Path
 from ..strategies import HolonomicStrategy
-from ..symbolic.intervals import Interval, point
+from ..symbolic.intervals import Interval
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from .bounds import UP, norm
@@ -163,21 +163,3 @@ def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> 
     gap = cells.predicted(one)[ones] - 2 * np.pi * turns - cells.predicted(-one)[others]
     slip = cells.slip[ones] + cells.slip[others] + 1e-14 * np.linalg.norm(turns)
     return (np.linalg.norm(gap, axis=1) + found.findings.r[ones] + slip) * UP
-
-
-def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, float]:
-    """(whole turns (n,) of the joints, a bound of what is missing besides them); infinite if that is not shown.
-
-    The root a at the end, less the turns, lies where the first cell's root b at its beginning is the only one; a is
-    within `apart` of the predictor there, b within r, and |E(a)| <= jump. With F = Y E, s = e + omega (apart + r) / 2,
-    |F(a) - F(b) - (a - b)| <= s |a - b|, hence |a - b| <= |Y| jump / (1 - s).
-    """
-    cells, f = found.cells, found.findings
-    last, first = cells.predicted(np.ones((len(cells), 1)))[-1], cells.predicted(-np.ones((len(cells), 1)))[0]
-    turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0) + 0.0  # no -0
-    apart = float(distances(found, np.array([len(cells) - 1]), np.array([0]), turns)[0])
-    jump = domain.jump(found, len(cells) - 1, 0)
-    slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP
-    if not (apart <= f.alone[0] / UP and jump <= domain.slack and slope > 0 and domain.equation.periodic(turns)):
-        return turns, np.inf
-    return turns, float(norm(point(f.Y[:1]))[0]) * jump / slope * UP * 2  # twice: room for the checker

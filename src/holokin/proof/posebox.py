@@ -19,6 +19,9 @@ from .search import AIM, TUBE, Domain, on_grid
 from .targets import PoseBox
 from .tube import centred, examined
 
+NEAR = 1e-9
+"""A pose is in a box without extent if it is as near [m, 1]."""
+
 WIDER = 1 + 1e-12
 """Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
 
@@ -97,6 +100,18 @@ class PoseRegion(Value, Domain):
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
         T[:, :3, :3] = self.R0 @ turn.as_matrix()
         return T
+
+    def place_of(self, q: Vector) -> Vector:
+        """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""
+        from scipy.spatial.transform import Rotation
+
+        T = self.equation.strategy.task.pose(q)
+        turn = Rotation.from_matrix(self.R0.T @ T[:3, :3]).as_quat()
+        half_turn = abs(turn[3]) < 1e-9
+        w = np.full(3, np.inf) if half_turn else 2 * turn[:3] / turn[3]
+        at = np.concatenate([T[:3, 3] - self.p0, w])[: self.equation.d]
+        wide = self.half > 0
+        return np.where(wide, at / np.where(wide, self.half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
 
     def joints(self, boxes: Boxes) -> Matrix:
         """By inverse kinematics on the leaf."""
