@@ -41,7 +41,7 @@ KINDS = ("line", "circle", "triangle", "box")
 AGAIN = 2
 """Motions of each kind for a robot."""
 
-BUDGET = {"line": 200, "circle": 200, "triangle": 200, "box": 80}
+BUDGET = {"line": 160, "circle": 160, "triangle": 160, "box": 60}
 """Cells that a certificate may examine."""
 
 NEAR = 1 / 12

@@ -346,12 +346,12 @@ def random_posture(problem: Problem, rng: np.random.Generator, near: bool) -> Ar
 
 
 def random_motion(kind: str, problem: Problem, q: Array, rng: np.random.Generator) -> Motion:
-    """A line, a circle, a closed triangle or a box of 5 mm to 0.25 m (a box 0.1 m) at the tool's pose at q."""
+    """A line, a circle, a closed triangle or a box of 5 mm to 0.25 m (a box 0.06 m) at the tool's pose at q."""
     arm = problem.arm
     flat = np.array([1.0, 1.0, 0.0]) if arm.planar else np.ones(3)
     frame = arm.frames(q[None])[0, -1]
     x, R0 = frame[:3, 3], frame[:3, :3]
-    size = 10.0 ** rng.uniform(-2.3, -1.0 if kind == "box" else -0.6)
+    size = 10.0 ** rng.uniform(-2.3, -1.2 if kind == "box" else -0.6)
     way = _unit(rng.normal(size=3) * flat) * size
     if kind == "line":
         turn = rng.normal(size=3) * size if arm.turned else np.zeros(3)

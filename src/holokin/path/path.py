@@ -178,7 +178,7 @@ class Path(Value):
         """Rotation (3, 3) between the start and the end."""
         return np.asarray(self._rotations[-1])
 
-    @property
+    @cached_property
     def gap(self) -> float:
         """How far the end pose is from the start pose: the larger of metres and radians."""
         chord = float(np.linalg.norm(self._rotations[-1] - np.eye(3))) / np.sqrt(8.0)  # sin(angle / 2)

@@ -197,6 +197,8 @@ def derivatives(rows: Matrix, u: Vector) -> tuple[Matrix, Matrix, Matrix]:
     phi = turning[:, :3] + u * (turning[:, 3:6] + u * (turning[:, 6:9] + u * turning[:, 9:]))
     rate = turning[:, 3:6] + u * (2 * turning[:, 6:9] + 3 * u * turning[:, 9:])
     even = ~turning[:, 6:].any(axis=1)
+    if even.all():
+        return slope, phi, np.broadcast_to(turning[:, 3:6], phi.shape)
     return slope, phi, np.where(np.reshape(even, (-1, 1)), turning[:, 3:6], spin(phi, rate))
 
 
