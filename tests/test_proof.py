@@ -210,17 +210,6 @@ def test_a_wrist_through_its_singularity_is_proven_up_to_there() -> None:
     assert 0.45 < proof.proven.boxes.high[-1, 0] < 0.5
 
 
-def test_an_arm_angle_through_its_own_singularity_is_refused() -> None:
-    """The conventional one, where the wrist of an iiwa may be over the shoulder; the stereographic one is regular."""
-    robot, q = hk.load("iiwa14"), np.array([0.0, -0.5, 0.0, -1.4, 0.0, 0.6, 0.0])
-    regular, x = hk.holonomic(hk.pose(robot), hk.arm_angle()), start(robot, q)
-    q = hk.follow(regular, hk.line(x, x - [0.1, 0, 0]), q, samples=20, limits=False).q[-1]
-    box = hk.workspace(box=(start(robot, q), (0.02, 0.0, 0.0)), rotation=robot.pose(q)[:3, :3])
-    G = hk.holonomic(hk.pose(robot), hk.arm_angle(definition="conventional"))
-    refused(certify(G, box, q, limits=False, budget=30), Extent.SINGULAR, Extent.BUDGET)
-    assert certify(regular, box, q, limits=False, budget=100).whole
-
-
 def test_a_loop_across_a_fold_is_not_said_to_close() -> None:
     """A PPR arm, q1 locked: x = q1 + cos q3 reaches q1 + 1 and no farther."""
     robot, q = hk.load("ppr"), np.array([0.0, 0.0, 0.5])
