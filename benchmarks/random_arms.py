@@ -93,7 +93,7 @@ class Problem:
     law: Law
 
     @cached_property
-    def strategy(self) -> hk.Strategy:
+    def strategy(self) -> hk.strategies.HolonomicStrategy:
         """For holokin."""
         return hk.holonomic(self.arm.task, self.law[1])
 

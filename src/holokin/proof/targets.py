@@ -53,8 +53,8 @@ class Stretch(Family):
 
     p = centre + cos(a u) x + sin(a u) y + u b + u^2 c + u^3 d. An even turn is R = (1 + sin(t u) [k]x + (1 - cos(t u))
     [k]x^2) R0; where it is `curved`, R = (1 + S(|w|^2) [w]x + C(|w|^2) [w]x^2) R0, w(u) a cubic, with the series
-    S(z) = sum_k (-z)^k / (2k + 1)! and C(z) = sum_k (-z)^k / (2k + 2)!, their coefficients rounded to doubles: for |w| <=
-    2 pi they differ from exp([w]x) by less than 1e-14.
+    S(z) = sum_k (-z)^k / (2k + 1)! and C(z) = sum_k (-z)^k / (2k + 2)!, their coefficients rounded to doubles: at most
+    1e-14 from exp([w]x) for |w| <= 2 pi.
     """
 
     curved: bool = False
