@@ -1,7 +1,6 @@
 """What certificates cost: cells, seconds, omega.
 
-    python -m benchmarks.proof                # prints the table of docs/proof.md
-    python -m benchmarks.proof --random 1000  # certificates on random robots, each tested by Newton's method
+    python -m benchmarks.proof    # prints the table of docs/proof.md
 
 Seconds are of the processor, of the second of two runs: the first one builds the equation.
 """
@@ -10,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -71,79 +69,13 @@ def table(only: str) -> None:
         print(shown(name, proof, time.process_time() - began), flush=True)
 
 
-def random_robot(rng: np.random.Generator) -> tuple[hk.Strategy, np.ndarray, np.ndarray]:
-    """A planar or spatial arm of 3 to 8 joints, a strategy that couples them by a random matrix, that, a posture."""
-    n = int(rng.integers(3, 9))
-    planar = n < 5 or rng.random() < 0.5
-    if planar:
-        rows = [{"a": float(rng.uniform(0.2, 1.0))} for _ in range(n)]
-    else:
-        twists = rng.choice([-np.pi / 2, 0.0, np.pi / 2], n)
-        rows = [{"a": float(rng.uniform(0, 0.5)), "d": float(rng.uniform(0, 0.5)), "alpha": float(t)} for t in twists]
-    robot = hk.from_dh(rows, name="random")
-    task = hk.position(robot)
-    r = n - task.m
-    if r < 1:
-        return random_robot(rng)
-    matrix = rng.normal(size=(r, n))
-    return hk.holonomic(task, hk.linear(matrix)), matrix, rng.uniform(-2, 2, n)
-
-
-def tested(proof: Certificate, rng: np.random.Generator) -> int:
-    """How many roots, found by Newton at random poses of cells, lie in the tube; all must. Raises: AssertionError."""
-    equation, count = proof.equation, 0
-    for i in rng.permutation(len(proof))[:8]:
-        y = rng.uniform(-1, 1, equation.d)
-        middle = q = proof.cells.predicted(np.tile(y, (len(proof), 1)))[i]
-        for _ in range(6):
-            at = np.concatenate([q, y, proof.cells.numbers[i], proof.c])[:, None]
-            found = equation.value(at, at).middle.ravel()
-            A = found[equation.n :].reshape(equation.n, equation.n).T
-            q = q - np.linalg.solve(A, found[: equation.n])
-        off = float(np.linalg.norm(q - middle))
-        if not off <= proof.findings.r[i] + 1e-12:
-            raise AssertionError(f"a root is {off} from the predictor, not {proof.findings.r[i]}")
-        if not abs(np.linalg.det(A)) >= proof.determinant * (1 - 1e-9):
-            raise AssertionError("the determinant is smaller than what is proven")
-        count += 1
-    return count
-
-
-def random(count: int, seed: int = 0) -> Counter[str]:
-    """Certificates on random robots: how many ended how, and how many roots were found in the tubes."""
-    rng, ends = np.random.default_rng(seed), Counter[str]()
-    for _ in range(count):
-        strategy, matrix, q = random_robot(rng)
-        x = strategy.task.pose(q)[:3, 3]
-        step = rng.normal(size=3) * 10.0 ** rng.uniform(-2, -0.3)
-        if strategy.task.m == 2:
-            step[2] = 0.0
-        try:
-            proof = certify(strategy, hk.line(x, x + step), q, limits=False, budget=2000)
-        except hk.HolokinError as problem:
-            ends[type(problem).__name__] += 1
-            continue
-        ends[proof.extent.name] += 1
-        ends["roots in tubes"] += tested(proof, rng)
-        if proof.whole:  # the sign of det [J; J_g] is one along all of it
-            walk = hk.follow(strategy, hk.line(x, x + step), q, samples=100, limits=False)
-            signs = {bool(np.linalg.det(np.vstack([strategy.task.jacobian(p), matrix])) > 0) for p in walk.q}
-            if len(signs) > 1:
-                raise AssertionError("a certificate across a sampled singularity")
-    return ends
-
-
 def main() -> int:
-    """The table, or random robots; with --quick the first row alone."""
+    """The table; with --quick the first row alone."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--random", type=int, default=0)
     parser.add_argument("--only", default="")
     parser.add_argument("--quick", action="store_true")
     asked = parser.parse_args()
-    if asked.random:
-        print(dict(random(asked.random)))
-    else:
-        table(next(cases())[0] if asked.quick else asked.only)
+    table(next(cases())[0] if asked.quick else asked.only)
     return 0
 
 

@@ -33,12 +33,17 @@ def one_frame(task: Task) -> FrameTask:
     return task
 
 
+def turned(task: FrameTask) -> bool:
+    """Whether its angular rows are those of a twist: of a full orientation, or the one of a plane."""
+    return task.turns or (task.geometric and any(task.angular))
+
+
 def rows_of(task: FrameTask, position: SX, rotation: SX, wanted_position: SX, wanted_rotation: SX) -> tuple[SX, SX]:
     """(f(q) - x (m,), what must be positive so that no half turn is taken for none)."""
     six = [position[i] - wanted_position[i] for i in range(3)]
     facing = SX(1)
     kind = task.representation
-    if task.turns:
+    if turned(task):
         M = wanted_rotation @ rotation.T
         six += [(M[1, 2] - M[2, 1]) / 2, (M[2, 0] - M[0, 2]) / 2, (M[0, 1] - M[1, 0]) / 2]
         facing = M[0, 0] + M[1, 1] + M[2, 2] + 1
@@ -96,7 +101,7 @@ class Equation(Value):
         """What of the tool pose enters E; of a turn R_d itself, whose change bounds that of its rows twice over."""
         p, R = self.family.pose(y, numbers)
         task = one_frame(self.strategy.task)
-        if task.turns or isinstance(task.representation, AxisDirection):
+        if turned(task) or isinstance(task.representation, AxisDirection):
             return vertcat(p, R.reshape((9, 1)))
         return p if task.orientation is None else vertcat(p, task.representation.value(R))
 

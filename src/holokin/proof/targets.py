@@ -39,8 +39,12 @@ class Family(Value, ABC):
         """(position (3,), rotation (3, 3)) at y (d,)."""
 
 
-TERMS = 15
-"""Terms of the series of exp(phi): for |phi| <= pi what is left out is below 1e-16."""
+TERMS = 22
+"""Terms of the series of exp(phi): for |phi| <= 2 pi what is left out is below 1e-19."""
+
+
+BEZIER = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
+"""Times the coefficients of a cubic, its control points: over [0, 1] it lies between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +53,8 @@ class Stretch(Family):
 
     p = centre + cos(a u) x + sin(a u) y + u b + u^2 c + u^3 d. An even turn is R = (1 + sin(t u) [k]x + (1 - cos(t u))
     [k]x^2) R0; where it is `curved`, R = (1 + S(|w|^2) [w]x + C(|w|^2) [w]x^2) R0, w(u) a cubic, with the series
-    S(z) = sum_k (-z)^k / (2k + 1)! and C(z) = sum_k (-z)^k / (2k + 2)!, which differ from exp([w]x) by less than 1e-15.
+    S(z) = sum_k (-z)^k / (2k + 1)! and C(z) = sum_k (-z)^k / (2k + 2)!, their coefficients rounded to doubles: at most
+    1e-14 from exp([w]x) for |w| <= 2 pi.
     """
 
     curved: bool = False
@@ -86,16 +91,15 @@ class Stretch(Family):
         """The numbers of a row of `Path.table`, but for u0 and h. The path that is meant is the one with these doubles.
 
         Raises:
-            ArgumentError: a curved turn of more than half a turn.
+            ArgumentError: a curved turn of more than a whole turn.
         """
         turning = row[19:31].reshape(4, 3)
         if self.curved:
-            if np.linalg.norm(turning, axis=1).sum() > np.pi:
-                cure = (
-                    "cut the path, with hk.join of its parts, so that no piece turns the tool by more than half a turn"
-                )
-                raise ArgumentError("the turn of a piece of the path", float(np.linalg.norm(turning.sum(axis=0))), cure)
-            return np.concatenate([row[:31], row[31:40]])
+            largest = float(np.linalg.norm(BEZIER @ turning, axis=1).max())
+            if largest > 2 * np.pi:
+                cure = "give more waypoints, so that no piece turns the tool by more than a whole turn"
+                raise ArgumentError("the turn of a piece of the path", largest, cure)
+            return row[:40]
         size = float(np.linalg.norm(turning[1]))
         axis = turning[1] / size if size > 0 else np.array([0.0, 0.0, 1.0])
         return np.concatenate([row[:19], axis, [size], row[31:40]])
