@@ -14,6 +14,7 @@ from ..robot import Kinematics
 from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
 from ..types import Array, ArrayLike, Value, finite, frozen, whole
+from .implicit import Implicit, joined
 
 Levels = TypeVar("Levels", SX, Array)
 
@@ -27,6 +28,7 @@ class Constraint(Made, Value):
     where an orientation representation that g uses is singular; `places`, if given, names the distances that it is
     the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
     same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
+    `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Constraint(Made, Value):
     looped: Constraint | None = None
     transport: Transport | None = None
     places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
+    implicit: Implicit | None = None
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
@@ -130,6 +133,7 @@ def stack(*constraints: Constraint) -> Constraint:
         tuple(flag for c in constraints for flag in c.angular),
         _least_margin(constraints),
         places=_places(constraints),
+        implicit=joined(constraints, lambda _task, _k, values: vertcat(*values)),
     )
 
 
@@ -152,13 +156,19 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
         if any(c.angular) and w != round(w):
             raise ArgumentError(f"the weight of {c.name!r}", w, "its rows are angles: give a whole number")
 
-    def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        terms = [w * c.expand(task, k, q) for c, w in zip(constraints, factors, strict=True)]
+    def sum_of(_task: Task, _k: Kinematics, values: list[SX]) -> SX:
+        terms = [w * value for value, w in zip(values, factors, strict=True)]
         return sum(terms[1:], terms[0])
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        return sum_of(task, k, [c.expand(task, k, q) for c in constraints])
 
     angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
     name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
-    return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints))
+    return Constraint(
+        name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints),
+        implicit=joined(constraints, sum_of),
+    )  # fmt: skip
 
 
 @made
@@ -199,6 +209,7 @@ def tilted(
         looped,
         constraint.transport,
         constraint.places,
+        joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
     )
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr
-from ..symbolic.null_space import null_vector_expression
+from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
+from ..symbolic.null_space import null_vector, null_vector_expression
 from ..task import Task
-from ..types import ArrayLike, Value, finite, frozen
+from ..types import ArrayLike, Value, Vector, finite, frozen
 from .base import Constraint
+from .implicit import Implicit
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,8 @@ class Cost(Made, Value):
 
     name: str
     expression: Callable[[Task, Kinematics, SX], SX]
+    implicit: Implicit | None = None
+    """Its gradient (n,) by auxiliary unknowns, where U itself has kinks: for proofs."""
 
 
 @made
@@ -70,7 +73,31 @@ def stationary(
         a, _ = split(task)
         return factorise(task.jacobian_expression(k, q)[:, a]).rcond()
 
-    return Constraint(label, rows, expression, (False,) * rows, margin if free is not None else None)
+    def size(task: Task) -> int:
+        null = task.n if free is None else task.m * rows
+        return null + (U.implicit.size(task) if U.implicit else 0)
+
+    def implicit(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
+        """N itself is unknown: J N = 0 with |N|^2 = 1, or with Chang's [N_a; 1], J_a N_a + J_b = 0."""
+        J, null = task.jacobian_expression(k, q), task.n if free is None else task.m * rows
+        slope, h = U.implicit.rows(task, k, q, z[null:]) if U.implicit else (gradient(task, k, q), SX(0, 1))
+        if free is None:
+            N = z[:null]
+            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2, h)
+        a, b = split(task)
+        N = z[:null].reshape((task.m, rows))
+        return slope[b] + N.T @ slope[a], vertcat((J[:, a] @ N + J[:, b]).reshape((-1, 1)), h)
+
+    def at(task: Task, q: Vector) -> Vector:
+        J = task.jacobian(q)
+        a, b = split(task)
+        N = null_vector(J) if free is None else np.linalg.solve(J[:, a], -J[:, b]).T.ravel()
+        return np.concatenate([N, U.implicit.at(task, q)]) if U.implicit else N
+
+    return Constraint(
+        label, rows, expression, (False,) * rows, margin if free is not None else None,
+        implicit=Implicit(size, implicit, at),
+    )  # fmt: skip
 
 
 @made
@@ -132,4 +159,23 @@ def manipulability_cost() -> Cost:
             total = total - 0.5 * log(R[i, i] ** 2)
         return total
 
-    return Cost("manipulability", cost)
+    def rows(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
+        """By a lower triangular W with W^T J J^T W = 1: U' = -1/2 d tr(W^T J J^T W), W held."""
+        W = _triangle(z, task.m)
+        thin = task.jacobian_expression(k, q).T @ W
+        inner = (thin.T @ thin - SX.eye(task.m)) / 2
+        return -0.5 * jacobian(sumsqr(thin), q).T, vertcat(*(inner[i, : i + 1].T for i in range(task.m)))
+
+    def at(task: Task, q: Vector) -> Vector:
+        J = task.jacobian(q)
+        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[np.tril_indices(task.m)]
+
+    return Cost("manipulability", cost, Implicit(lambda task: task.m * (task.m + 1) // 2, rows, at))
+
+
+def _triangle(z: SX, m: int) -> SX:
+    """A lower triangular matrix (m, m) from its rows, one after the other."""
+    W = SX.zeros(m, m)
+    for i in range(m):
+        W[i, : i + 1] = z[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2].T
+    return W

@@ -177,7 +177,8 @@ class Certificate(Value):
         robot, start = equation.strategy.task.robot, 0.0 if equation.d == 1 else -1.0
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "whole": self.whole, "where": self.where,
-            "robot": robot.name, "names": list(robot.joint_names), "joints": equation.n, "parameters": equation.d,
+            "robot": robot.name, "names": list(robot.joint_names), "joints": equation.joints, "unknowns": equation.n,
+            "positive": equation.positive, "parameters": equation.d,
             "units": [c.unit for c in robot.coordinates], "pieces": [
                 {"numbers": numbers.tolist(), "low": [start] * equation.d, "high": [1.0] * equation.d}
                 for numbers in self.pieces
@@ -219,7 +220,7 @@ def least_determinant(found: Findings) -> float:
         return 0.0
     shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
     with np.errstate(divide="ignore"):
-        each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
+        each = shrink ** found.Y.shape[1] * (1 - 1e-13) / determinants(found.Y).high
     return float(each.min())
 
 

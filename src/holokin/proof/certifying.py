@@ -10,15 +10,14 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, PathError
 from ..motion import follow
-from ..path import Path
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
+from ..synchronized_paths import AnyPath
 from ..trajectory import Status
 from ..types import ArrayLike, Vector, whole
 from ..workspaces import Workspace
 from .certificate import Certificate, Covered, Extent, joined, least_determinant
-from .equation import one_frame
 from .pathway import Pathway, closing
 from .posebox import PoseRegion
 from .search import Domain, covered, halves
@@ -35,7 +34,7 @@ ROUNDS = 12
 @typed
 def certify(
     strategy: Strategy,
-    where: Path | Workspace,
+    where: AnyPath | Workspace,
     q0: ArrayLike,
     *,
     limits: bool = True,
@@ -67,16 +66,15 @@ def certify(
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
     if strategy.constraint.looped is not None:
-        cure = "its leaves are integrated: certify the polynomial that hk.strategies.fitted(strategy, postures) gives"
+        cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
         raise ArgumentError("the strategy to certify", strategy.name, cure)
-    one_frame(strategy.task)
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     budget = whole("budget", budget)
     ended = ""
     walk = None
-    if isinstance(where, Path):
+    if not isinstance(where, Workspace):
         try:
             walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
         except PathError as problem:
@@ -92,16 +90,17 @@ def certify(
     if extent is Extent.WHOLE and walk is not None and ended:
         extent, place = _WHY.get(walk.status, Extent.END), ended
     turns, gap = np.zeros(robot.n), np.inf
-    if extent is Extent.WHOLE and isinstance(domain, Pathway) and isinstance(where, Path) and where.closed:
-        turns, gap = closing(domain, found, np.array([c.unit == "rad" for c in robot.coordinates]))
+    if extent is Extent.WHOLE and isinstance(domain, Pathway) and not isinstance(where, Workspace) and where.closed:
+        turns, gap = closing(domain, found)
+        turns = turns[: robot.n]
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
-    about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
+    about = f"every pose of {where}" if isinstance(where, Workspace) else "every pose of the path"
     if extent is not Extent.WHOLE:
-        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are joined"
+        about = "every pose of the cells that are joined" if isinstance(where, Workspace) else "every pose up to there"
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,

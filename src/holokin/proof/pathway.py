@@ -12,16 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..path import Path
+from ..sampling import make_plan
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval, point
+from ..synchronized_paths import AnyPath
 from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
 from .bounds import UP, norm
 from .certificate import Boxes, Covered, Extent, joined
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
-from .targets import Stretch
+from .targets import Stretch, Stretches
 from .tube import Cells, examined
 
 SEAM = 1e-12
@@ -32,33 +33,34 @@ MOST = 4096
 
 
 @kept
-def equation_along(strategy: HolonomicStrategy, turning: bool, curved: bool) -> Equation:
-    """The equation of a strategy along paths, made once."""
-    return Equation(strategy, Stretch(turning, curved))
+def equation_along(strategy: HolonomicStrategy, *kinds: tuple[bool, bool]) -> Equation:
+    """The equation of a strategy along paths, one of each frame, (turning, curved): made once."""
+    return Equation(strategy, Stretches(any(turning for turning, _ in kinds), tuple(Stretch(*kind) for kind in kinds)))
 
 
 @dataclass(frozen=True, eq=False)
 class Pathway(Value, Domain):
     """Joints near the leaf c (r,) as a function of a path: splines through a trajectory, one a piece.
 
-    `rows` are those of `Path.table`; `ends` the share of each piece up to which it was followed.
+    `begun` (pieces, .) are those of the family but for u0 and h; `ends` the share of each piece up to which it
+    was followed.
     """
 
     equation: Equation
     c: Vector
     splines: tuple[Callable[[Array], Matrix], ...]
-    rows: Matrix
+    begun: Matrix
     ends: Vector
     slack: float = SEAM
 
     @staticmethod
-    def of(strategy: HolonomicStrategy, path: Path, walk: Trajectory, samples: int) -> Pathway:
+    def of(strategy: HolonomicStrategy, path: AnyPath, walk: Trajectory, samples: int) -> Pathway:
         """From the postures of `follow`, which may have ended early."""
         from scipy.interpolate import make_interp_spline
 
-        start = walk.q[0]
-        begun = strategy.task.pose(start)[:3, :3] if path.rotation is None else path.rotation
-        rows = path.table(begun)
+        start, task = walk.q[0], strategy.task
+        plan = make_plan(task, path, samples, task.place(start)[1])
+        rows = path.table(plan.start_rotation).reshape(task.frames, len(path.durations), -1)
         splines, ends, first = [], [], 0
         for count in path.counts(samples).tolist():
             got = min(count, len(walk.q) - 1 - first)
@@ -67,10 +69,10 @@ class Pathway(Value, Domain):
             splines.append(make_interp_spline(np.arange(got + 1) / count, walk.q[first : first + got + 1], min(3, got)))
             ends.append(float(on_grid(got / count)))
             first += count
-        equation = equation_along(
-            strategy, bool(rows[:, 19:31].any()), bool(rows[:, [19, 20, 21, *range(25, 31)]].any())
-        )
-        return Pathway(equation, strategy.g(start), tuple(splines), rows[: len(splines)], np.array(ends))
+        family = Stretches.along(rows)
+        equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
+        numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
+        return Pathway(equation, strategy.g(start), tuple(splines), numbers, np.array(ends))
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, from omega at sampled postures."""
@@ -84,7 +86,7 @@ class Pathway(Value, Domain):
         parts = []
         for i, end in enumerate(self.ends.tolist()):
             fine = np.linspace(0, end, 257)
-            way = np.linalg.norm(np.diff(self.splines[i](fine), axis=0), axis=1)
+            way = np.linalg.norm(np.diff(self._at(np.full(len(fine), i), fine), axis=0), axis=1)
             bend = np.interp(fine, u[piece == i], omega[piece == i])
             total = np.concatenate([[0.0], np.cumsum(way * (bend[1:] + bend[:-1]) / 2)])
             count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST))
@@ -95,12 +97,11 @@ class Pathway(Value, Domain):
         return joined(*parts)
 
     def given(self, piece: Indices) -> Matrix:
-        """Of the family `Stretch`."""
-        family = self.equation.family
-        return np.array([family.of(row) for row in self.rows])[piece] if isinstance(family, Stretch) else self.rows
+        """Of the family `Stretches`."""
+        return self.begun[piece]
 
     def joints(self, boxes: Boxes) -> Matrix:
-        """By the splines."""
+        """By the splines, and the other unknowns there."""
         return self._at(boxes.piece, (boxes.low + boxes.high)[:, 0] / 2)
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
@@ -153,8 +154,9 @@ class Pathway(Value, Domain):
         return f"{100 * low:.4g} % of piece {piece + 1} of the path"
 
     def _at(self, piece: Indices, u: Vector) -> Matrix:
-        n = self.equation.n
-        return np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
+        n = self.equation.joints
+        q = np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
+        return self.equation.completed(q)
 
 
 def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:
@@ -165,7 +167,7 @@ def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> 
     return (np.linalg.norm(gap, axis=1) + found.findings.r[ones] + slip) * UP
 
 
-def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, float]:
+def closing(domain: Pathway, found: Covered) -> tuple[Vector, float]:
     """(whole turns (n,) of the joints, a bound of what is missing besides them); infinite if that is not shown.
 
     The root a at the end, less the turns, lies where the first cell's root b at its beginning is the only one; a is
@@ -174,7 +176,7 @@ def closing(domain: Pathway, found: Covered, revolute: Flags) -> tuple[Vector, f
     """
     cells, f = found.cells, found.findings
     last, first = cells.predicted(np.ones((len(cells), 1)))[-1], cells.predicted(-np.ones((len(cells), 1)))[0]
-    turns = np.where(revolute, np.rint((last - first) / (2 * np.pi)), 0.0) + 0.0  # no -0
+    turns = np.where(domain.equation.revolute, np.rint((last - first) / (2 * np.pi)), 0.0) + 0.0  # no -0
     apart = float(distances(found, np.array([len(cells) - 1]), np.array([0]), turns)[0])
     jump = domain.jump(found, len(cells) - 1, 0)
     slope = (1 - float(f.e[0]) - float(f.omega[0]) * (apart + float(f.r[0])) / 2) / UP

@@ -51,6 +51,9 @@ class PoseRegion(Value, Domain):
         """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle."""
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
+        if strategy.task.frames > 1:
+            cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
+            raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
         turns = strategy.task.turns or strategy.task.orientation is not None
         tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
@@ -68,7 +71,7 @@ class PoseRegion(Value, Domain):
         one = np.ones((1, d))
         whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
         tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
-        cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
+        cells = centred(self.equation, self.equation.completed(self.q[None]), self.numbers(tiny), self.c, tiny.rho)
         omega = float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
         moving = max(1, int((sides > 0).sum()))
@@ -100,13 +103,13 @@ class PoseRegion(Value, Domain):
 
     def joints(self, boxes: Boxes) -> Matrix:
         """By inverse kinematics on the leaf."""
-        found = np.empty((len(boxes), self.equation.n))
+        found = np.empty((len(boxes), self.equation.joints))
         for i, pose in enumerate(self.poses(boxes)):
             try:
                 found[i] = self.inverse.near(pose, self.q)
             except HolokinError:
                 found[i] = self.q
-        return found
+        return self.equation.completed(found)
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """All: one place where the proof fails ends it."""
