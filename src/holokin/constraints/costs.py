@@ -73,31 +73,42 @@ def stationary(
         a, _ = split(task)
         return factorise(task.jacobian_expression(k, q)[:, a]).rcond()
 
-    def size(task: Task) -> int:
-        null = task.n if free is None else task.m * rows
-        return null + (U.implicit.size(task) if U.implicit else 0)
-
-    def implicit(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
-        """N itself is unknown: J N = 0 with |N|^2 = 1, or with Chang's [N_a; 1], J_a N_a + J_b = 0."""
-        J, null = task.jacobian_expression(k, q), task.n if free is None else task.m * rows
-        slope, h = U.implicit.rows(task, k, q, z[null:]) if U.implicit else (gradient(task, k, q), SX(0, 1))
-        if free is None:
-            N = z[:null]
-            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2, h)
-        a, b = split(task)
-        N = z[:null].reshape((task.m, rows))
-        return slope[b] + N.T @ slope[a], vertcat((J[:, a] @ N + J[:, b]).reshape((-1, 1)), h)
-
-    def at(task: Task, q: Vector) -> Vector:
-        J = task.jacobian(q)
-        a, b = split(task)
-        N = null_vector(J) if free is None else np.linalg.solve(J[:, a], -J[:, b]).T.ravel()
-        return np.concatenate([N, U.implicit.at(task, q)]) if U.implicit else N
-
     return Constraint(
         label, rows, expression, (False,) * rows, margin if free is not None else None,
-        implicit=Implicit(size, implicit, at),
+        implicit=_null_space_implicit(U, gradient, split, rows, free is not None),
     )  # fmt: skip
+
+
+def _null_space_implicit(
+    cost: Cost, gradient: Callable[[Task, Kinematics, SX], SX], split: Callable[[Task], tuple[list[int], list[int]]],
+    rows: int, chang: bool,
+) -> Implicit:  # fmt: skip
+    """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0; then those of U."""
+    inner = cost.implicit
+
+    def null(task: Task) -> int:
+        return task.m * rows if chang else task.n
+
+    def size(task: Task) -> tuple[int, int]:
+        unknowns, numbers = inner.size(task) if inner else (0, 0)
+        return null(task) + unknowns, numbers
+
+    def equations(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        J, N = task.jacobian_expression(k, q), z[: null(task)]
+        slope, h = inner.rows(task, k, q, z[null(task) :], scale) if inner else (gradient(task, k, q), SX(0, 1))
+        if not chang:
+            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2, h)
+        a, b = split(task)
+        N = N.reshape((task.m, rows))
+        return slope[b] + N.T @ slope[a], vertcat((J[:, a] @ N + J[:, b]).reshape((-1, 1)), h)
+
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        J = task.jacobian(q)
+        a, b = split(task)
+        N = np.linalg.solve(J[:, a], -J[:, b]).T.ravel() if chang else null_vector(J)
+        return np.concatenate([N, inner.at(task, q, scale)]) if inner else N
+
+    return Implicit(size, equations, at, inner.scale if inner else lambda _task, _q: np.zeros(0))
 
 
 @made
@@ -159,23 +170,35 @@ def manipulability_cost() -> Cost:
             total = total - 0.5 * log(R[i, i] ** 2)
         return total
 
-    def rows(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
-        """By a lower triangular W with W^T J J^T W = 1: U' = -1/2 d tr(W^T J J^T W), W held."""
-        W = _triangle(z, task.m)
-        thin = task.jacobian_expression(k, q).T @ W
-        inner = (thin.T @ thin - SX.eye(task.m)) / 2
-        return -0.5 * jacobian(sumsqr(thin), q).T, vertcat(*(inner[i, : i + 1].T for i in range(task.m)))
+    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        """By a lower triangular W with W^T T J J^T T^T W = 1: U' = -1/2 d tr(W^T T J J^T T^T W), W held."""
+        thin = (_triangle(scale, task.m) @ task.jacobian_expression(k, q)).T @ _triangle(z, task.m)
+        gap = (thin.T @ thin - SX.eye(task.m)) / 2
+        return -0.5 * jacobian(sumsqr(thin), q).T, vertcat(*(gap[i, : i + 1].T for i in range(task.m)))
 
-    def at(task: Task, q: Vector) -> Vector:
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        lower = np.tril_indices(task.m)
+        T = np.zeros((task.m, task.m))
+        T[lower] = scale
+        J = T @ task.jacobian(q)
+        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[lower]
+
+    def whitening(task: Task, q: Vector) -> Vector:
+        """T = L^-1 with J J^T = L L^T there, so that W is near 1."""
         J = task.jacobian(q)
-        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[np.tril_indices(task.m)]
+        return np.linalg.inv(np.linalg.cholesky(J @ J.T))[np.tril_indices(task.m)]
 
-    return Cost("manipulability", cost, Implicit(lambda task: task.m * (task.m + 1) // 2, rows, at))
+    return Cost("manipulability", cost, Implicit(lambda task: (_numbers(task.m),) * 2, rows, at, whitening))
+
+
+def _numbers(m: int) -> int:
+    """Of a triangle of m rows."""
+    return m * (m + 1) // 2
 
 
 def _triangle(z: SX, m: int) -> SX:
     """A lower triangular matrix (m, m) from its rows, one after the other."""
     W = SX.zeros(m, m)
     for i in range(m):
-        W[i, : i + 1] = z[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2].T
+        W[i, : i + 1] = z[_numbers(i) : _numbers(i + 1)].T
     return W

@@ -72,7 +72,8 @@ class Pathway(Value, Domain):
         family = Stretches.along(rows)
         equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
-        return Pathway(equation, strategy.g(start), tuple(splines), numbers, np.array(ends))
+        c = equation.level(start, walk.q[len(walk.q) // 2])
+        return Pathway(equation, c, tuple(splines), numbers, np.array(ends))
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, from omega at sampled postures."""
@@ -156,7 +157,7 @@ class Pathway(Value, Domain):
     def _at(self, piece: Indices, u: Vector) -> Matrix:
         n = self.equation.joints
         q = np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
-        return self.equation.completed(q)
+        return self.equation.completed(q, self.c)
 
 
 def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:

@@ -60,10 +60,9 @@ class PoseRegion(Value, Domain):
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
         ik = inverse(strategy, q0)
-        return PoseRegion(
-            equation_over(strategy, turning), strategy.g(q0), space.solid.center, space.rotation, half,
-            ik(space.center), ik,
-        )  # fmt: skip
+        equation, middle = equation_over(strategy, turning), ik(space.center)
+        c = equation.level(q0, middle)
+        return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle, ik)
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, by omega at the middle."""
@@ -71,7 +70,7 @@ class PoseRegion(Value, Domain):
         one = np.ones((1, d))
         whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
         tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
-        cells = centred(self.equation, self.equation.completed(self.q[None]), self.numbers(tiny), self.c, tiny.rho)
+        cells = centred(self.equation, self.equation.completed(self.q[None], self.c), self.numbers(tiny), self.c, tiny.rho)
         omega = float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
         moving = max(1, int((sides > 0).sum()))
@@ -109,7 +108,7 @@ class PoseRegion(Value, Domain):
                 found[i] = self.inverse.near(pose, self.q)
             except HolokinError:
                 found[i] = self.q
-        return self.equation.completed(found)
+        return self.equation.completed(found, self.c)
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """All: one place where the proof fails ends it."""
