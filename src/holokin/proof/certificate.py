@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -16,7 +16,7 @@ from ..arguments import typed
 from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, some
 from .equation import Equation
 from .tube import Cells, Findings
 
@@ -202,16 +202,6 @@ def digest(data: dict[str, Any]) -> str:
     """SHA-256 of all but itself."""
     text = json.dumps({key: value for key, value in data.items() if key != "sha256"}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def some(part: Any, chosen: Any) -> Any:
-    """Some of the cells of a value whose fields are arrays of a row each."""
-    return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
-
-
-def joined(*parts: Any) -> Any:
-    """The rows of several values of one type, one after the other."""
-    return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
 
 
 def least_determinant(found: Findings) -> float:

@@ -10,8 +10,8 @@ from ..sampling import make_plan, record
 from ..strategies import Strategy
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Indices, Matrix, Vector, whole
-from .certificate import Certificate, Extent, some
+from ..types import ArrayLike, Indices, Matrix, Vector, some, whole
+from .certificate import Certificate, Extent
 from .certifying import certify
 from .tube import centred
 

@@ -15,9 +15,9 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status
-from ..types import ArrayLike, Vector, whole
+from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
-from .certificate import Certificate, Covered, Extent, joined, least_determinant
+from .certificate import Certificate, Covered, Extent, least_determinant
 from .pathway import Pathway, closing
 from .posebox import PoseRegion
 from .search import Domain, covered, halves

@@ -23,6 +23,10 @@ from .targets import Family
 from .task_rows import rows_of, target_of
 
 
+ROOM = 6_000_000
+"""Numbers of intervals that may be in memory at once: 100 MB."""
+
+
 @dataclass(frozen=True, eq=False)
 class Equation(Value):
     """E(q, y) (n,) of a holonomic strategy on the leaf c (r,), over a family of tool poses.
@@ -44,6 +48,11 @@ class Equation(Value):
         """Unknowns, and rows."""
         implicit = self.strategy.constraint.implicit
         return self.joints + (implicit.size(self.strategy.task)[0] if implicit else 0)
+
+    @cached_property
+    def at_once(self) -> int:
+        """Cells whose second derivatives are enclosed at once, in `ROOM`."""
+        return max(1, ROOM // (self.curvature.operations + 4 * self.n**3))
 
     @property
     def d(self) -> int:

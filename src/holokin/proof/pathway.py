@@ -17,9 +17,9 @@ from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval, point
 from ..synchronized_paths import AnyPath
 from ..trajectory import Trajectory
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
 from .bounds import UP, norm
-from .certificate import Boxes, Covered, Extent, joined
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
 from .targets import Stretch, Stretches

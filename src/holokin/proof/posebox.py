@@ -10,10 +10,10 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion import InverseKinematics, inverse
 from ..strategies import HolonomicStrategy
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
-from .certificate import Boxes, Covered, Extent, some
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
 from .targets import PoseBox

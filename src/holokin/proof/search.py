@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Vector
-from .certificate import Boxes, Covered, Extent, joined, some
+from ..types import Array, Flags, Indices, Matrix, Vector, joined, some
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
 

@@ -24,7 +24,7 @@ from itertools import product as product_of
 import numpy as np
 
 from ..symbolic.intervals import PI, Interval, multiply, point, subtract
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
@@ -128,6 +128,12 @@ def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vect
 
 def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) -> Findings:
     """The test of all cells. `slack`: tool poses may be off by this much, for joints between pieces of a path [m]."""
+    at_once = equation.at_once
+    parts = [some(cells, slice(i, i + at_once)) for i in range(0, max(len(cells), 1), at_once)]
+    return joined(*(_examined(equation, part, c, slack) for part in parts))
+
+
+def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Findings:
     n, d, k = equation.n, equation.d, len(cells)
     fixed = np.vstack([cells.numbers.T, np.repeat(c[:, None], k, axis=1)])
     still, one = np.zeros((d, k)), np.ones((d, k))
