@@ -8,24 +8,21 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, PathError
-from ..motion import follow
+from ..errors import ArgumentError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from ..synchronized_paths import AnyPath
-from ..trajectory import Status
 from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
 from .certificate import Certificate, Covered, Extent, least_determinant
 from .pathway import Pathway, closing
 from .posebox import PoseRegion
 from .search import Domain, covered, halves
+from .walking import walked
 
 SAMPLES = 256
 """Samples of the path that the predictors start from."""
-
-_WHY = {Status.LIMIT: Extent.LIMIT, Status.SINGULAR: Extent.SINGULAR}
 
 ROUNDS = 12
 """Times that cells which could not be glued are halved."""
@@ -61,7 +58,7 @@ def certify(
 
     Raises:
         ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
-        StartError, JointLimitError, and what `follow` or `inverse` raise where not even a first step is possible.
+        StartError, JointLimitError; of a leaf on which not even a first step is possible SingularityError, BranchError.
     """
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
@@ -72,23 +69,17 @@ def certify(
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     budget = whole("budget", budget)
-    ended = ""
-    walk = None
+    walk_end, stop = Extent.WHOLE, ""
     if not isinstance(where, Workspace):
-        try:
-            walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
-        except PathError as problem:
-            if problem.trajectory is None or len(problem.trajectory) < 2:
-                raise
-            walk, ended = problem.trajectory, problem.fact.partition(":")[0].removeprefix("stopped in cycle 1, ")
-        domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
+        postures, walk_end, stop = walked(strategy, where, start, SAMPLES)
+        domain: Domain = Pathway.of(strategy, where, postures, SAMPLES)
     else:
         domain = PoseRegion.of(strategy, where, start)
     bounds = Interval(robot.lower, robot.upper) if limits else None
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
-    if extent is Extent.WHOLE and walk is not None and ended:
-        extent, place = _WHY.get(walk.status, Extent.END), ended
+    if extent is Extent.WHOLE and walk_end is not Extent.WHOLE:
+        extent, place = walk_end, stop
     turns, gap = np.zeros(robot.n), np.inf
     if extent is Extent.WHOLE and isinstance(domain, Pathway) and not isinstance(where, Workspace) and where.closed:
         turns, gap = closing(domain, found)

@@ -16,7 +16,6 @@ from ..sampling import make_plan
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval, point
 from ..synchronized_paths import AnyPath
-from ..trajectory import Trajectory
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
 from .bounds import UP, norm
 from .certificate import Boxes, Covered, Extent
@@ -54,25 +53,25 @@ class Pathway(Value, Domain):
     slack: float = SEAM
 
     @staticmethod
-    def of(strategy: HolonomicStrategy, path: AnyPath, walk: Trajectory, samples: int) -> Pathway:
-        """From the postures of `follow`, which may have ended early."""
+    def of(strategy: HolonomicStrategy, path: AnyPath, postures: Matrix, samples: int) -> Pathway:
+        """From postures (k, joints) at the samples, which may end early."""
         from scipy.interpolate import make_interp_spline
 
-        start, task = walk.q[0], strategy.task
+        start, task = postures[0], strategy.task
         plan = make_plan(task, path, samples, task.place(start)[1])
         rows = path.table(plan.start_rotation).reshape(task.frames, len(path.durations), -1)
         splines, ends, first = [], [], 0
         for count in path.counts(samples).tolist():
-            got = min(count, len(walk.q) - 1 - first)
+            got = min(count, len(postures) - 1 - first)
             if got < 1:
                 break
-            splines.append(make_interp_spline(np.arange(got + 1) / count, walk.q[first : first + got + 1], min(3, got)))
+            splines.append(make_interp_spline(np.arange(got + 1) / count, postures[first : first + got + 1], min(3, got)))
             ends.append(float(on_grid(got / count)))
             first += count
         family = Stretches.along(rows)
         equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
-        c = equation.level(start, walk.q[len(walk.q) // 2])
+        c = equation.level(start, postures[len(postures) // 2])
         return Pathway(equation, c, tuple(splines), numbers, np.array(ends))
 
     def first(self) -> Boxes:

@@ -103,6 +103,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
             break
         if budget - spent < len(left):  # the first ones
             order = np.lexsort((left.low[:, 0], left.piece))
+            batch = min(batch, max(FEW, (budget - spent) // 8))  # so that what fails among them is halved in time
         else:  # the smallest ones, where it may fail
             order = np.argsort(np.prod(left.high - left.low, axis=1), kind="stable")
         chosen = np.sort(order[: min(batch, budget - spent)])
@@ -131,7 +132,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         narrow = np.maximum(np.minimum(here.rho / 4, TUBE / np.clip(found.omega, 1e-3, 1e9)), need)
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
         again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
-        left = joined(waiting, again, halves(here, cells, np.maximum(here.rho / 2, shrink * need), failed & ~retried))
+        left = joined(waiting, again, halves(here, cells, np.clip(shrink * need, here.rho / 2, here.rho), failed & ~retried))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
