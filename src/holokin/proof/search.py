@@ -129,10 +129,12 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
         failed = ~kept & ~final
         need = np.where(np.isfinite(found.eta), SPREAD * found.eta, 0.0)
-        narrow = np.maximum(np.minimum(here.rho / 4, TUBE / np.clip(found.omega, 1e-3, 1e9)), need)
+        usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), here.rho / 4)
+        narrow = np.maximum(np.minimum(here.rho / 4, usual), need)
+        half = np.clip(shrink * need, here.rho / 2, np.maximum(here.rho, usual))
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
         again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
-        left = joined(waiting, again, halves(here, cells, np.clip(shrink * need, here.rho / 2, here.rho), failed & ~retried))
+        left = joined(waiting, again, halves(here, cells, half, failed & ~retried))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
