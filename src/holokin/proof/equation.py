@@ -22,7 +22,6 @@ from ..types import Flags, Matrix, Value, Vector
 from .targets import Family
 from .task_rows import rows_of, target_of
 
-
 ROOM = 6_000_000
 """Numbers of intervals that may be in memory at once: 100 MB."""
 

@@ -65,7 +65,9 @@ class Pathway(Value, Domain):
             got = min(count, len(postures) - 1 - first)
             if got < 1:
                 break
-            splines.append(make_interp_spline(np.arange(got + 1) / count, postures[first : first + got + 1], min(3, got)))
+            splines.append(
+                make_interp_spline(np.arange(got + 1) / count, postures[first : first + got + 1], min(3, got))
+            )
             ends.append(float(on_grid(got / count)))
             first += count
         family = Stretches.along(rows)

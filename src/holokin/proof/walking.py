@@ -13,8 +13,8 @@ from ..types import Matrix, Vector
 from .certificate import Extent
 
 PIECES = 100
-"""Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as near
-to it as it can; a proof ends long before, where its cells would be too small."""
+"""Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as
+near to it as it can; a proof ends long before, where its cells would be too small."""
 
 
 def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: int) -> tuple[Matrix, Extent, str]:
@@ -33,8 +33,8 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: i
     side = float(correct(start, *plan.first, c)[3])
     found = [start]
     for step in range(plan.steps):
-        try:
-            near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)  # if on another branch cells do not join
+        try:  # a posture on another branch would leave cells that do not join
+            near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)
             found.append(go(found[-1], _way(plan, step, c)) if near is None else near[0])
         except (SingularityError, BranchError, TrackingError) as problem:
             if not step:
