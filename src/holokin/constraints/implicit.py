@@ -29,8 +29,8 @@ class Implicit(Value):
     of J z = 0, |z|^2 = 1 it is the root of polynomials of J.
 
     size: (k, s) of a task. rows: (task, kinematics, q, z, scale) -> (g (rows,), h (k,)), where d h / d z is regular
-    wherever g is smooth. at: (task, q, scale) -> z (k,) at a posture (n,). scale: numbers (s,) from a posture near all that are
-    of interest, that make unknowns of the size 1; h depends on them, g does not.
+    wherever g is smooth. at: (task, q, scale) -> z (k,) at a posture (n,). scale: numbers (s,) from a posture near all
+    that are of interest, which make unknowns of the size 1; h depends on them, g does not.
     """
 
     size: Callable[[Task], tuple[int, int]]
