@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,8 +14,8 @@ from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
-from ..types import Array, ArrayLike, Value, finite, frozen, whole
-from .implicit import Implicit, joined
+from ..types import Array, ArrayLike, Value, Vector, finite, frozen, whole
+from .implicit import Implicit
 
 Levels = TypeVar("Levels", SX, Array)
 
@@ -240,3 +241,31 @@ def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
     if value.ndim == 0:
         value = float(value) * np.eye(shape[0], shape[1])
     return frozen(finite("the gain", value, tuple(shape), "give a number or a matrix, in rad/m"))
+
+
+def joined(constraints: Sequence[Constraint], together: Callable[[Task, Kinematics, list[SX]], SX]) -> Implicit | None:
+    """The unknowns of several constraints, one after the other, and what is made of their values; or nothing."""
+    parts = [c.implicit for c in constraints if c.implicit is not None]
+    if not parts:
+        return None
+
+    def split(task: Task, values: Any, which: int) -> list[Any]:
+        ends = np.cumsum([0, *(part.size(task)[which] for part in parts)]).tolist()
+        return [values[a:b] for a, b in pairwise(ends)]
+
+    def size(task: Task) -> tuple[int, int]:
+        unknowns, numbers = zip(*(part.size(task) for part in parts), strict=True)
+        return sum(unknowns), sum(numbers)
+
+    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        own = zip(parts, split(task, z, 0), split(task, scale, 1), strict=True)
+        found = [part.rows(task, k, q, *given) for part, *given in own]
+        values = iter(g for g, _ in found)
+        g = [c.expand(task, k, q) if c.implicit is None else next(values) for c in constraints]
+        return together(task, k, g), vertcat(*(h for _, h in found))
+
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        own = zip(parts, split(task, scale, 1), strict=True)
+        return np.concatenate([part.at(task, q, given) for part, given in own])
+
+    return Implicit(size, rows, at, lambda task, q: np.concatenate([part.scale(task, q) for part in parts]))
