@@ -13,11 +13,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from casadi import sin
 
 import holokin as hk
+from holokin import constraints as C
 from holokin.proof import Certificate, certify
 
 PANDA = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+YUMI = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
 IIWA = np.array([0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])
 
 Case = tuple[str, Any, Any, np.ndarray]
@@ -42,6 +45,8 @@ def cases() -> Iterator[Case]:
         hk.circle(x, center=x - [0.1, 0, 0]),
         IIWA,
     )
+    yield from every_constraint()
+    yield from two_hands()
     arm, q = hk.load("planar-3r"), np.array([0.3, 0.9, 0.9])
     law = hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]]))
     yield "planar 3R, q2 = q3, box of 1 m by 1 m", law, hk.workspace(box=((1.3, 0.0, 0.0), (0.5, 0.5, 0.0))), q
@@ -49,6 +54,46 @@ def cases() -> Iterator[Case]:
     R = panda.pose(PANDA)[:3, :3]
     cube = hk.workspace(box=(x, (0.05, 0.05, 0.05)), rotation=R)
     yield "Panda, cube of 0.1 m, one orientation", locked, cube, PANDA
+
+
+def every_constraint() -> Iterator[Case]:
+    """Circles of 0.1 m of a Panda."""
+    robot = hk.load("panda")
+    task, x = hk.pose(robot), robot.pose(PANDA)[:3, 3]
+    loop = hk.circle(x, center=x - [0.1, 0, 0])
+    coupled = C.stack(hk.coupled(0.5, "rpy"), hk.lock(2))
+    rows = {
+        "linear": (task, hk.linear([[1, 0, -1, 0, 0, 0, 0]])),
+        "coupled orientation": (hk.position(robot), coupled),
+        "conventional arm angle": (task, hk.arm_angle(definition="conventional")),
+        "stationary centring": (task, hk.stationary(C.centring_cost())),
+        "stationary posture": (task, hk.stationary(C.posture_cost(PANDA))),
+        "custom": (task, hk.custom(lambda q: [q[0] * q[2] + sin(q[4])])),
+    }
+    for name, (of, constraint) in rows.items():
+        yield f"Panda, {name}, circle of 0.1 m", hk.holonomic(of, constraint), loop, PANDA
+    near = hk.follow(hk.moore_penrose(task), loop, PANDA, samples=60).q
+    rng = np.random.default_rng(0)
+    Q = np.vstack([near, *(near[::4] + rng.normal(scale=0.02, size=near[::4].shape) for _ in range(6))])
+    radial = hk.radial(hk.moore_penrose(task), PANDA)
+    fit = hk.strategies.fitted(radial, Q, degree=3, rows=(0, 1, 2))
+    yield "Panda, radial fitted, degree 3, circle of 0.1 m", fit, loop, PANDA
+
+
+def two_hands() -> Iterator[Case]:
+    """Both arms of a YuMi, 14 joints: one hand seen from the other, and each on a circle of its own."""
+    robot, hands = hk.load("yumi"), ("left_flange", "right_flange")
+    task = hk.relative_pose(robot, *hands)
+    x = task.pose(YUMI)[:3, 3]
+    rows = hk.linear(np.linalg.svd(task.jacobian(YUMI))[2][6:])
+    yield (
+        "YuMi, hand seen from hand, 8 linear rows, circle of 0.1 m",
+        hk.holonomic(task, rows), hk.circle(x, center=x - [0.1, 0, 0]), YUMI,
+    )  # fmt: skip
+    both = hk.stacked(*(hk.pose(robot, tip=hand) for hand in hands))
+    left, right = both.pose(YUMI)[:, :3, 3]
+    path = hk.synchronized(hk.circle(left, left - [0.04, 0, 0]), hk.circle(right, right - [0.04, 0, 0]))
+    yield "YuMi, both hands, joints 3 locked, circles of 0.04 m", hk.holonomic(both, hk.lock(2, 9)), path, YUMI
 
 
 def shown(name: str, proof: Certificate, seconds: float) -> str:

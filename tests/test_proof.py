@@ -249,7 +249,7 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     x = start(panda, PANDA_START)
     path = hk.line(x, x - [0.2, 0.0, 0.0])
-    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf"), 64)
+    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
     found = domain.arranged(covered(domain, domain.first(), None, 200, lambda _count: None))
     assert domain.connected(found) is found and len(found) > 5
     part = domain.connected(strangers(found, np.arange(len(found)) == 4))
@@ -277,7 +277,7 @@ def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     upper = panda.upper.copy()
     moved = int(np.argmax(free.high - PANDA_START))
     upper[moved] = (free.high[moved] + PANDA_START[moved]) / 2
-    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf"), 64)
+    domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
     found = covered(domain, domain.first(), Interval(panda.lower, upper), 2000, lambda _count: None)
     assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
 

@@ -296,12 +296,16 @@ def certify(
 
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")
-    with _ending.telling(name) as say:
-        found = dict(certify_job(opened, file, workspace=workspace, budget=budget, say=say))
-    files = write_certificates(f"{name}-proof", found, out, __version__)
+    found = {}
+    try:
+        with _ending.telling(name) as say:
+            for title, one in certify_job(opened, file, workspace=workspace, budget=budget, say=say):
+                found[title] = one
+    finally:  # after Ctrl-C those that are done
+        files = write_certificates(f"{name}-proof", found, out, __version__) if found else []
+        for written in files:
+            show(f"wrote {written}")
     show_rich(lambda console: print_certificates(opened.title, found, console))
-    for written in files:
-        show(f"wrote {written}")
     proven = [one for one in found.values() if not isinstance(one, str)]
     raise typer.Exit(0 if proven and all(one.whole for one in proven) else 1)
 

@@ -213,3 +213,13 @@ class Value:
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
+
+
+def some(part: Any, chosen: Any) -> Any:
+    """Some of the rows of a value whose fields are arrays of a row each."""
+    return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
+
+
+def joined(*parts: Any) -> Any:
+    """The rows of several values of one type, one after the other."""
+    return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))

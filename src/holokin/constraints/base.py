@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,7 +14,8 @@ from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
-from ..types import Array, ArrayLike, Value, finite, frozen, whole
+from ..types import Array, ArrayLike, Value, Vector, finite, frozen, whole
+from .implicit import Implicit
 
 Levels = TypeVar("Levels", SX, Array)
 
@@ -27,6 +29,7 @@ class Constraint(Made, Value):
     where an orientation representation that g uses is singular; `places`, if given, names the distances that it is
     the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
     same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
+    `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Constraint(Made, Value):
     looped: Constraint | None = None
     transport: Transport | None = None
     places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
+    implicit: Implicit | None = None
 
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
@@ -130,6 +134,7 @@ def stack(*constraints: Constraint) -> Constraint:
         tuple(flag for c in constraints for flag in c.angular),
         _least_margin(constraints),
         places=_places(constraints),
+        implicit=joined(constraints, lambda _task, _k, values: vertcat(*values)),
     )
 
 
@@ -152,13 +157,19 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
         if any(c.angular) and w != round(w):
             raise ArgumentError(f"the weight of {c.name!r}", w, "its rows are angles: give a whole number")
 
-    def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        terms = [w * c.expand(task, k, q) for c, w in zip(constraints, factors, strict=True)]
+    def sum_of(_task: Task, _k: Kinematics, values: list[SX]) -> SX:
+        terms = [w * value for value, w in zip(values, factors, strict=True)]
         return sum(terms[1:], terms[0])
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        return sum_of(task, k, [c.expand(task, k, q) for c in constraints])
 
     angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
     name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
-    return Constraint(name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints))
+    return Constraint(
+        name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints),
+        implicit=joined(constraints, sum_of),
+    )  # fmt: skip
 
 
 @made
@@ -199,6 +210,7 @@ def tilted(
         looped,
         constraint.transport,
         constraint.places,
+        joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
     )
 
 
@@ -229,3 +241,31 @@ def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
     if value.ndim == 0:
         value = float(value) * np.eye(shape[0], shape[1])
     return frozen(finite("the gain", value, tuple(shape), "give a number or a matrix, in rad/m"))
+
+
+def joined(constraints: Sequence[Constraint], together: Callable[[Task, Kinematics, list[SX]], SX]) -> Implicit | None:
+    """The unknowns of several constraints, one after the other, and what is made of their values; or nothing."""
+    parts = [c.implicit for c in constraints if c.implicit is not None]
+    if not parts:
+        return None
+
+    def split(task: Task, values: Any, which: int) -> list[Any]:
+        ends = np.cumsum([0, *(part.size(task)[which] for part in parts)]).tolist()
+        return [values[a:b] for a, b in pairwise(ends)]
+
+    def size(task: Task) -> tuple[int, int]:
+        unknowns, numbers = zip(*(part.size(task) for part in parts), strict=True)
+        return sum(unknowns), sum(numbers)
+
+    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        own = zip(parts, split(task, z, 0), split(task, scale, 1), strict=True)
+        found = [part.rows(task, k, q, *given) for part, *given in own]
+        values = iter(g for g, _ in found)
+        g = [c.expand(task, k, q) if c.implicit is None else next(values) for c in constraints]
+        return together(task, k, g), vertcat(*(h for _, h in found))
+
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        own = zip(parts, split(task, scale, 1), strict=True)
+        return np.concatenate([part.at(task, q, given) for part, given in own])
+
+    return Implicit(size, rows, at, lambda task, q: np.concatenate([part.scale(task, q) for part in parts]))

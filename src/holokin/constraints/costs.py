@@ -11,11 +11,12 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr
-from ..symbolic.null_space import null_vector_expression
+from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
+from ..symbolic.null_space import null_vector, null_vector_expression
 from ..task import Task
-from ..types import ArrayLike, Value, finite, frozen
+from ..types import ArrayLike, Value, Vector, finite, frozen
 from .base import Constraint
+from .implicit import Implicit
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,8 @@ class Cost(Made, Value):
 
     name: str
     expression: Callable[[Task, Kinematics, SX], SX]
+    implicit: Implicit | None = None
+    """Its gradient (n,) by auxiliary unknowns, where U itself has kinks: for proofs."""
 
 
 @made
@@ -70,7 +73,42 @@ def stationary(
         a, _ = split(task)
         return factorise(task.jacobian_expression(k, q)[:, a]).rcond()
 
-    return Constraint(label, rows, expression, (False,) * rows, margin if free is not None else None)
+    return Constraint(
+        label, rows, expression, (False,) * rows, margin if free is not None else None,
+        implicit=_null_space_implicit(U, gradient, split, rows, free is not None),
+    )  # fmt: skip
+
+
+def _null_space_implicit(
+    cost: Cost, gradient: Callable[[Task, Kinematics, SX], SX], split: Callable[[Task], tuple[list[int], list[int]]],
+    rows: int, chang: bool,
+) -> Implicit:  # fmt: skip
+    """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0; then those of U."""
+    inner = cost.implicit
+
+    def null(task: Task) -> int:
+        return task.m * rows if chang else task.n
+
+    def size(task: Task) -> tuple[int, int]:
+        unknowns, numbers = inner.size(task) if inner else (0, 0)
+        return null(task) + unknowns, numbers
+
+    def equations(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        J, N = task.jacobian_expression(k, q), z[: null(task)]
+        slope, h = inner.rows(task, k, q, z[null(task) :], scale) if inner else (gradient(task, k, q), SX(0, 1))
+        if not chang:
+            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2, h)
+        a, b = split(task)
+        N = N.reshape((task.m, rows))
+        return slope[b] + N.T @ slope[a], vertcat((J[:, a] @ N + J[:, b]).reshape((-1, 1)), h)
+
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        J = task.jacobian(q)
+        a, b = split(task)
+        N = np.linalg.solve(J[:, a], -J[:, b]).T.ravel() if chang else null_vector(J)
+        return np.concatenate([N, inner.at(task, q, scale)]) if inner else N
+
+    return Implicit(size, equations, at, inner.scale if inner else lambda _task, _q: np.zeros(0))
 
 
 @made
@@ -132,4 +170,35 @@ def manipulability_cost() -> Cost:
             total = total - 0.5 * log(R[i, i] ** 2)
         return total
 
-    return Cost("manipulability", cost)
+    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
+        """By a lower triangular W with W^T T J J^T T^T W = 1: U' = -1/2 d tr(W^T T J J^T T^T W), W held."""
+        thin = (_triangle(scale, task.m) @ task.jacobian_expression(k, q)).T @ _triangle(z, task.m)
+        gap = (thin.T @ thin - SX.eye(task.m)) / 2
+        return -0.5 * jacobian(sumsqr(thin), q).T, vertcat(*(gap[i, : i + 1].T for i in range(task.m)))
+
+    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+        lower = np.tril_indices(task.m)
+        T = np.zeros((task.m, task.m))
+        T[lower] = scale
+        J = T @ task.jacobian(q)
+        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[lower]
+
+    def whitening(task: Task, q: Vector) -> Vector:
+        """T = L^-1 with J J^T = L L^T there, so that W is near 1."""
+        J = task.jacobian(q)
+        return np.linalg.inv(np.linalg.cholesky(J @ J.T))[np.tril_indices(task.m)]
+
+    return Cost("manipulability", cost, Implicit(lambda task: (_numbers(task.m),) * 2, rows, at, whitening))
+
+
+def _numbers(m: int) -> int:
+    """Of a triangle of m rows."""
+    return m * (m + 1) // 2
+
+
+def _triangle(z: SX, m: int) -> SX:
+    """A lower triangular matrix (m, m) from its rows, one after the other."""
+    W = SX.zeros(m, m)
+    for i in range(m):
+        W[i, : i + 1] = z[_numbers(i) : _numbers(i + 1)].T
+    return W

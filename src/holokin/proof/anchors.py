@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Flags, Vector
-from .certificate import Anchors, Covered, some
+from ..types import Vector, some
+from .certificate import Anchors, Covered
 from .pathway import Pathway
 from .posebox import PoseRegion
 from .search import Domain
@@ -21,14 +21,16 @@ NEWTONS = 3
 """Steps to a root from its predictor."""
 
 
-def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolute: Flags) -> Anchors:
+def anchored(domain: Domain, found: Covered, start: Vector, closed: bool) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
-    d = domain.equation.d
+    d, posture = domain.equation.d, start
+    start = domain.equation.completed(posture[None], domain.c)[0]
     if not len(found):
         return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None)
     places = [(np.zeros(1), start)] if d == 1 else []
     if isinstance(domain, PoseRegion):
-        places = [(domain.place_of(start), start), (np.zeros(d), domain.q)]
+        middle = domain.equation.completed(domain.q[None], domain.c)[0]
+        places = [(domain.place_of(posture), start), (np.zeros(d), middle)]
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
     u, q, within = np.zeros(d), start, np.inf
     for u, q in places:
@@ -46,7 +48,7 @@ def anchored(domain: Domain, found: Covered, start: Vector, closed: bool, revolu
     if closed:
         first, last = _holding(found, 0, begin), _holding(found, pieces - 1, end)
         b, a = _root(domain, found, first, begin), _root(domain, found, last, end)
-        whole = np.where(revolute, np.rint((a - b) / (2 * np.pi)), 0.0) + 0.0  # no -0
+        whole = np.where(domain.equation.revolute, np.rint((a - b) / (2 * np.pi)), 0.0) + 0.0  # no -0
         size = 2 * np.pi * whole
         apart = _apart(domain, found, first, begin, b) + _apart(domain, found, last, end, b + size)
         apart += 1e-15 * float(np.linalg.norm(np.abs(size) + np.abs(b)))

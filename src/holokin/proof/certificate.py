@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -16,7 +16,7 @@ from ..arguments import typed
 from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, some
 from .equation import Equation
 from .lowering import lowered
 from .partition import partition
@@ -197,12 +197,12 @@ class Certificate(Value):
             return partition(boxes.low[here], boxes.high[here], [(least, 1.0)] * d, leaf)
 
         robot, finite = equation.strategy.task.robot, np.nan_to_num
-        bounds = self.limits or Interval(np.full(n, -np.inf), np.full(n, np.inf))
+        bounds = self.limits or Interval(np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
         joints = zip((bounds.low, self.low, self.high, bounds.high), (-np.inf, -np.inf, np.inf, np.inf), strict=True)
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
-            **lowered(equation.operations, inputs, [*equation.angular, False]),
+            **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
             "level": self.c.tolist(),
             "claims": {
                 "whole": self.whole,
@@ -232,23 +232,13 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def some(part: Any, chosen: Any) -> Any:
-    """Some of the cells of a value whose fields are arrays of a row each."""
-    return type(part)(*(getattr(part, f.name)[chosen] for f in fields(part)))
-
-
-def joined(*parts: Any) -> Any:
-    """The rows of several values of one type, one after the other."""
-    return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
-
-
 def least_determinant(found: Findings) -> float:
     """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A."""
     if not len(found.r):
         return 0.0
     shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
     with np.errstate(divide="ignore"):
-        each = shrink ** found.low.shape[1] * (1 - 1e-13) / determinants(found.Y).high
+        each = shrink ** found.Y.shape[1] * (1 - 1e-13) / determinants(found.Y).high
     return float(each.min())
 
 

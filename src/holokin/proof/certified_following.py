@@ -6,12 +6,12 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import NotCertifiedError, OpenPathError
-from ..path import Path
 from ..sampling import make_plan, record
 from ..strategies import Strategy
+from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Indices, Matrix, Vector, whole
-from .certificate import Certificate, Extent, some
+from ..types import ArrayLike, Indices, Matrix, Vector, some, whole
+from .certificate import Certificate, Extent
 from .certifying import certify
 from .tube import centred
 
@@ -24,7 +24,7 @@ NEWTONS = 3
 
 @typed
 def follow_certified(
-    strategy: Strategy, path: Path, q0: ArrayLike, *, samples: int = 500, cycles: int = 1, limits: bool = True,
+    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, samples: int = 500, cycles: int = 1, limits: bool = True,
     budget: int = 20_000,
 ) -> tuple[Trajectory, Certificate]:  # fmt: skip
     """Follow a path as `follow` does, with a proof that no sample is on another branch: the cells control the steps.
@@ -48,7 +48,7 @@ def follow_certified(
     proof = certify(strategy, path, q0, limits=limits, budget=budget)
     task = strategy.task
     start = task.robot.checked(q0, "the start posture")
-    plan = make_plan(task, path, whole("samples", samples), task.pose(start)[:3, :3])
+    plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     piece = np.repeat(np.arange(len(plan.counts)), plan.counts)
     share = np.concatenate([np.arange(1, k + 1) / k for k in plan.counts.tolist()])
     once = np.vstack([start, roots(proof, piece, share)])
@@ -66,7 +66,7 @@ def follow_certified(
     def residual() -> Vector:
         leaf = proof.equation.strategy
         values = leaf.constraint_value.batch(q).reshape(len(q), -1)
-        return np.abs(leaf.constraint.nearest(values - proof.c)).max(axis=1, initial=0.0)
+        return np.abs(leaf.constraint.nearest(values - proof.c[: leaf.constraint.rows])).max(axis=1, initial=0.0)
 
     walk = record(task, plan, q, rates, cycles, status, residual)
     if not proof.whole:
@@ -84,7 +84,7 @@ def roots(proof: Certificate, piece: Indices, share: Vector) -> Matrix:
     count = int(np.argmin(known)) if not known.all() else len(known)
     cell = cell[:count]
     if not count:
-        return np.empty((0, proof.equation.n))
+        return np.empty((0, proof.equation.joints))
     cells, low, high = some(proof.cells, cell), boxes.low[cell], boxes.high[cell]
     y = (2 * share[:count, None] - low - high) / (high - low)
     guess = cells.predicted(y)
@@ -92,4 +92,4 @@ def roots(proof: Certificate, piece: Indices, share: Vector) -> Matrix:
     numbers[:, -2], numbers[:, -1] = share[:count], 0.0
     found = centred(proof.equation, guess, numbers, proof.c, np.ones(count), newtons=NEWTONS).q0
     off = np.linalg.norm(found - guess, axis=1) <= proof.findings.alone[cell]
-    return found[: count if off.all() else int(np.argmin(off))]
+    return found[: count if off.all() else int(np.argmin(off)), : proof.equation.joints]

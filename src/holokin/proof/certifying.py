@@ -8,26 +8,22 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError, PathError
-from ..motion import follow
-from ..path import Path
+from ..errors import ArgumentError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from ..trajectory import Status
-from ..types import ArrayLike, Vector, whole
+from ..synchronized_paths import AnyPath
+from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
 from .anchors import anchored
-from .certificate import Certificate, Covered, Extent, joined, least_determinant
-from .equation import one_frame
+from .certificate import Certificate, Covered, Extent, least_determinant
 from .pathway import Pathway
 from .posebox import PoseRegion
 from .search import Domain, covered, halves
+from .walking import walked
 
 SAMPLES = 256
 """Samples of the path that the predictors start from."""
-
-_WHY = {Status.LIMIT: Extent.LIMIT, Status.SINGULAR: Extent.SINGULAR}
 
 ROUNDS = 12
 """Times that cells which could not be glued are halved."""
@@ -36,7 +32,7 @@ ROUNDS = 12
 @typed
 def certify(
     strategy: Strategy,
-    where: Path | Workspace,
+    where: AnyPath | Workspace,
     q0: ArrayLike,
     *,
     limits: bool = True,
@@ -63,46 +59,39 @@ def certify(
 
     Raises:
         ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
-        StartError, JointLimitError, and what `follow` or `inverse` raise where not even a first step is possible.
+        StartError, JointLimitError; of a leaf on which not even a first step is possible SingularityError, BranchError.
     """
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
     if strategy.constraint.looped is not None:
-        cure = "its leaves are integrated: certify the polynomial that hk.strategies.fitted(strategy, postures) gives"
+        cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
         raise ArgumentError("the strategy to certify", strategy.name, cure)
-    one_frame(strategy.task)
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     budget = whole("budget", budget)
-    ended = ""
-    walk = None
-    if isinstance(where, Path):
-        try:
-            walk = follow(strategy, where, start, samples=SAMPLES, method="leaf", limits=limits)
-        except PathError as problem:
-            if problem.trajectory is None or len(problem.trajectory) < 2:
-                raise
-            walk, ended = problem.trajectory, problem.fact.partition(":")[0].removeprefix("stopped in cycle 1, ")
-        domain: Domain = Pathway.of(strategy, where, walk, SAMPLES)
+    walk_end, stop = Extent.WHOLE, ""
+    if not isinstance(where, Workspace):
+        postures, walk_end, stop = walked(strategy, where, start, SAMPLES)
+        domain: Domain = Pathway.of(strategy, where, postures, SAMPLES)
     else:
         domain = PoseRegion.of(strategy, where, start)
     bounds = Interval(robot.lower, robot.upper) if limits else None
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
-    if extent is Extent.WHOLE and walk is not None and ended:
-        extent, place = _WHY.get(walk.status, Extent.END), ended
-    closed = extent is Extent.WHOLE and isinstance(where, Path) and where.closed
-    anchors = anchored(domain, found, start, closed, np.array([c.unit == "rad" for c in robot.coordinates]))
-    turns, gap = (np.zeros(robot.n), np.inf) if anchors.turns is None else (anchors.turns, anchors.gap)
+    if extent is Extent.WHOLE and walk_end is not Extent.WHOLE:
+        extent, place = walk_end, stop
+    closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
+    anchors = anchored(domain, found, start, closed)
+    turns, gap = (np.zeros(robot.n), np.inf) if anchors.turns is None else (anchors.turns[: robot.n], anchors.gap)
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
-    about = "every pose of the path" if isinstance(where, Path) else f"every pose of {where}"
+    about = f"every pose of {where}" if isinstance(where, Workspace) else "every pose of the path"
     if extent is not Extent.WHOLE:
-        about = "every pose up to there" if isinstance(where, Path) else "every pose of the cells that are joined"
+        about = "every pose of the cells that are joined" if isinstance(where, Workspace) else "every pose up to there"
     theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,

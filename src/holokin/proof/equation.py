@@ -12,56 +12,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from ..errors import ArgumentError
-from ..representations import AxisDirection
+import numpy as np
+
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
-from ..symbolic.geometry import frame_about
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.separated import Separated
-from ..task import Task
-from ..task_kinds import FrameTask
-from ..types import Value, Vector
+from ..types import Flags, Matrix, Value, Vector
 from .targets import Family
+from .task_rows import rows_of, target_of
 
-
-def one_frame(task: Task) -> FrameTask:
-    """The task, of one tool. Raises: ArgumentError for one of several frames."""
-    if not isinstance(task, FrameTask):
-        cure = "prove it of one tool: a task of several frames has no proof yet"
-        raise ArgumentError("the task to certify", task.name, cure)
-    return task
-
-
-def turned(task: FrameTask) -> bool:
-    """Whether its angular rows are those of a twist: of a full orientation, or the one of a plane."""
-    return task.turns or (task.geometric and any(task.angular))
-
-
-def rows_of(task: FrameTask, position: SX, rotation: SX, wanted_position: SX, wanted_rotation: SX) -> tuple[SX, SX]:
-    """(f(q) - x (m,), what must be positive so that no half turn is taken for none)."""
-    six = [position[i] - wanted_position[i] for i in range(3)]
-    facing = SX(1)
-    kind = task.representation
-    if turned(task):
-        M = wanted_rotation @ rotation.T
-        six += [(M[1, 2] - M[2, 1]) / 2, (M[2, 0] - M[0, 2]) / 2, (M[0, 1] - M[1, 0]) / 2]
-        facing = M[0, 0] + M[1, 1] + M[2, 2] + 1
-    elif isinstance(kind, AxisDirection) and sum(i > 2 for i in task.rows) == 2:
-        a = SX(kind.axis)
-        across = (wanted_rotation @ SX(frame_about(kind.axis)))[:, :2].T @ (rotation @ a)
-        six += [across[0], across[1]]
-        facing = (wanted_rotation @ a).T @ (rotation @ a)
-    elif task.orientation is not None:
-        gap = kind.value(rotation) - kind.value(wanted_rotation)
-        six += [gap[i] for i in range(gap.shape[0])]
-    return vertcat(*(six[i] for i in task.rows)), facing
+ROOM = 6_000_000
+"""Numbers of intervals that may be in memory at once: 100 MB."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equation(Value):
     """E(q, y) (n,) of a holonomic strategy on the leaf c (r,), over a family of tool poses.
 
+    Where its constraint is `implicit`, q holds the joints and then its unknowns, and E their equations at the end.
     Each enclosure below takes its arguments one below the other, in the order named.
     """
 
@@ -69,27 +38,58 @@ class Equation(Value):
     family: Family
 
     @property
-    def n(self) -> int:
-        """Joints, and rows."""
+    def joints(self) -> int:
+        """Joints: the first of the unknowns."""
         return self.strategy.task.n
+
+    @cached_property
+    def n(self) -> int:
+        """Unknowns, and rows."""
+        implicit = self.strategy.constraint.implicit
+        return self.joints + (implicit.size(self.strategy.task)[0] if implicit else 0)
+
+    @cached_property
+    def at_once(self) -> int:
+        """Cells whose second derivatives are enclosed at once, in `ROOM`."""
+        return max(1, ROOM // (self.curvature.operations + 4 * self.n**3))
 
     @property
     def d(self) -> int:
         """Parameters of the family."""
         return self.family.dimension
 
+    def level(self, start: Vector, near: Vector) -> Vector:
+        """The c of E: the leaf through a posture (joints,), and the scale of the other unknowns near another one."""
+        implicit, task = self.strategy.constraint.implicit, self.strategy.task
+        leaf = np.atleast_1d(self.strategy.g(start))
+        return leaf if implicit is None else np.concatenate([leaf, implicit.scale(task, near)])
+
+    def completed(self, q: Matrix, c: Vector) -> Matrix:
+        """All unknowns (k, n) at postures (k, joints)."""
+        implicit, task = self.strategy.constraint.implicit, self.strategy.task
+        if implicit is None or not len(q):
+            return q
+        return np.hstack([q, [implicit.at(task, one, c[self.strategy.constraint.rows :]) for one in q]])
+
     @cached_property
     def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
         """(inputs, E, facing)."""
-        if self.strategy.constraint.looped is not None:
-            cure = "its leaves are carried by a differential equation: prove the polynomial that `fitted` makes of it"
-            raise ArgumentError("the strategy to certify", self.strategy.name, cure)
-        e, task = self.strategy.expressions, one_frame(self.strategy.task)
-        y, numbers, c = symbol("y", self.d), symbol("numbers", self.family.numbers), symbol("c", self.n - task.m)
-        k = e.kinematics
+        e, task, constraint = self.strategy.expressions, self.strategy.task, self.strategy.constraint
+        y, numbers, c = symbol("y", self.d), symbol("numbers", self.family.numbers), symbol("c", constraint.rows)
+        scale = symbol("scale", constraint.implicit.size(task)[1] if constraint.implicit else 0)
+        k, others = e.kinematics, symbol("others", self.n - self.joints)
         rows, facing = rows_of(task, k.position, k.rotation, *self.family.pose(y, numbers))
-        inputs = {"q": e.q, "y": y, "numbers": numbers, "c": c}
-        return inputs, vertcat(rows, self.strategy.constraint_expression - c), facing
+        if constraint.implicit is None:
+            g, h = self.strategy.constraint_expression, SX(0, 1)
+        else:
+            g, h = constraint.implicit.rows(task, k, e.q, others, scale)
+        inputs = {"q": vertcat(e.q, others), "y": y, "numbers": numbers, "c": vertcat(c, scale)}
+        return inputs, vertcat(rows, g - c, h), facing
+
+    @cached_property
+    def positive(self) -> int:
+        """How many numbers `facing` has, one a frame."""
+        return self._symbols[2].shape[0]
 
     @cached_property
     def operations(self) -> list[list[Any]]:
@@ -98,12 +98,7 @@ class Equation(Value):
         return operation_list(inputs, vertcat(E, facing, self._target(inputs["y"], inputs["numbers"])))
 
     def _target(self, y: SX, numbers: SX) -> SX:
-        """What of the tool pose enters E; of a turn R_d itself, whose change bounds that of its rows twice over."""
-        p, R = self.family.pose(y, numbers)
-        task = one_frame(self.strategy.task)
-        if turned(task) or isinstance(task.representation, AxisDirection):
-            return vertcat(p, R.reshape((9, 1)))
-        return p if task.orientation is None else vertcat(p, task.representation.value(R))
+        return target_of(self.strategy.task, *self.family.pose(y, numbers))
 
     def periodic(self, turns: Vector) -> bool:
         """Whether E stays as it is, but for whole turns of its angles, when the joints go on by whole turns (n,).
@@ -118,7 +113,7 @@ class Equation(Value):
             moved = any(s != 0 for s in given)
             found: float | None = None
             if name == "input":
-                found = float(turns[of[0]]) if of[0] < self.n else 0.0
+                found = float(turns[of[0]]) if of[0] < self.joints else 0.0
             elif name == "const":
                 known[len(shifts)], found = of[0], 0.0
             elif name == "output":
@@ -139,13 +134,20 @@ class Equation(Value):
     @property
     def angular(self) -> tuple[bool, ...]:
         """(n,) which rows of E count but for whole turns."""
-        return (False,) * self.strategy.task.m + tuple(self.strategy.constraint.angular)
+        task, constraint = self.strategy.task, self.strategy.constraint
+        return (False,) * task.m + tuple(constraint.angular) + (False,) * (self.n - self.joints)
+
+    @property
+    def revolute(self) -> Flags:
+        """(n,) which unknowns are angles of joints."""
+        units = [c.unit for c in self.strategy.task.robot.coordinates]
+        return np.array([unit == "rad" for unit in units] + [False] * (self.n - self.joints))
 
     @cached_property
     def _separated(self) -> Separated:
         """E and `facing`, for derivatives that are exact."""
         inputs, E, facing = self._symbols
-        return Separated.of(inputs, vertcat(E, facing), [*self.angular, False])
+        return Separated.of(inputs, vertcat(E, facing), [*self.angular, *[False] * self.positive])
 
     def _enclosed(self, name: str, inputs: dict[str, SX], output: SX) -> IntervalFunction:
         return IntervalFunction(name, inputs, output, (self._separated.symbols, self._separated.values))
@@ -169,7 +171,7 @@ class Equation(Value):
         Where the tool turns the columns of D_y D_q E follow.
         """
         inputs, both = self._symbols[0], self._separated
-        E, facing = both.output[: self.n], both.output[self.n]
+        E, facing = both.output[: self.n], both.output[self.n :]
         q, y = inputs["q"], inputs["y"]
         A = jacobian(E, q)
         found = [facing, both.guards]

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..path import Path
+from ..sampling import make_plan
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval
-from ..trajectory import Trajectory
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ..synchronized_paths import AnyPath
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
 from .bounds import UP, norm
-from .certificate import Boxes, Covered, Extent, joined
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .search import AIM, TUBE, Domain, on_grid
-from .targets import Stretch
+from .targets import Stretch, Stretches
 from .tube import Cells, examined
 
 SEAM = 1e-12
@@ -32,45 +32,49 @@ MOST = 4096
 
 
 @kept
-def equation_along(strategy: HolonomicStrategy, turning: bool, curved: bool) -> Equation:
-    """The equation of a strategy along paths, made once."""
-    return Equation(strategy, Stretch(turning, curved))
+def equation_along(strategy: HolonomicStrategy, *kinds: tuple[bool, bool]) -> Equation:
+    """The equation of a strategy along paths, one of each frame, (turning, curved): made once."""
+    return Equation(strategy, Stretches(any(turning for turning, _ in kinds), tuple(Stretch(*kind) for kind in kinds)))
 
 
 @dataclass(frozen=True, eq=False)
 class Pathway(Value, Domain):
     """Joints near the leaf c (r,) as a function of a path: splines through a trajectory, one a piece.
 
-    `rows` are those of `Path.table`; `ends` the share of each piece up to which it was followed.
+    `begun` (pieces, .) are those of the family but for u0 and h; `ends` the share of each piece up to which it
+    was followed.
     """
 
     equation: Equation
     c: Vector
     splines: tuple[Callable[[Array], Matrix], ...]
-    rows: Matrix
+    begun: Matrix
     ends: Vector
     slack: float = SEAM
 
     @staticmethod
-    def of(strategy: HolonomicStrategy, path: Path, walk: Trajectory, samples: int) -> Pathway:
-        """From the postures of `follow`, which may have ended early."""
+    def of(strategy: HolonomicStrategy, path: AnyPath, postures: Matrix, samples: int) -> Pathway:
+        """From postures (k, joints) at the samples, which may end early."""
         from scipy.interpolate import make_interp_spline
 
-        start = walk.q[0]
-        begun = strategy.task.pose(start)[:3, :3] if path.rotation is None else path.rotation
-        rows = path.table(begun)
+        start, task = postures[0], strategy.task
+        plan = make_plan(task, path, samples, task.place(start)[1])
+        rows = path.table(plan.start_rotation).reshape(task.frames, len(path.durations), -1)
         splines, ends, first = [], [], 0
         for count in path.counts(samples).tolist():
-            got = min(count, len(walk.q) - 1 - first)
+            got = min(count, len(postures) - 1 - first)
             if got < 1:
                 break
-            splines.append(make_interp_spline(np.arange(got + 1) / count, walk.q[first : first + got + 1], min(3, got)))
+            splines.append(
+                make_interp_spline(np.arange(got + 1) / count, postures[first : first + got + 1], min(3, got))
+            )
             ends.append(float(on_grid(got / count)))
             first += count
-        equation = equation_along(
-            strategy, bool(rows[:, 19:31].any()), bool(rows[:, [19, 20, 21, *range(25, 31)]].any())
-        )
-        return Pathway(equation, strategy.g(start), tuple(splines), rows[: len(splines)], np.array(ends))
+        family = Stretches.along(rows)
+        equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
+        numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
+        c = equation.level(start, postures[len(postures) // 2])
+        return Pathway(equation, c, tuple(splines), numbers, np.array(ends))
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, from omega at sampled postures."""
@@ -84,7 +88,7 @@ class Pathway(Value, Domain):
         parts = []
         for i, end in enumerate(self.ends.tolist()):
             fine = np.linspace(0, end, 257)
-            way = np.linalg.norm(np.diff(self.splines[i](fine), axis=0), axis=1)
+            way = np.linalg.norm(np.diff(self._at(np.full(len(fine), i), fine), axis=0), axis=1)
             bend = np.interp(fine, u[piece == i], omega[piece == i])
             total = np.concatenate([[0.0], np.cumsum(way * (bend[1:] + bend[:-1]) / 2)])
             count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST))
@@ -95,12 +99,11 @@ class Pathway(Value, Domain):
         return joined(*parts)
 
     def given(self, piece: Indices) -> Matrix:
-        """Of the family `Stretch`."""
-        family = self.equation.family
-        return np.array([family.of(row) for row in self.rows])[piece] if isinstance(family, Stretch) else self.rows
+        """Of the family `Stretches`."""
+        return self.begun[piece]
 
     def joints(self, boxes: Boxes) -> Matrix:
-        """By the splines."""
+        """By the splines, and the other unknowns there."""
         return self._at(boxes.piece, (boxes.low + boxes.high)[:, 0] / 2)
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
@@ -153,8 +156,9 @@ class Pathway(Value, Domain):
         return f"{100 * low:.4g} % of piece {piece + 1} of the path"
 
     def _at(self, piece: Indices, u: Vector) -> Matrix:
-        n = self.equation.n
-        return np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
+        n = self.equation.joints
+        q = np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
+        return self.equation.completed(q, self.c)
 
 
 def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:

@@ -10,12 +10,12 @@ import numpy as np
 from ..errors import ArgumentError, HolokinError
 from ..motion import InverseKinematics, inverse
 from ..strategies import HolonomicStrategy
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept
+from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
-from .certificate import Boxes, Covered, Extent, some
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
-from .search import AIM, TUBE, Domain, on_grid
+from .search import TUBE, Domain, on_grid, proven
 from .targets import PoseBox
 from .tube import centred, examined
 
@@ -24,6 +24,13 @@ NEAR = 1e-9
 
 WIDER = 1 + 1e-12
 """Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
+
+
+FINENESS = np.geomspace(0.5, 500, 48)
+"""Cells per joint motion of a side [1 / joint unit] that are tried."""
+
+MOST = 200_000
+"""Cells of a grid, at most."""
 
 
 @kept
@@ -54,36 +61,42 @@ class PoseRegion(Value, Domain):
         """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle."""
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
+        if strategy.task.frames > 1:
+            cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
+            raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
         turns = strategy.task.turns or strategy.task.orientation is not None
         tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
         ik = inverse(strategy, q0)
-        return PoseRegion(
-            equation_over(strategy, turning), strategy.g(q0), space.solid.center, space.rotation, half,
-            ik(space.center), ik,
-        )  # fmt: skip
+        equation, middle = equation_over(strategy, turning), ik(space.center)
+        c = equation.level(q0, middle)
+        return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle, ik)
 
     def first(self) -> Boxes:
-        """Cells in which e is about `AIM`, by omega at the middle."""
+        """A grid of the largest cells that pass the test at the middle, each side by how much it moves the joints."""
         d = self.equation.d
-        one = np.ones((1, d))
-        whole = Boxes(np.zeros(1, dtype=int), -one, one, np.full(1, 1e-9), np.zeros(1, dtype=bool))
-        tiny = Boxes(whole.piece, -1e-9 * one, 1e-9 * one, whole.rho, whole.again)
-        cells = centred(self.equation, self.q[None], self.numbers(tiny), self.c, tiny.rho)
-        omega = float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
+        middle = self.equation.completed(self.q[None], self.c)
+        tiny = _about(np.full((1, d), 1e-9), np.full(1, 1e-9))
+        cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
+        rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
-        moving = max(1, int((sides > 0).sum()))
-        counts = np.maximum(1, np.ceil(sides * omega * np.sqrt(moving) / AIM)).astype(int)
-        counts = np.minimum(counts, 64)
-        while counts.prod() > 20_000:
-            counts = np.maximum(1, counts // 2)
+        tried = np.maximum(1.0, np.ceil(np.multiply.outer(FINENESS, np.minimum(sides, 1e3))))
+        tried = np.minimum(tried[tried.prod(axis=1) <= MOST], 64)
+        boxes = _about(1 / tried, np.full(len(tried), rho))
+        found = examined(
+            self.equation,
+            centred(self.equation, np.tile(middle, (len(tried), 1)), self.numbers(boxes), self.c, boxes.rho),
+            self.c,
+        )
+        good = proven(found)
+        counts = tried[int(np.argmax(good)) if good.any() else 0].astype(int)
         grid = [on_grid(np.linspace(-1, 1, count + 1)) for count in counts]
         low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         k = len(low)
-        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, TUBE / omega), np.zeros(k, dtype=bool))
+        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool))
 
     def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
@@ -115,13 +128,13 @@ class PoseRegion(Value, Domain):
 
     def joints(self, boxes: Boxes) -> Matrix:
         """By inverse kinematics on the leaf."""
-        found = np.empty((len(boxes), self.equation.n))
+        found = np.empty((len(boxes), self.equation.joints))
         for i, pose in enumerate(self.poses(boxes)):
             try:
                 found[i] = self.inverse.near(pose, self.q)
             except HolokinError:
                 found[i] = self.q
-        return found
+        return self.equation.completed(found, self.c)
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """All: one place where the proof fails ends it."""
@@ -188,6 +201,11 @@ class PoseRegion(Value, Domain):
         low = np.array(found.stopped[1])
         at = self.p0 + low[:3] * self.half[:3]
         return f"the pose at {np.round(at, 6).tolist()}"
+
+
+def _about(half: Matrix, rho: Vector) -> Boxes:
+    """Boxes (k, d) about the middle."""
+    return Boxes(np.zeros(len(half), dtype=int), -half, half, rho, np.zeros(len(half), dtype=bool))
 
 
 def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:

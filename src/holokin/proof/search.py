@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Vector
-from .certificate import Boxes, Covered, Extent, joined, some
+from ..types import Array, Flags, Indices, Matrix, Vector, joined, some
+from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
 
@@ -23,6 +23,9 @@ SHORTEST = 1e-7
 LONE = 3.3
 """A root is looked for where it is the only one within this many times the bound of its distance from the predictor, so
 that cells can be glued: the predictors of neighbours are apart by the sum of their bounds at most."""
+
+SPREAD = 10.0
+"""The radius of a tube, over eta, that a root alone in it needs: about `LONE` times 2 eta, and room."""
 
 TUBE = 0.25
 """The radius of a tube at first, times omega."""
@@ -92,7 +95,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
     spent, proven_so_far, batch = 0, 0, BATCH
-    left = boxes
+    left, shrink = boxes, 8.0 ** (-1 / domain.equation.d)  # eta is of third order, and one of d sides is halved
     while len(left):
         if spent >= budget:
             stopped += _places(left)
@@ -100,6 +103,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
             break
         if budget - spent < len(left):  # the first ones
             order = np.lexsort((left.low[:, 0], left.piece))
+            batch = min(batch, max(FEW, (budget - spent) // 8))  # so that what fails among them is halved in time
         else:  # the smallest ones, where it may fail
             order = np.argsort(np.prod(left.high - left.low, axis=1), kind="stable")
         chosen = np.sort(order[: min(batch, budget - spent)])
@@ -110,25 +114,27 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         numbers = domain.numbers(here)
         cells = centred(domain.equation, domain.joints(here), numbers, domain.c, here.rho)
         found = examined(domain.equation, cells, domain.c, domain.slack)
-        good = found.passed & (LONE * found.r <= found.alone)
+        good = proven(found)
         inside = np.ones(len(here), dtype=bool)
         if limits is not None:
             inside = ((found.low >= limits.low) & (found.high <= limits.high)).all(axis=1)
-        proven = good & inside
-        done.append((some(here, proven), some(cells, proven), some(found, proven)))
-        proven_so_far += int(proven.sum())
-        batch = min(BATCH, FEW + 8 * int(proven.sum()))
+        kept = good & inside
+        done.append((some(here, kept), some(cells, kept), some(found, kept)))
+        proven_so_far += int(kept.sum())
+        batch = min(BATCH, FEW + 8 * int(kept.sum()))
         say(proven_so_far)
         small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        final = ~proven & small
+        final = ~kept & small
         stopped += _places(some(here, final))
         reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
-        failed = ~proven & ~final
-        need = np.where(np.isfinite(found.eta), 4 * found.eta, 0.0)  # r is at least eta
-        narrow = np.maximum(np.minimum(here.rho / 4, TUBE / np.clip(found.omega, 1e-3, 1e9)), need)
+        failed = ~kept & ~final
+        need = np.where(np.isfinite(found.eta), SPREAD * found.eta, 0.0)
+        usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), here.rho / 4)
+        narrow = np.maximum(np.minimum(here.rho / 4, usual), need)
+        half = np.clip(shrink * need, here.rho / 2, np.maximum(here.rho, usual))
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
         again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
-        left = joined(waiting, again, halves(here, cells, np.maximum(here.rho / 2, need), failed & ~retried))
+        left = joined(waiting, again, halves(here, cells, half, failed & ~retried))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
@@ -136,6 +142,11 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         return Covered(all_boxes, all_cells, all_findings)
     first = min(range(len(stopped)), key=lambda i: stopped[i])
     return Covered(all_boxes, all_cells, all_findings, reasons[first], stopped[first])
+
+
+def proven(found: Findings) -> Flags:
+    """(k,) True where the test holds, with room for gluing."""
+    return found.passed & (LONE * found.r <= found.alone)
 
 
 def _places(boxes: Boxes) -> list[tuple[int, tuple[float, ...]]]:

@@ -13,9 +13,9 @@ from math import factorial
 import numpy as np
 
 from ..errors import ArgumentError
-from ..symbolic import SX, cos, sin, sumsqr
+from ..symbolic import SX, cos, sin, sumsqr, vertcat
 from ..symbolic.geometry import skew
-from ..types import Value, Vector
+from ..types import Array, Matrix, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Family(Value, ABC):
 
     @abstractmethod
     def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
-        """(position (3,), rotation (3, 3)) at y (d,)."""
+        """(position (3F,), rotation (3F, 3)) of F frames at y (d,)."""
 
 
 TERMS = 22
@@ -103,6 +103,50 @@ class Stretch(Family):
         size = float(np.linalg.norm(turning[1]))
         axis = turning[1] / size if size > 0 else np.array([0.0, 0.0, 1.0])
         return np.concatenate([row[:19], axis, [size], row[31:40]])
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches(Family):
+    """Stretches of several frames' paths, run through together: one share u for all. `members`: of each frame.
+
+    Their numbers follow each other; u0 and h are the last ones. Positions and rotations stand one below the other.
+    """
+
+    members: tuple[Stretch, ...]
+
+    @property
+    def dimension(self) -> int:
+        """One: u."""
+        return 1
+
+    @property
+    def numbers(self) -> int:
+        """Those of all frames, u0 and h."""
+        return 2 + sum(member.numbers - 2 for member in self.members)
+
+    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
+        """The poses of the tools, (3F,) and (3F, 3)."""
+        positions, rotations, first = [], [], 0
+        for member in self.members:
+            last = first + member.numbers - 2
+            p, R = member.pose(y, vertcat(numbers[first:last], numbers[-2:]))
+            positions.append(p)
+            rotations.append(R)
+            first = last
+        return vertcat(*positions), vertcat(*rotations)
+
+    def of(self, rows: Matrix) -> Vector:
+        """The numbers of a row of `Path.table` of each frame (F, .), but for u0 and h. Raises: as `Stretch.of`."""
+        return np.concatenate([member.of(row) for member, row in zip(self.members, rows, strict=True)])
+
+    @staticmethod
+    def along(tables: Array) -> Stretches:
+        """Of the tables of `Path.table` of F frames (F, pieces, .)."""
+        members = []
+        for rows in tables:
+            curved = bool(rows[:, [19, 20, 21, *range(25, 31)]].any())
+            members.append(Stretch(bool(rows[:, 19:31].any()), curved))
+        return Stretches(any(member.turning for member in members), tuple(members))
 
 
 def _series(coefficients: list[float], z: SX) -> SX:

@@ -24,7 +24,7 @@ from itertools import product as product_of
 import numpy as np
 
 from ..symbolic.intervals import PI, Interval, multiply, point, subtract
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
@@ -87,8 +87,8 @@ class Cells(Value):
 @dataclass(frozen=True, eq=False)
 class Findings(Value):
     """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
-    that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, n) of the joints
-    at the roots."""
+    that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, joints) of the
+    joints at the roots."""
 
     Y: Array
     omega: Vector
@@ -128,6 +128,12 @@ def centred(equation: Equation, q: Matrix, numbers: Matrix, c: Vector, rho: Vect
 
 def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) -> Findings:
     """The test of all cells. `slack`: tool poses may be off by this much, for joints between pieces of a path [m]."""
+    at_once = equation.at_once
+    parts = [some(cells, slice(i, i + at_once)) for i in range(0, max(len(cells), 1), at_once)]
+    return joined(*(_examined(equation, part, c, slack) for part in parts))
+
+
+def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Findings:
     n, d, k = equation.n, equation.d, len(cells)
     fixed = np.vstack([cells.numbers.T, np.repeat(c[:, None], k, axis=1)])
     still, one = np.zeros((d, k)), np.ones((d, k))
@@ -159,7 +165,7 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
     apart = np.maximum(guards.low, -guards.high).min(axis=0, initial=np.inf)
-    clear = np.minimum(facing.low[0], apart)
+    clear = np.minimum(facing.low.min(axis=0), apart)
     with np.errstate(invalid="ignore", over="ignore"):
         gap = (1 - e) ** 2 / UP - 2 * omega * eta * UP - 1e-300
         good = (e < 1) & (gap >= 0) & (clear > 0)
@@ -171,13 +177,13 @@ def examined(equation: Equation, cells: Cells, c: Vector, slack: float = 0.0) ->
     r = np.where(good, r, np.inf)
     size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-6)  # the radii of the checker are rounded more coarsely
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
-    return Findings(Y, omega, e, eta, r, alone, clear, low, high)
+    return Findings(Y, omega, e, eta, r, alone, clear, low[:, : equation.joints], high[:, : equation.joints])
 
 
 def _places(equation: Equation) -> tuple[int, int, int]:
     """Where in `Equation.curvature` the guards, the second derivatives by q and those by y and q begin."""
-    n, first = equation.n, 1 + equation.guards
-    return 1, first, first + n * n * (n + 1) // 2
+    n, first = equation.n, equation.positive + equation.guards
+    return equation.positive, first, first + n * n * (n + 1) // 2
 
 
 def inverses(A: Array) -> Array:
@@ -212,8 +218,7 @@ def _along(equation: Equation, low: Matrix, high: Matrix | None = None) -> tuple
 
 def _wrapped(equation: Equation, E: Interval) -> Interval:
     """E with the rows of g that are angles less whole turns."""
-    flags = np.array([False] * equation.strategy.task.m + [*equation.strategy.constraint.angular])
-    turns = np.rint(E.middle / (2 * np.pi)) * flags[:, None]
+    turns = np.rint(E.middle / (2 * np.pi)) * np.array(equation.angular)[:, None]
     if not turns.any():
         return E
     return subtract(E, multiply(point(turns), Interval(np.array(2 * PI[0]), np.array(2 * PI[1]))))

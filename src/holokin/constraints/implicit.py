@@ -1,0 +1,31 @@
+"""`Implicit`: a constraint by auxiliary unknowns, for those who need it smooth and simple: proofs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..robot import Kinematics
+from ..symbolic import SX
+from ..task import Task
+from ..types import Value, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Implicit(Value):
+    """g(q) = g(q, z(q)) with unknowns z (k,) that solve as many equations h(q, z) = 0.
+
+    A null vector by Householder reflections has kinks where a sign changes, though it is smooth itself. As an unknown
+    of J z = 0, |z|^2 = 1 it is the root of polynomials of J.
+
+    size: (k, s) of a task. rows: (task, kinematics, q, z, scale) -> (g (rows,), h (k,)), where d h / d z is regular
+    wherever g is smooth. at: (task, q, scale) -> z (k,) at a posture (n,). scale: numbers (s,) from a posture near all
+    that are of interest, which make unknowns of the size 1; h depends on them, g does not.
+    """
+
+    size: Callable[[Task], tuple[int, int]]
+    rows: Callable[[Task, Kinematics, SX, SX, SX], tuple[SX, SX]]
+    at: Callable[[Task, Vector, Vector], Vector]
+    scale: Callable[[Task, Vector], Vector] = lambda _task, _q: np.zeros(0)

@@ -1,0 +1,48 @@
+"""The postures of a leaf along a path that a proof starts from: not proven themselves, and found in bounded time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import BranchError, SingularityError, TrackingError
+from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
+from ..sampling import Plan, check_start, make_plan
+from ..strategies import HolonomicStrategy
+from ..synchronized_paths import AnyPath
+from ..types import Matrix, Vector
+from .certificate import Extent
+
+PIECES = 100
+"""Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as
+near to it as it can; a proof ends long before, where its cells would be too small."""
+
+
+def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: int) -> tuple[Matrix, Extent, str]:
+    """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
+
+    Raises:
+        StartError: the tool at the start is not where the path begins. ArgumentError: paths that do not fit the task.
+        SingularityError, BranchError, TrackingError: not even a first step is possible.
+    """
+    task = strategy.task
+    strategy(start)
+    plan = make_plan(task, path, samples, task.place(start)[1])
+    check_start(task, start, *plan.first)
+    go, c = leaf_follower(strategy, start, PIECES), leaf_value(strategy, start)
+    correct = leaf_step(strategy)
+    side = float(correct(start, *plan.first, c)[3])
+    found = [start]
+    for step in range(plan.steps):
+        try:  # a posture on another branch would leave cells that do not join
+            near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)
+            found.append(go(found[-1], _way(plan, step, c)) if near is None else near[0])
+        except (SingularityError, BranchError, TrackingError) as problem:
+            if not step:
+                raise
+            why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
+            return np.array(found), why, plan.where(step).removeprefix("in cycle 1, ")
+    return np.array(found), Extent.WHOLE, ""
+
+
+def _way(plan: Plan, step: int, c: Vector) -> Way:
+    return Way(lambda share: (*plan.target(step, share), c), *plan.bends(step))
