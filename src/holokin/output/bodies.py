@@ -22,7 +22,7 @@ TAPER = 0.6
 SLENDER = 26.0
 """Length of a robot's chain over the radius of its first link, where its model has no shapes."""
 
-BEYOND = 0.3
+BEYOND = 0.15
 """How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
 
 DIRECTIONS = 120
@@ -48,7 +48,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     unit = thickness(robot, Q)
     shown = [(shape, made) for shape in robot.shapes if not shape.obstacle and (made := _block(shape)) is not None]
     shaped = {shape.joint for shape, _ in shown}
-    found = [Piece(shape.joint, solid, ("link", "other")[shape.joint % 2]) for shape, solid in shown]
+    found = [Piece(s.joint, solid, ("link", "other")[s.joint % 2] if s.joint >= 0 else "base") for s, solid in shown]
     deep = _depths(robot)
     for start, end in _steps(robot):
         if start not in shaped and np.linalg.norm(end) > _SMALL:
@@ -64,7 +64,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
             found.append(Piece(index, Rod(-half, half, 1.16 * width, np.zeros(3)), "hinge"))
     if all(joint.kind != "prismatic" for joint in robot.joints if joint.parent < 0) and -1 not in shaped:
         plate = block(Cylinder(2.4 * unit, 0.5 * unit), np.array([0, 0, 0.25 * unit]), np.eye(3))
-        found.append(Piece(-1, plate, "hinge"))
+        found.append(Piece(-1, plate, "base"))
     return tuple(found)
 
 
@@ -77,13 +77,20 @@ def thickness(robot: Robot, Q: Matrix) -> float:
     return length / SLENDER
 
 
-def solids_at(robot: Robot, pieces: Sequence[Piece], frames: Frames, k: int, color: str) -> list[Solid]:
-    """A robot in a colour at posture k of its joints' frames, in the frame of the base."""
+def solids_at(
+    pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
+) -> list[Solid]:  # fmt: skip
+    """A robot in a colour at posture k of its joints' frames, in the frame of the base; with what stands still or not.
+    """
     looks = {
         "link": tint(color, white=0.42), "other": tint(color, white=0.22), "hinge": tint(color, ink=0.06),
-        "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
+        "base": tint(GREY, white=0.45), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
     }  # fmt: skip
-    return [_painted(piece.solid, looks[piece.role]).moved(*_frame(frames, piece.joint, k)) for piece in pieces]
+    return [
+        _painted(piece.solid, looks[piece.role]).moved(*_frame(frames, piece.joint, k))
+        for piece in pieces
+        if still or piece.joint >= 0
+    ]
 
 
 def tool_frames(robot: Robot, frames: Frames, k: int, size: float) -> list[Solid]:
@@ -102,7 +109,7 @@ def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
 
 def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid]:
     """A polyline (k, 3) as thin rods; with a dash, that many of them are shown, then as many not."""
-    paint = tint(color)
+    paint = tint(color, white=0.12)
     return [
         Rod(a, b, radius, paint)
         for i, (a, b) in enumerate(pairwise(points))

@@ -43,6 +43,9 @@ BAD = VERMILLION
 WARNING = ORANGE
 """In tables: not what was asked for, though computed."""
 
+HOLONOMIC_TEXT = SKY
+"""In tables of the terminal: holonomic. Blue, as light as black and white grounds both need."""
+
 INK = "#22262E"
 """Text."""
 GREY = "#8A919C"

@@ -79,15 +79,15 @@ class Stage:
         """The joints' frames at a posture."""
         return posed(self.robot, q)
 
-    def layer(self, q: Vector, color: str, window: Window, axes: bool = True) -> Layer:
-        """A posture as it is seen, with the axes of its tools."""
+    def layer(self, q: Vector, color: str, window: Window, *, axes: bool = True, still: bool = True) -> Layer:
+        """A posture as it is seen, with the axes of its tools, and the parts that stand still."""
         frames = self.frames(q)
-        solids = solids_at(self.robot, self.pieces, frames, 0, color)
+        solids = solids_at(self.pieces, frames, 0, color, still=still)
         return layer_of(self.scene, solids + (tool_frames(self.robot, frames, 0, self.axis) if axes else []), window)
 
     def wires(self, curves: Sequence[Curve]) -> list[Solid]:
         """Paths as thin rods."""
-        radius = 0.0042 * float(np.hypot(*self.scene.shape)) / 1.4
+        radius = 0.005 * float(np.hypot(*self.scene.shape)) / 1.4
         return [rod for c in curves for rod in wire(thinned(c.points), radius, c.color, c.dash)]
 
 
@@ -109,13 +109,13 @@ def stage_of(
         bodies = [np.vstack(robot.skeleton(q)) for q in Q[:: max(1, len(Q) // 12)]]
         apart = [(np.vstack(robot.skeleton(a)), np.vstack(robot.skeleton(b))) for a, b in pairs]
         view = best_view(bodies, [thinned(c.points) for c in curves], apart)
-    solids = [one for k in range(len(Q)) for one in solids_at(robot, pieces, frames, k, GREY)]
+    solids = [one for k in range(len(Q)) for one in solids_at(pieces, frames, k, GREY)]
     solids += [one for k in range(len(Q)) for one in tool_frames(robot, frames, k, 2.6 * unit)]
-    solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit), *standing(obstacles)]
+    solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit)]
     solids += [rod for c in curves for rod in wire(thinned(c.points), 0.1 * unit, GREY)]
     if extra is not None and len(extra):
         solids += wire(np.vstack([extra.min(axis=0), extra.max(axis=0)]), 1e-6, GREY)
-    scene = scene_of(view, solids, flat=robot.planar, ratio=ratio)
+    scene = scene_of(view, solids, flat=robot.planar, ratio=ratio, around=standing(obstacles))
     return Stage(robot, pieces, scene, unit, tuple(obstacles))
 
 
@@ -123,9 +123,12 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
     """The picture (rows, columns, 4), 0 to 1: shadow, obstacles, ghosts, the robot, outlines, paths."""
     base = [] if stage.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * stage.unit)
     things = layer_of(stage.scene, standing(stage.obstacles), window)
-    layers = [(one, stage.layer(one.q, one.color, window, one.look != "ghost")) for one in actors]
+    layers = [
+        (one, stage.layer(one.q, one.color, window, axes=one.look != "ghost", still=one.look != "outline"))
+        for one in actors
+    ]
     solid = [one for one in actors if one.look == "solid"] or list(actors)
-    shadow = [s for one in solid[:1] for s in solids_at(stage.robot, stage.pieces, stage.frames(one.q), 0, GREY)]
+    shadow = [s for one in solid[:1] for s in solids_at(stage.pieces, stage.frames(one.q), 0, GREY)]
     found = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
     found = over(found, things)
     beneath = Layer(things.color, np.zeros_like(things.cover), np.full_like(things.depth, -np.inf))
@@ -151,9 +154,10 @@ def draw_panel(
     figure = axes.figure
     width = axes.get_position().width * figure.get_figwidth()
     window = stage.scene.window(max(120, round(DETAIL * width)))
-    show(axes, stage.scene, picture(stage, actors, curves, window), window)
+    drawn = picture(stage, actors, curves, window)
+    show(axes, stage.scene, drawn, window)
     if not stage.robot.planar:
-        named_axes(axes, stage.scene, 4.5 * stage.unit)
+        named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
     axes.set_title(title, loc="left", fontsize=10)
     return axes
 

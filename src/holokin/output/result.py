@@ -14,7 +14,7 @@ from ..analysis import Verdict
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
-from ..robot import Robot
+from ..robot import LinkShape, Robot
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
@@ -123,7 +123,7 @@ class NotRun:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """A whole job's findings."""
+    """A whole job's findings. obstacles: those of [checks] that stand still."""
 
     name: str
     title: str
@@ -137,6 +137,7 @@ class JobResult:
     seconds: float
     not_run: tuple[NotRun, ...] = ()
     workspace: str = ""
+    obstacles: tuple[LinkShape, ...] = ()
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

@@ -20,6 +20,9 @@ ELEVATIONS = (8.0, 16.0, 24.0, 34.0)
 DETAIL = 150
 """Pixels for an inch of a picture."""
 
+AROUND = 0.25
+"""Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off."""
+
 SHADOW = 0.16
 """Darkness of the shadow on the floor."""
 
@@ -115,10 +118,14 @@ class Scene:
         return Window(left, right, bottom, top, rows, width)
 
 
-def scene_of(view: View, solids: Sequence[Solid], *, flat: bool, ratio: tuple[float, float] = (0.6, 1.5)) -> Scene:
+def scene_of(
+    view: View, solids: Sequence[Solid], *, flat: bool, ratio: tuple[float, float] = (0.6, 1.5),
+    around: Sequence[Solid] = (),
+) -> Scene:  # fmt: skip
     """The scene that holds solids, in the frame of the base, and little more.
 
     Args:
+        around: solids that shall be seen as far as the others do not become much smaller for it.
         flat: seen from above, with the axes x and y.
         ratio: least and greatest height over width.
     """
@@ -130,6 +137,12 @@ def scene_of(view: View, solids: Sequence[Solid], *, flat: bool, ratio: tuple[fl
         stand = points.copy()
         stand[:, 2] = floor
         low[1] = min(low[1], view.seen(stand)[:, 1].min())
+    if len(around):
+        room = AROUND * float((high - low).max())
+        beside = cloud(view.turned(around))[:, :2]
+        low = np.maximum(np.minimum(low, beside.min(axis=0)), low - room)
+        high = np.minimum(np.maximum(high, beside.max(axis=0)), high + room)
+        points = np.vstack([points, np.clip(cloud(around), points.min(axis=0) - room, points.max(axis=0) + room)])
     pad = 0.03 * float((high - low).max())
     low, high = low - pad, high + pad
     width, height = high - low
@@ -227,12 +240,14 @@ def _floor(axes: Any, scene: Scene) -> Any:
     return axes
 
 
-def named_axes(axes: Any, scene: Scene, size: float) -> None:
-    """The names of the base's axes at the ends of its rods."""
+def named_axes(axes: Any, scene: Scene, size: float, cover: Array, window: Window) -> None:
+    """The names of the base's axes beyond the ends of its rods, where nothing covers them."""
     for name, axis in zip("xyz", np.eye(3), strict=True):
-        at = scene.view.seen(1.25 * size * axis[None])[0]
-        if np.hypot(*(scene.view.axes @ axis)[:2]) > 0.2:
-            axes.text(at[0], at[1], name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6, clip_on=True)
+        x, y, _ = scene.view.seen(1.2 * size * axis[None])[0]
+        row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
+        inside = 0 <= row < window.rows and 0 <= column < window.columns
+        if inside and cover[row, column] < 0.5 and np.hypot(*(scene.view.axes @ axis)[:2]) > 0.2:
+            axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
 
 
 def _round(value: float) -> float:
