@@ -144,7 +144,7 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
         found = over(found, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
     depth = np.maximum(beneath.depth, things.depth)
     found = laid(found, layer_of(stage.scene, base, window), depth, 0.0)
-    return laid(found, layer_of(stage.scene, stage.wires(curves), window), depth)
+    return laid(found, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
 
 
 def draw_panel(

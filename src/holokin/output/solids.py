@@ -20,6 +20,10 @@ AMBIENT, DIFFUSE, GLOSS = 0.50, 0.50, 0.22
 _SHADES = 512
 """Steps of brightness."""
 
+_TILT = np.linspace(-1, 1, _SHADES)[:, None]
+_LIGHT = AMBIENT + DIFFUSE * _TILT.clip(0) + 0.12 * _TILT.clip(-1, 0)
+_SHINE = GLOSS * _TILT.clip(0) ** 12
+
 _END_ON = 1e-6
 """Share of a rod's length that is seen, below which it is seen as a ball."""
 
@@ -146,11 +150,15 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Solids drawn: colours (rows, columns, 3), cover (rows, columns), both 0 to 1, and depth [m], -inf for none."""
+    """Solids drawn: colours (rows, columns, 3), cover (rows, columns), both 0 to 1, and depth [m], -inf for none.
+
+    `here`: the rows and columns beyond which nothing is covered.
+    """
 
     color: Array
     cover: Array
     depth: Array
+    here: Any = np.s_[:, :]
 
 
 def drawn(solids: Sequence[Solid], window: Window) -> Layer:
@@ -176,10 +184,24 @@ def drawn(solids: Sequence[Solid], window: Window) -> Layer:
             known = cover[here]
             total = share + known * (1 - share)
             weight = share / np.maximum(total, np.float32(1e-6))
-            color[here] += weight[..., None] * (_shaded(solid.color, tilt) - color[here])
+            paint = _shaded(solid.color, tilt)
+            paint -= color[here]
+            paint *= weight[..., None]
+            color[here] += paint
             cover[here] = np.maximum(known, total)
             np.copyto(depth[here], z, where=share > 0.5)
-    return Layer(color, cover, depth)
+    return Layer(color, cover, depth, _part(solids, window))
+
+
+def _part(solids: Sequence[Solid], window: Window) -> Any:
+    """The rows and columns of a picture that solids can be in."""
+    if not len(solids):
+        return np.s_[0:0, 0:0]
+    boxes = np.array([solid.box()[:, :2] for solid in solids])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    top, bottom = (int((window.top - y) / window.pixel) for y in (high[1], low[1]))
+    left, right = (int((x - window.left) / window.pixel) for x in (low[0], high[0]))
+    return np.s_[max(top - 2, 0) : max(bottom + 3, 0), max(left - 2, 0) : max(right + 3, 0)]
 
 
 def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
@@ -212,20 +234,13 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
 
 def _shaded(color: Vector, tilt: Array) -> Array:
     """Colours (..., 3) of a surface by the cosine of its normal to the light."""
-    at = np.clip((tilt + np.float32(1)) * np.float32(_SHADES / 2), 0, _SHADES - 1).astype(np.intp)
-    lit = np.clip(np.linspace(-1, 1, _SHADES), 0, None)
-    light = AMBIENT + DIFFUSE * lit + 0.12 * np.linspace(-1, 0, _SHADES).clip(-1, 0) * (lit == 0)
-    shine = (GLOSS * lit**12)[:, None]
-    return (light[:, None] * color * (1 - shine) + shine).astype(np.float32)[at]
+    at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
+    return (_LIGHT * color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
 
 
 def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Array:
     """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
-    rows, columns = (np.flatnonzero((layer.cover > 0).any(axis=k)) for k in (1, 0))
-    found = below.copy()
-    if not len(rows):
-        return found
-    here = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    found, here = below.copy(), layer.here
     share = layer.cover[here] * np.float32(alpha)
     if where is not None:
         share = share * where[here]
@@ -235,3 +250,12 @@ def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Arr
     part[..., :3] += weight[..., None] * (layer.color[here] - part[..., :3])
     part[..., 3] = total
     return found
+
+
+def onto(ground: Array, layer: Layer, alpha: float = 1.0, where: Any = None) -> None:
+    """The same on a picture (rows, columns, 3) without holes, in its place."""
+    share = layer.cover[layer.here] * np.float32(alpha)
+    if where is not None:
+        share *= where[layer.here]
+    part = ground[layer.here]
+    part += share[..., None] * (layer.color[layer.here] - part)
