@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from ..trajectory import Status, Trajectory
-from ..types import Array, Vector
+from ..types import Vector
 from .bodies import solids_at, standing, triad
 from .figures import tool_points
 from .film import ending, write_film
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LOOP, NONHOLONOMIC
-from .panels import GHOST, Curve, Stage, stage_of
+from .panels import GHOST, Curve, stage_of
 from .plots import style
 from .result import JobResult, StrategyResult
 from .scene import layer_of, show
-from .solids import Layer, onto
+from .solids import Layer, Pixels, onto
 from .words import away, joint_unit, on_figure, stopped, ways_end
 
 FRAMES = 45
@@ -45,7 +45,9 @@ class Panel:
     said: Callable[[float], str]
 
 
-def animate(result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None) -> list[tuple[str, str]]:
+def animate(
+    result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None
+) -> list[tuple[str, str]]:
     """Write `ways` where there are two ways, and `cycles` where there are several, as .mp4 or .gif.
 
     Returns:
@@ -87,7 +89,7 @@ def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
     return found if len(found) == 2 else result.drawn[:2]
 
 
-def ways_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Array]:
+def ways_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
     """The two ways at once, in one panel a law; a way that stops says when, and nothing is compared."""
     panels = []
     for strategy in strategies:
@@ -110,7 +112,7 @@ def _ended(walk: Trajectory, name: str) -> str:
     return f"{name} {stopped(walk) or 'followed to the end'}"
 
 
-def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Array]:
+def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
     """The cycles, one panel a law, the start in grey, and below how far the joints are after each cycle."""
     panels = []
     for strategy in strategies:
@@ -131,7 +133,7 @@ def _done(walk: Trajectory, share: float) -> int:
     return sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])
 
 
-def _frames(result: JobResult, panels: list[Panel], frames: int, *, drift: bool = False) -> Iterator[Array]:
+def _frames(result: JobResult, panels: list[Panel], frames: int, *, drift: bool = False) -> Iterator[Pixels]:
     """Pictures (rows, columns, 3) of bytes: what stands still is drawn once."""
     from matplotlib import rc_context
 
@@ -218,7 +220,7 @@ class _Sheet:
         color = self.panels[i].walks[0][1]
         return axes.plot([], [], "o-", color=color, markersize=5, linewidth=2)[0]
 
-    def at(self, share: float) -> Array:
+    def at(self, share: float) -> Pixels:
         """The frame at a share of the motions."""
         self.canvas.restore_region(self.region)
         buffer = np.asarray(self.canvas.buffer_rgba())
@@ -236,7 +238,7 @@ class _Sheet:
             dots.axes.draw_artist(dots)
         return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 
-    def _ground(self, row: int, column: int) -> Array:
+    def _ground(self, row: int, column: int) -> Pixels:
         """What stands still in a panel: the floor, obstacles, base, and the start as a ghost."""
         here = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
         found = here.astype(np.float32) / 255
@@ -244,7 +246,7 @@ class _Sheet:
         onto(found, self.ghost, GHOST)
         return found
 
-    def _picture(self, found: Array, panel: Panel, loop: Layer, share: float) -> Array:
+    def _picture(self, found: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
         depth = self.things.depth
         for walk, color, alpha in panel.walks:
             q = walk.q[round(share * (len(walk) - 1))]

@@ -59,7 +59,11 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     for strategy in result.drawn:
         if strategy.ways is not None:
             with rc_context(style()):
-                yield f"ways-{result.stems[strategy.name]}", ways_caption(result, strategy), ways_figure(strategy, result)
+                yield (
+                    f"ways-{result.stems[strategy.name]}",
+                    ways_caption(result, strategy),
+                    ways_figure(strategy, result),
+                )
     if has_ranges(result):
         with rc_context(style()):
             caption = (

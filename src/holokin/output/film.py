@@ -27,7 +27,7 @@ SCALES = (1.0, 0.75, 0.5, 0.35)
 
 
 def ending() -> str:
-    """".mp4" where it can be written, else ".gif"."""
+    """ ".mp4" where it can be written, else ".gif"."""
     try:
         import imageio_ffmpeg
 

@@ -101,7 +101,9 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
     shown = [int(i) for i in thin(count + 1, MOST_ARMS)]
     stage = stage_of(robot, first[shown], [Curve(points, PALE)], pairs=[(first[0], first[-1])])
     outlines = [Actor(first[i], color(i), "outline") for i in shown[1:]]
-    draw_panel(axes, stage, [Actor(first[0], color(0)), *outlines], title="Path of the tool, and the arm at the start pose")
+    draw_panel(
+        axes, stage, [Actor(first[0], color(0)), *outlines], title="Path of the tool, and the arm at the start pose"
+    )
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..robot import LinkShape, Robot
 from ..robot.numeric import Frames
-from ..types import Array, Matrix, Vector
+from ..types import Matrix, Vector
 from .bodies import Piece, pieces_of, posed, solids_at, standing, thickness, tool_frames, triad, wire
 from .palette import GREY
 from .scene import (
@@ -27,7 +27,7 @@ from .scene import (
     shadowed,
     show,
 )
-from .solids import Layer, Solid, Window, over
+from .solids import Layer, Pixels, Solid, Window, over
 
 MOST_POINTS = 120
 """Points of a path in a picture."""
@@ -119,7 +119,7 @@ def stage_of(
     return Stage(robot, pieces, scene, unit, tuple(obstacles))
 
 
-def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], window: Window) -> Array:
+def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], window: Window) -> Pixels:
     """The picture (rows, columns, 4), 0 to 1: shadow, obstacles, ghosts, the robot, outlines, paths."""
     base = [] if stage.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * stage.unit)
     things = layer_of(stage.scene, standing(stage.obstacles), window)
@@ -147,9 +147,7 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
     return laid(found, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
 
 
-def draw_panel(
-    axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve] = (), title: str = ""
-) -> Any:
+def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve] = (), title: str = "") -> Any:
     """A panel: the picture in Axes, as large as they are, with the floor, or axes x and y for a planar robot."""
     figure = axes.figure
     width = axes.get_position().width * figure.get_figwidth()
@@ -166,5 +164,3 @@ def thinned(points: Matrix) -> Matrix:
     """At most `MOST_POINTS` of the points of a path, ends included."""
     keep = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(np.intp))
     return points[keep]
-
-

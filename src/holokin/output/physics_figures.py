@@ -1,4 +1,4 @@
-"""Figures of runs on physics: rests over the cycles, a push, and the arms, as MuJoCo renders them or as solids of `panels`."""
+"""Figures of runs on physics: rests over the cycles, a push, and the arms."""
 
 from __future__ import annotations
 
@@ -140,7 +140,8 @@ def pictures_figure(runs: Mapping[str, PhysicalRun], pictures: Mapping[str, Any]
         axes.imshow(pictures[label])
         axes.set_axis_off()
         axes.set_title(_caption(label, run), loc="left", color=INK, fontsize=11)
-    figure.supxlabel("orange: the arm after the last cycle; blue: at the start, where that is elsewhere; red: the tool's path", fontsize=10)
+    said = "orange: the arm after the last cycle; blue: at the start, where that is elsewhere; red: the tool's path"
+    figure.supxlabel(said, fontsize=10)
     return figure
 
 

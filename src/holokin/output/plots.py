@@ -222,10 +222,11 @@ def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.0
 
 def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:
     """What each law uses of each joint's range: 0 and 1 are its limits. Joints without limits are left out."""
-    limited = [j for j in range(robot.n) if np.isfinite(robot.upper[j] - robot.lower[j]) and robot.upper[j] > robot.lower[j]]
+    travel = robot.upper - robot.lower
+    limited = np.flatnonzero(np.isfinite(travel) & (travel > 0))
     thick = 0.72 / max(len(walks), 1)
     for i, ((name, walk), color) in enumerate(zip(walks.items(), colors, strict=True)):
-        share = (walk.q[:, limited] - robot.lower[limited]) / (robot.upper - robot.lower)[limited]
+        share = (walk.q[:, limited] - robot.lower[limited]) / travel[limited]
         low, high = share.min(axis=0), share.max(axis=0)
         rows = np.arange(len(limited)) + (i - (len(walks) - 1) / 2) * thick
         axes.barh(rows, np.maximum(high - low, 0.004), left=low, height=0.85 * thick, color=color, label=name, zorder=2)

@@ -9,10 +9,10 @@ from typing import Any, final
 
 import numpy as np
 
-from ..types import Array, Matrix
+from ..types import Matrix
 from .bodies import cloud
 from .palette import INK
-from .solids import Layer, Solid, Window, drawn, over, tint
+from .solids import Layer, Pixels, Solid, Window, drawn, over, tint
 
 ELEVATIONS = (8.0, 16.0, 24.0, 34.0)
 """Heights of the eye over the floor that are looked from [degrees]."""
@@ -36,7 +36,7 @@ _SHADOW_PIXELS = 90
 @final
 @dataclass(frozen=True)
 class View:
-    """From where a scene is seen [degrees]: azimuth round z, from x; height of the eye over the floor, 90 from above."""
+    """From where a scene is seen [degrees]: azimuth round z from x, height of the eye over the floor."""
 
     azimuth: float
     elevation: float
@@ -63,7 +63,9 @@ ABOVE = View(-90.0, 90.0)
 """From above, x to the right: for robots that move in a plane."""
 
 
-def best_view(bodies: Sequence[Matrix], paths: Sequence[Matrix] = (), pairs: Sequence[tuple[Matrix, Matrix]] = ()) -> View:
+def best_view(
+    bodies: Sequence[Matrix], paths: Sequence[Matrix] = (), pairs: Sequence[tuple[Matrix, Matrix]] = ()
+) -> View:
     """The view that shows best the robot's own plane, the area of the tool's loop, and how far two ends are apart.
 
     Args:
@@ -157,12 +159,12 @@ def layer_of(scene: Scene, solids: Sequence[Solid], window: Window) -> Layer:
     return drawn(scene.view.turned(solids), window)
 
 
-def empty(window: Window) -> Array:
+def empty(window: Window) -> Pixels:
     """A picture of nothing."""
     return np.zeros((window.rows, window.columns, 4), np.float32)
 
 
-def shadowed(picture: Array, scene: Scene, window: Window, solids: Sequence[Solid]) -> Array:
+def shadowed(picture: Pixels, scene: Scene, window: Window, solids: Sequence[Solid]) -> Pixels:
     """A picture with the shadow of solids on the floor: of a lamp right above, soft."""
     if scene.floor is None or not len(solids):
         return picture
@@ -190,13 +192,13 @@ def shadowed(picture: Array, scene: Scene, window: Window, solids: Sequence[Soli
     return over(picture, Layer(np.zeros((*fine.shape, 3), np.float32), SHADOW * fine, fine))
 
 
-def laid(picture: Array, layer: Layer, depth: Array, hidden: float = 0.25) -> Array:
+def laid(picture: Pixels, layer: Layer, depth: Pixels, hidden: float = 0.25) -> Pixels:
     """A picture of solids of a depth with a layer in it: faint where it is behind them."""
     front = layer.depth >= depth - 1e-4
     return over(picture, layer, where=np.where(front, 1.0, hidden).astype(np.float32))
 
 
-def outlined(picture: Array, layer: Layer, color: str, beneath: Layer, fill: float = 0.3) -> Array:
+def outlined(picture: Pixels, layer: Layer, color: str, beneath: Layer, fill: float = 0.3) -> Pixels:
     """A picture with the outline of a layer in it, and its surface, faint, where it is not over what is beneath."""
     from scipy.ndimage import gaussian_filter
 
@@ -207,7 +209,7 @@ def outlined(picture: Array, layer: Layer, color: str, beneath: Layer, fill: flo
     return over(over(picture, layer, fill, 1 - beneath.cover), Layer(paint, line, layer.depth))
 
 
-def show(axes: Any, scene: Scene, picture: Array, window: Window) -> Any:
+def show(axes: Any, scene: Scene, picture: Pixels, window: Window) -> Any:
     """A picture in Axes, with its floor, or with the axes x and y where the scene is seen from above."""
     axes.imshow(np.clip(picture, 0, 1), extent=window.extent, interpolation="antialiased", zorder=2, aspect="equal")
     axes.set_xlim(window.left, window.right)
@@ -240,7 +242,7 @@ def _floor(axes: Any, scene: Scene) -> Any:
     return axes
 
 
-def named_axes(axes: Any, scene: Scene, size: float, cover: Array, window: Window) -> None:
+def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Window) -> None:
     """The names of the base's axes beyond the ends of its rods, where nothing covers them."""
     for name, axis in zip("xyz", np.eye(3), strict=True):
         x, y, _ = scene.view.seen(1.2 * size * axis[None])[0]

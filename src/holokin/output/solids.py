@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..types import Array, Matrix, Vector
+from ..types import Matrix, Vector
 from .palette import rgb
+
+Pixels = NDArray[Any]
+"""What is known of each pixel: 32 bits are enough."""
 
 LIGHT = np.array([-0.45, 0.62, 0.64]) / np.linalg.norm([-0.45, 0.62, 0.64])
 """Where the light comes from, in the axes of the eye: from the left, above and behind it."""
@@ -47,7 +52,7 @@ class Rod:
         ends = np.array([self.a, self.b])
         return np.array([ends.min(axis=0) - self.radius, ends.max(axis=0) + self.radius])
 
-    def depth(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def depth(self, x: Pixels, y: Pixels) -> tuple[Pixels, Pixels, Pixels]:
         """(depth, brightness, cover 0 to 1) at pixels x, y; see `Block.depth`.
 
         The nearest point of all balls along the segment: that of the ball at s, where the surface is highest.
@@ -99,7 +104,7 @@ class Block:
             return np.array([self.corners.min(axis=0), self.corners.max(axis=0)])
         return np.array([self.center - self.reach, self.center + self.reach])
 
-    def depth(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def depth(self, x: Pixels, y: Pixels) -> tuple[Pixels, Pixels, Pixels]:
         """(depth, brightness, cover): towards the eye [m], cosine to the light, and how far inside the outline [m]."""
         n, h = self.normals.astype(np.float32), self.offsets.astype(np.float32)
         side = np.abs(n[:, 2]) <= 1e-5
@@ -155,9 +160,9 @@ class Layer:
     `here`: the rows and columns beyond which nothing is covered.
     """
 
-    color: Array
-    cover: Array
-    depth: Array
+    color: Pixels
+    cover: Pixels
+    depth: Pixels
     here: Any = np.s_[:, :]
 
 
@@ -222,7 +227,7 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
     slope = direction[1 - axis] / direction[axis]
     reach = solid.radius * float(np.hypot(1, slope))
     pieces = []
-    for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+    for start, stop in pairwise(cuts):
         beside = solid.a[1 - axis] + slope * (np.array([start, stop]) - solid.a[axis])
         piece = np.array([low, high])
         piece[:, axis] = start, stop
@@ -232,13 +237,13 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
     return pieces
 
 
-def _shaded(color: Vector, tilt: Array) -> Array:
+def _shaded(color: Vector, tilt: Pixels) -> Pixels:
     """Colours (..., 3) of a surface by the cosine of its normal to the light."""
     at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
     return (_LIGHT * color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
 
 
-def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Array:
+def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
     """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
     found, here = below.copy(), layer.here
     share = layer.cover[here] * np.float32(alpha)
@@ -252,7 +257,7 @@ def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Arr
     return found
 
 
-def onto(ground: Array, layer: Layer, alpha: float = 1.0, where: Any = None) -> None:
+def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) -> None:
     """The same on a picture (rows, columns, 3) without holes, in its place."""
     share = layer.cover[layer.here] * np.float32(alpha)
     if where is not None:

@@ -92,9 +92,8 @@ def print_result(result: JobResult, console: Any) -> None:
     table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in columns(result):
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {
-        "holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "NOT run": f"bold {BAD}", "FAILED": f"bold {BAD}", "ok": GOOD,
-    }  # fmt: skip
+    colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
+    colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
     for cells in rows(result):
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
