@@ -80,7 +80,7 @@ def thickness(robot: Robot, Q: Matrix) -> float:
 def solids_at(
     pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
 ) -> list[Solid]:  # fmt: skip
-    """A robot in a colour at posture k of its joints' frames, in the frame of the base; with what stands still or not."""
+    """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
     looks = {
         "link": tint(color, white=0.42), "other": tint(color, white=0.22), "hinge": tint(color, ink=0.06),
         "base": tint(GREY, white=0.45), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),

@@ -37,24 +37,24 @@ def ending() -> str:
     return ".mp4"
 
 
-def write_film(frames: Sequence[Any], file: FilePath) -> None:
+def write_film(frames: Sequence[Any], file: FilePath, rate: int = RATE) -> None:
     """Write pictures (rows, columns, 3) of bytes as a film of the file's kind, the last one held.
 
     Raises:
         WriteError: the system refuses the file.
     """
     with writing(file):
-        (_write_mp4 if file.suffix == ".mp4" else _write_gif)([*frames, *[frames[-1]] * HOLD], file)
+        (_write_mp4 if file.suffix == ".mp4" else _write_gif)([*frames, *[frames[-1]] * HOLD], file, rate)
 
 
-def _write_mp4(frames: Sequence[Any], file: FilePath) -> None:
+def _write_mp4(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     import imageio_ffmpeg
 
     rows, columns = (2 * (size // 2) for size in frames[0].shape[:2])  # H.264 wants even sizes
     for quality in QUALITY:
         options = ["-crf", str(quality), "-preset", "veryfast", "-movflags", "+faststart"]
         writer = imageio_ffmpeg.write_frames(
-            str(file), (columns, rows), fps=RATE, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2,
+            str(file), (columns, rows), fps=rate, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2,
             output_params=options, ffmpeg_log_level="error",
         )  # fmt: skip
         writer.send(None)
@@ -67,7 +67,7 @@ def _write_mp4(frames: Sequence[Any], file: FilePath) -> None:
             return
 
 
-def _write_gif(frames: Sequence[Any], file: FilePath) -> None:
+def _write_gif(frames: Sequence[Any], file: FilePath, rate: int) -> None:
     from PIL import Image
 
     for scale in SCALES:
@@ -77,6 +77,6 @@ def _write_gif(frames: Sequence[Any], file: FilePath) -> None:
         palette = images[len(images) // 2].quantize(96)
         flat = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
         flat += [flat[-1]] * (HOLD - 1)
-        flat[0].save(file, save_all=True, append_images=flat[1:], duration=1000 // RATE, loop=0, optimize=False)
+        flat[0].save(file, save_all=True, append_images=flat[1:], duration=1000 // rate, loop=0, optimize=False)
         if file.stat().st_size <= MOST_BYTES:
             return

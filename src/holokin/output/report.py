@@ -27,7 +27,8 @@ _PAGE = """<!doctype html>
 <title>{title}</title><style>
 body {{ font: 16px/1.5 system-ui, sans-serif; color: #22262e; max-width: 68rem; margin: 2rem auto; padding: 0 1.2rem; }}
 * {{ box-sizing: border-box; }}
-h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }} h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
+h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }}
+h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }}
 th, td {{ text-align: left; padding: .4rem .6rem; border-bottom: 1px solid #e5e7eb; vertical-align: top; }}
 th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
