@@ -38,13 +38,13 @@ PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
 
 def save(figure: plt.Figure, name: str) -> None:
-    """As a PNG of 8 bits, small enough for a repository."""
+    """As a PNG, small enough for a repository."""
     OUT.mkdir(exist_ok=True)
     figure.savefig(OUT / f"{name}.png", dpi=110, bbox_inches="tight", facecolor="white")
     plt.close(figure)
     with Image.open(OUT / f"{name}.png") as picture:
-        few = picture.convert("RGB").quantize(192, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(OUT / f"{name}.png", optimize=True)
+        whole = picture.convert("RGB")
+    whole.save(OUT / f"{name}.png", optimize=True)
     print(name, (OUT / f"{name}.png").stat().st_size // 1000, "kB")
 
 
@@ -204,7 +204,7 @@ def swivel() -> None:
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
         found = hk.obstruction(law, hk.motion.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
-        states, _ = spread(field, field.start, field.sphere.direction, 2)
+        states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))
         for state in states:
             streak(axes, field, state, np.array(view))

@@ -234,7 +234,7 @@ def robot_figure(result: JobResult) -> Any:
     rows = -(-len(drawn) // columns)
     stage = stage_for(result, drawn)
     wide, tall = stage.scene.shape
-    width = {1: 5.4, 2: 4.6}.get(columns, 4.1)
+    width = {1: 5.4, 2: 4.6}.get(columns, 3.75 if result.robot.planar else 4.1)
     side = (0.8, 0.15, 0.55) if result.robot.planar else (0.12, 0.12, 0.12)  # left, right, bottom
     height = width * tall / wide
     titles = [f"{on_figure(s.name)}\n{_ending(s)}" for s in drawn]
