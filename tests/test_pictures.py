@@ -23,6 +23,7 @@ from holokin.output.scene import best_view
 from holokin.output.solids import Rod, Window, drawn
 from holokin.robot import Box, obstacle
 from holokin.robot.numeric import joint_frames
+from sketches import sketches
 from test_output import shortened
 
 PANDA = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
@@ -260,6 +261,7 @@ def test_a_film_has_all_its_frames_and_is_small(
     pictures = [np.frombuffer(data, np.uint8).reshape(rows, columns, 3).astype(int) for data in reader]
     assert np.abs(pictures[20] - pictures[0]).max() > 50
     assert all((tmp_path / name).stat().st_size < film.MOST_BYTES for name, _ in made)
+    monkeypatch.setattr("holokin.output.report.figures", sketches)
     folder = write_report(circle, tmp_path / "out", "0", lambda folder: _copied(made, tmp_path, folder))
     assert (folder / "report.html").read_text("utf-8").count("<video autoplay loop muted playsinline controls") == 2
 

@@ -22,6 +22,9 @@ TAPER = 0.6
 SLENDER = 26.0
 """Length of a robot's chain over the radius of its first link, where its model has no shapes."""
 
+CORE = 0.4
+"""Thickness of the rod inside a link that has shapes, which holds together those that do not touch."""
+
 BEYOND = 0.15
 """How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
 
@@ -51,8 +54,9 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     found = [Piece(s.joint, solid, ("link", "other")[s.joint % 2] if s.joint >= 0 else "base") for s, solid in shown]
     deep = _depths(robot)
     for start, end in _steps(robot):
-        if start not in shaped and np.linalg.norm(end) > _SMALL:
+        if (start >= 0 or start not in shaped) and np.linalg.norm(end) > _SMALL:
             width = unit * (1 - (1 - TAPER) * (deep[start] if start >= 0 else 0.0))
+            width *= CORE if start in shaped else 1.0
             foot = end * min(0.5, width / np.linalg.norm(end)) if start < 0 else np.zeros(3)  # it stands on its plate
             found.append(Piece(start, Rod(foot, end, width, np.zeros(3)), "link"))
     for index, joint in enumerate(robot.joints):
