@@ -418,8 +418,8 @@ def readme() -> None:
     """The moving picture of the README: eight circles of a Panda, the pseudo-inverse beside a holonomic law."""
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-eight-cycles.toml")))
     frames = list(cycles_frames(result, shown_laws(result)))
-    small = [np.asarray(Image.fromarray(f).resize((3 * f.shape[1] // 4, 3 * f.shape[0] // 4))) for f in frames[::2]]
-    write_film(small, HERE / "panda.gif", rate=10)
+    small = [np.asarray(Image.fromarray(f).resize((2 * f.shape[1] // 3, 2 * f.shape[0] // 3))) for f in frames[::2]]
+    write_film(small, HERE / "panda.gif", rate=12)
     print("panda.gif", (HERE / "panda.gif").stat().st_size // 1000, "kB")
 
 

@@ -25,7 +25,7 @@ from .words import away, joint_unit, on_figure, stopped, ways_end
 FRAMES = 45
 """Frames of the two ways; and the least number of those of the cycles."""
 
-MOST_FRAMES = 90
+MOST_FRAMES = 140
 """Frames of the cycles."""
 
 WIDTH = 420
