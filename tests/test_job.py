@@ -74,12 +74,12 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path) -> None:
 def test_figures_show_the_data_they_are_of() -> None:
     result = run_job(*open_job("ppr-cycle"))
     made = {stem: figure for stem, _, figure in figures(result)}
-    assert set(made) == {"robot", "cycles", "drift", *(f"ways-{s.name}" for s in result.strategies)}
+    assert set(made) == {"robot", "cycles", "drift", "ranges", *(f"ways-{s.name}" for s in result.strategies)}
     pseudo = result.strategies[0]
     for joint, axes in enumerate(made["ways-moore-penrose"].axes):
-        ends = [line.get_ydata()[-1] for line in axes.lines if len(line.get_ydata()) > 1]
+        ends = [line.get_ydata()[-1] for line in axes.lines if "clockwise" in str(line.get_label())]
         assert ends == [walk.q[-1, joint] for walk in pseudo.ways]
-        styles = [line.get_linestyle() for line in axes.lines if len(line.get_ydata()) > 1]
+        styles = [line.get_linestyle() for line in axes.lines if "clockwise" in str(line.get_label())]
         assert styles == ["-", "--"]  # clockwise solid, counter-clockwise dashed
     drift = made["drift"].axes[0].lines[0].get_ydata()
     assert drift == pytest.approx(np.abs(pseudo.cycles.drift_since_start()).max(axis=1))
@@ -153,7 +153,7 @@ def test_an_open_path_has_no_ways_and_no_drift() -> None:
     result = run_job(name, Job.model_validate(table), file)
     assert result.strategies[0].ways is None
     assert np.isnan(result.strategies[0].metrics["spread"])
-    assert {stem for stem, _, _ in figures(result)} == {"robot"}
+    assert {stem for stem, _, _ in figures(result)} == {"robot", "ranges"}
 
 
 def test_the_table_says_it_all() -> None:

@@ -23,19 +23,7 @@ from holokin.output.result import JobResult
 from holokin.output.table import columns, remarks, row
 from holokin.output.words import away, largest, speed_warning, stopped, ways_end
 from holokin.trajectory import Status
-
-
-def shortened(name: str = "ppr-cycle", *, strategies: dict | None = None, **path: object) -> JobResult:
-    """A packaged job with fewer samples and cycles, other strategies, and nothing expected."""
-    short, job, file = open_job(name)
-    table = job.model_copy(
-        update={
-            "path": job.path.model_copy(update={"samples": 60, "cycles": 2} | path),
-            "strategies": strategies or job.strategies,
-            "expect": {},
-        }
-    )
-    return run_job(short, table, file)
+from short_jobs import shortened
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,8 @@ from holokin.output.scene import best_view
 from holokin.output.solids import Rod, Window, drawn
 from holokin.robot import Box, obstacle
 from holokin.robot.numeric import joint_frames
+from short_jobs import shortened
 from sketches import sketches
-from test_output import shortened
 
 PANDA = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
