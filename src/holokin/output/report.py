@@ -143,7 +143,10 @@ def _page(
             [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
         ),
         "<ul>",
-        *(f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>" for told, shown in verdicts),
+        *(
+            f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>"
+            for told, shown in verdicts
+        ),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
         *_terms(),
