@@ -17,7 +17,7 @@ from ..physics.plant import mujoco_module
 from ..robot import servo
 from ..strategies import HolonomicStrategy
 from ..types import Matrix, Vector
-from .palette import BLUE, GREY, INK, PALE, VERMILLION, color_of, law_colors, rgb
+from .palette import BLUE, GREY, INK, LOOP, PALE, color_of, law_colors, rgb
 from .panels import Actor, Curve, draw_panel, stage_of
 from .plots import NAMED, write_figure
 from .words import joint_unit, on_figure
@@ -46,7 +46,7 @@ MARGIN = 12
 VISIBLE = 5e-3
 """Distance of two rests [rad, m] from which both are drawn."""
 
-PATH = (*(c / 255 for c in rgb(VERMILLION)), 1.0)
+PATH = (*(c / 255 for c in rgb(LOOP)), 1.0)
 """Of the tool's path [rgba]."""
 
 GHOST = (*(c / 255 for c in rgb(BLUE)), 0.55)
@@ -140,7 +140,7 @@ def pictures_figure(runs: Mapping[str, PhysicalRun], pictures: Mapping[str, Any]
         axes.imshow(pictures[label])
         axes.set_axis_off()
         axes.set_title(_caption(label, run), loc="left", color=INK, fontsize=11)
-    said = "orange: the arm after the last cycle; blue: at the start, where that is elsewhere; red: the tool's path"
+    said = "orange: the arm after the last cycle; blue: at the start, where that is elsewhere; green: the tool's path"
     figure.supxlabel(said, fontsize=10)
     return figure
 
