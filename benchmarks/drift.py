@@ -22,6 +22,8 @@ import numpy as np
 import holokin as hk
 from holokin.errors import ControllerError, MissingExtraError, PathError
 from holokin.laws import PostureTask, mink_law, pink_law, placo_law
+from holokin.output.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
+from holokin.output.plots import beside
 
 DT = 0.01
 GAIN = 50.0
@@ -322,25 +324,23 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     import matplotlib.pyplot as plt
 
     colors = {
-        "no rule": "#c0392b",
-        "posture": "#e08e0b",
-        "to a leaf": "#7d3c98",
-        "no feedback": "#16a085",
-        "holonomic": "#1f77b4",
-    }
+        "no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE,
+    }  # fmt: skip
     meanings = {"no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf"}
     meanings |= {"no feedback": "holonomic, no feedback", "holonomic": "holonomic"}
     rows = [r for r in found["panda"] if not r.fault]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 5.6), width_ratios=(1, 1.25), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(14.5, 6.2), width_ratios=(1, 1.1), layout="constrained")
     for r in rows:
         cycles = np.arange(1, len(r.history) + 1)
         left.plot(cycles, np.maximum(r.history, 1e-7), color=colors[r.kind], lw=1.5, alpha=0.75)
     for kind, color in colors.items():
         left.plot([], [], color=color, lw=3, label=meanings[kind])
     left.set_yscale("log")
+    worst = {r.kind: r for r in sorted(rows, key=lambda r: r.history[-1])}.values()
+    beside(left, [(max(r.history[-1], 1e-7), r.law, colors[r.kind]) for r in worst])
     left.set_xlabel("cycles of the circle")
     left.set_ylabel("largest joint's drift since the start [rad]")
-    left.set_title("Does it repeat?", loc="left", fontweight="bold")
+    left.set_title("Does it repeat? The worst of each kind is named", loc="left", fontweight="bold")
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
     for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):

@@ -14,30 +14,37 @@ matplotlib.use("Agg")
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
 
 import holokin as hk
 from holokin.job import open_job, run_job
 from holokin.motion.elbow_field import LeafField, sphere_of
 from holokin.motion.sphere_index import spread
+from holokin.output.animate import cycles_frames, shown_laws
 from holokin.output.coverage_plots import coverage_figure
 from holokin.output.figures import cycles_figure, robot_figure, ways_figure
+from holokin.output.film import write_film
+from holokin.output.palette import BLUE, SKY, law_colors
+from holokin.output.palette import VERMILLION as RED
 from holokin.output.physics_figures import pictures_figure, rendered
-from holokin.output.plots import PALETTE, style
+from holokin.output.plots import style
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
 from benchmarks import edge  # noqa: E402  from beside this folder
 
 OUT = HERE / "pictures"
-BLUE, RED = PALETTE[0], PALETTE[1]
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
 
 def save(figure: plt.Figure, name: str) -> None:
-    """As a PNG of 8 bits, small enough for a repository."""
+    """As a PNG, small enough for a repository."""
     OUT.mkdir(exist_ok=True)
     figure.savefig(OUT / f"{name}.png", dpi=110, bbox_inches="tight", facecolor="white")
     plt.close(figure)
+    with Image.open(OUT / f"{name}.png") as picture:
+        whole = picture.convert("RGB")
+    whole.save(OUT / f"{name}.png", optimize=True)
     print(name, (OUT / f"{name}.png").stat().st_size // 1000, "kB")
 
 
@@ -108,8 +115,8 @@ def leaves() -> None:
     for angle, alpha in ((0.85, 0.32), (1.35, 0.32)):
         ik = hk.inverse(g, on_tool(0.0, 0.0, angle))
         height = np.array([ik([a, b, 0.0])[2] for a, b in zip(x.flat, y.flat, strict=True)]).reshape(x.shape)
-        axes.plot_surface(x, y, height, color="#7aa6d8", alpha=alpha, linewidth=0, zorder=1)
-        axes.plot_wireframe(x, y, height, color="#4f7fb5", linewidth=0.4, alpha=0.6, zorder=2)
+        axes.plot_surface(x, y, height, color=SKY, alpha=alpha, linewidth=0, zorder=1)
+        axes.plot_wireframe(x, y, height, color=BLUE, linewidth=0.4, alpha=0.6, zorder=2)
     start = hk.inverse(g, on_tool(0.0, 0.0, 0.85))([0.5, 0.0, 0.0])
     tool = robot.pose(start)[:3, 3]
     loop = hk.circle(tool, center=tool - [0.5, 0, 0])
@@ -176,7 +183,7 @@ def joints_over_cycles() -> None:
         "arm angle held": hk.holonomic(task, hk.arm_angle()),
     }
     figure, axes = plt.subplots(figsize=(6.4, 3.4))
-    for (name, law), colour in zip(laws.items(), PALETTE, strict=False):
+    for (name, law), colour in zip(laws.items(), law_colors([False, True, True]), strict=True):
         drift = hk.drift(law, path, PANDA, cycles=8, samples=200, limits=False).largest
         axes.semilogy(np.arange(1, 9), np.maximum(drift, 1e-17), "-o", color=colour, label=name)
     axes.set(xlabel="circles of 0.1 m radius", ylabel="largest joint error [rad]", title="Panda, after each circle")
@@ -197,7 +204,7 @@ def swivel() -> None:
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
         found = hk.obstruction(law, hk.motion.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
-        states, _ = spread(field, field.start, field.sphere.direction, 2)
+        states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))
         for state in states:
             streak(axes, field, state, np.array(view))
@@ -361,7 +368,7 @@ def paths() -> None:
             r, angle = np.meshgrid(np.linspace(0, 0.104, 12), np.linspace(0, 2 * np.pi, 60))
             x, y = shift + r * np.cos(angle), shift + r * np.sin(angle)
         z = np.vectorize(surface)(x - shift, y - shift)
-        axes.plot_surface(x, y, z, color="#7aa6d8", alpha=0.3, linewidth=0, zorder=1)
+        axes.plot_surface(x, y, z, color=SKY, alpha=0.3, linewidth=0, zorder=1)
         at = path.at(np.linspace(0, path.duration, 1500))
         axes.plot(*at.position.T, color=BLUE, linewidth=1.6, zorder=3)
         tool = (path.at(np.linspace(0, path.duration, 40)).rotation @ path.rotation)[:, :, 2]
@@ -384,7 +391,7 @@ def jobs() -> None:
         elif name == "panda-circle":
             save(robot_figure(result), f"job-{name}")
         else:
-            save(ways_figure(result.drawn[0]), f"job-{name}")
+            save(ways_figure(result.drawn[0], result), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
     save(robot_figure(result), "job-panda-strategies")
     with tempfile.TemporaryDirectory() as folder:
@@ -407,10 +414,19 @@ def physics() -> None:
     save(pictures_figure(runs, rendered(runs)), "physics")
 
 
+def readme() -> None:
+    """The moving picture of the README: eight circles of a Panda, the pseudo-inverse beside a holonomic law."""
+    result = run_job(*open_job(str(HERE.parent / "examples" / "panda-eight-cycles.toml")))
+    frames = list(cycles_frames(result, shown_laws(result)))
+    small = [np.asarray(Image.fromarray(f).resize((2 * f.shape[1] // 3, 2 * f.shape[0] // 3))) for f in frames[::2]]
+    write_film(small, HERE / "panda.gif", rate=12)
+    print("panda.gif", (HERE / "panda.gif").stat().st_size // 1000, "kB")
+
+
 if __name__ == "__main__":
     every = (
         self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, paths, jobs,
-        physics,
+        physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -80,9 +80,12 @@ class ChecksTable(Table):
         shaped = robot if self.radius is None else with_capsules(robot, self.radius)
         for table in self.obstacles:
             shaped = shaped if table.on is None else table.carried(shaped)
-        standing = [table.standing() for table in self.obstacles if table.on is None]
         return check(
             motion, shaped, task=task, floor=self.floor, clearance=self.clearance, self_collision=self.self_collision,
-            obstacles=standing, ignore=[(a, b) for a, b in self.ignore],
+            obstacles=self.standing(), ignore=[(a, b) for a, b in self.ignore],
             limits=self.limits, margin=self.margin, rcond=self.rcond,
         )  # fmt: skip
+
+    def standing(self) -> tuple[LinkShape, ...]:
+        """The obstacles that stand still."""
+        return tuple(table.standing() for table in self.obstacles if table.on is None)

@@ -162,6 +162,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     return JobResult(
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
+        job.checks.standing() if job.checks is not None else (),
     )  # fmt: skip
 
 

@@ -170,8 +170,9 @@ class TimedTrajectory(Value):
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
         for load in self.loads:
             cells = [
-                f"{peak if peak > NOTHING else 0.0:8.4g}"
-                + (f" {100 * share:4.0f} %" if np.isfinite(share) else " " * 7)
+                f"{peak if peak > NOTHING else 0.0:8.4g} {100 * share:4.0f} %"
+                if np.isfinite(share)
+                else f"{peak if peak > NOTHING else 0.0:15.4g}"
                 for peak, share in zip(load.peaks, load.shares, strict=True)
             ]
             near = f"{load.distance:.4g}" if np.isfinite(load.distance) else "none"

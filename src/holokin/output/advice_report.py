@@ -11,9 +11,13 @@ from ..designing import Advice, Law
 from ..errors import brief
 from ..types import Vector
 from .coverage_plots import CAUSES, coverage_cloud
-from .plots import GREY, INK, PALETTE, frame_robot, robot_stick
+from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
+from .panels import Actor, draw_panel, stage_of
 from .table import Column
 from .words import on_figure
+
+PLACE = (0.575, 0.1, 0.41, 0.75)
+"""Of the robot in space in the figure: left, bottom, width, height."""
 
 MOST_LAWS = 12
 """Laws in the figure: the best ones."""
@@ -34,10 +38,10 @@ def print_advice(advice: Advice, console: Any) -> None:
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
-        table.add_row(*(Text(cell, style="green" if i == 0 else "") for cell in cells(law)))
+        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in cells(law)))
     console.print(table)
     if advice.proposed:
-        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style="yellow", markup=False, highlight=False)
+        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
     for sentence in advice.reasons:
         console.print(f"  {sentence}", markup=False, highlight=False)
 
@@ -70,9 +74,7 @@ def advice_figure(advice: Advice) -> Any:
     speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
     bars.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
-    flat = advice.task.robot.planar
-    place = (0.63, 0.11, 0.33, 0.72) if flat else (0.575, 0.13, 0.4, 0.7)
-    reached_scene(figure.add_axes(place, projection=None if flat else "3d"), advice)
+    reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice)
     _legend(figure, advice)
     head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
     figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
@@ -148,16 +150,18 @@ def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
 
 
 def _colors(laws: tuple[Law, ...]) -> list[str]:
-    return [PALETTE[0] if i == 0 else GREY for i in range(len(laws))]
+    return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
 
 
 def reached_scene(axes: Any, advice: Advice) -> Any:
     """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
     robot, found = advice.task.robot, advice.coverage
-    coverage_cloud(axes, found)
-    robot_stick(axes, robot, advice.start, INK, width=2.2)
-    clouds = [found.poses[:, :3, 3], *robot.skeleton(advice.start)]
-    return frame_robot(axes, robot, clouds, f"start posture, and {len(found)} poses of the workspace", zoom=1.15)
+    points = found.poses[:, :3, 3]
+    stage = stage_of(robot, advice.start[None], extra=points, ratio=(0.5, 0.8))
+    title = f"start posture, and {len(found)} poses of the workspace"
+    draw_panel(axes, stage, [Actor(advice.start, INK)], title=title)
+    coverage_cloud(axes, found, seen=stage.scene.view.seen(points))
+    return axes
 
 
 def _legend(figure: Any, advice: Advice) -> None:

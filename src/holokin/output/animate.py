@@ -1,122 +1,263 @@
-"""GIFs: the two ways side by side, the paper's video; and the cycles, one panel a strategy."""
+"""Films of a job: the two ways of two laws beside each other, the paper's video; and their cycles, with the drift."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from ..files import writing
 from ..trajectory import Status, Trajectory
-from .figures import margins, tool_points
-from .plots import CLOCKWISE, COUNTER, GREY, best_azimuth, frame_robot, robot_stick, style, tool_path
+from ..types import Vector
+from .bodies import solids_at, standing, triad
+from .figures import tool_points
+from .film import ending, write_film
+from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LOOP, NONHOLONOMIC
+from .panels import GHOST, Curve, stage_of
+from .plots import style
 from .result import JobResult, StrategyResult
-from .words import away, on_figure, stopped, ways_end
+from .scene import layer_of, show
+from .solids import Layer, Pixels, onto
+from .words import away, joint_unit, on_figure, stopped, ways_end
 
-FRAMES = 60
-"""Frames of a moving picture, before the last one is held."""
+FRAMES = 45
+"""Frames of the two ways; and the least number of those of the cycles."""
 
-HOLD = 18
-"""Times that the last frame is shown."""
+MOST_FRAMES = 140
+"""Frames of the cycles."""
 
+WIDTH = 420
+"""Of a panel [pixels]."""
 
-def animate(result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None) -> None:
-    """Write `ways-NAME.gif` for every strategy with two ways, and `cycles.gif` when there are several cycles."""
-    for strategy in result.drawn:
-        if strategy.ways is not None:
-            name = f"ways-{result.stems[strategy.name]}.gif"
-            say(f"drawing {name}")
-            ways_gif(result, strategy, folder / name)
-    if result.cycles > 1:
-        say("drawing cycles.gif")
-        cycles_gif(result, list(result.drawn)[:3], folder / "cycles.gif")
+DPI = 100
+
+TOP, STRIP, SIDE = 52, 120, 60
+"""Room for the titles, for the drift below, and left of it [pixels]."""
 
 
-def ways_gif(result: JobResult, strategy: StrategyResult, file: FilePath) -> None:
-    """Left the clockwise way, right the counter-clockwise one; at the end each shows where the other stands.
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """What a panel of a film shows: a law's motions, each in a colour and solid or pale, and what is said at a time."""
 
-    A way that stops says when, and nothing is compared.
+    walks: tuple[tuple[Trajectory, str, float], ...]
+    said: Callable[[float], str]
+
+
+def animate(
+    result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None
+) -> list[tuple[str, str]]:
+    """Write `ways` where there are two ways, and `cycles` where there are several, as .mp4 or .gif.
+
+    Returns:
+        The names of the files, each with its caption.
+
+    Raises:
+        WriteError: the system refuses a file.
     """
-    if strategy.ways is None:
-        return
-    clockwise, counter = strategy.ways
-    panels = [("clockwise", clockwise, CLOCKWISE), ("counter-clockwise", counter, COUNTER)]
-    complete = clockwise.status is counter.status is Status.COMPLETE
-
-    def caption(share: float, walk: Trajectory, title: str) -> str:
-        if share < 1.0:
-            return f"{on_figure(strategy.name)}, {title}\n"
-        ending = ways_end((clockwise, counter)) if complete else stopped(walk) or "followed to the end"
-        return f"{on_figure(strategy.name)}, {title}\n{ending}"
-
-    ghosts = [counter.q[-1], clockwise.q[-1]] if complete else [None, None]
-    _write(result, [(t, w, s["color"]) for t, w, s in panels], caption, ghosts, file, late_ghosts=True)
-
-
-def cycles_gif(result: JobResult, strategies: list[StrategyResult], file: FilePath) -> None:
-    """One panel a strategy, the start posture in grey."""
-    colors = {True: CLOCKWISE["color"], False: COUNTER["color"]}
-    panels = [(on_figure(s.name), s.cycles, colors[s.verdict.holonomic]) for s in strategies]
-
-    def caption(share: float, walk: Trajectory, title: str) -> str:
-        done = sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])
-        ended = stopped(walk) if share == 1.0 else ""
-        return f"{title}\n{ended or (away(walk, done) if done else 'the start in grey')}"
-
-    _write(result, panels, caption, [result.start] * len(panels), file, frames=FRAMES * 2)
+    if not result.robot.tips:
+        return []
+    made = []
+    shown = shown_laws(result)
+    apart = tuple(s for s in shown if s.ways is not None)
+    films = []
+    if result.cycles > 1:
+        caption = (
+            "The cycles: the start is pale grey. At the end of each cycle the tool is back; below, how far the joints "
+            "are from their start then. The joints of a repeatable law are back too."
+        )
+        films.append(("cycles", caption, lambda: cycles_frames(result, shown)))
+    if apart:
+        caption = (
+            "The two ways: clockwise (light blue) and counter-clockwise (orange), half a loop each, to one pose of the "
+            "tool. By a repeatable law the two robots meet there; by any other they end apart."
+        )
+        films.append(("ways", caption, lambda: ways_frames(result, apart)))
+    for stem, caption, frames in films:
+        name = f"{stem}{ending()}"
+        say(f"drawing {name}")
+        write_film(list(frames()), folder / name)
+        made.append((name, caption))
+    return made
 
 
-def _write(
-    result: JobResult, panels: list[tuple[str, Trajectory, Any]], caption: Callable[[float, Trajectory, str], str],
-    ghosts: list[Any], file: FilePath, *, late_ghosts: bool = False, frames: int = FRAMES,
-) -> None:  # fmt: skip
+def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
+    """Two laws to compare: the first that is not holonomic, such as the pseudo-inverse, and the first holonomic one."""
+    first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
+    found = tuple(first[kind] for kind in (False, True) if kind in first)
+    return found if len(found) == 2 else result.drawn[:2]
+
+
+def ways_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
+    """The two ways at once, in one panel a law; a way that stops says when, and nothing is compared."""
+    panels = []
+    for strategy in strategies:
+        assert strategy.ways is not None  # noqa: S101  for the type: `animate` asked
+        clockwise, counter = strategy.ways
+        complete = clockwise.status is counter.status is Status.COMPLETE
+        end = ways_end(strategy.ways) if complete else "; ".join(filter(None, map(_ended, strategy.ways, _WAYS)))
+
+        def said(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
+            return f"{name}\n{end if share == 1.0 else 'half a loop, both ways'}"
+
+        panels.append(Panel(((clockwise, CLOCKWISE, 1.0), (counter, COUNTER_CLOCKWISE, 0.62)), said))
+    yield from _frames(result, panels, FRAMES)
+
+
+_WAYS = ("clockwise", "counter-clockwise")
+
+
+def _ended(walk: Trajectory, name: str) -> str:
+    return f"{name} {stopped(walk) or 'followed to the end'}"
+
+
+def cycles_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
+    """The cycles, one panel a law, the start in grey, and below how far the joints are after each cycle."""
+    panels = []
+    for strategy in strategies:
+        color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
+
+        def said(share: float, walk: Trajectory = strategy.cycles, name: str = on_figure(strategy.name, 44)) -> str:
+            done = _done(walk, share)
+            ended = stopped(walk) if share == 1.0 else ""
+            return f"{name}\n{ended or (away(walk, done) if done else 'the start in grey')}"
+
+        panels.append(Panel(((strategy.cycles, color, 1.0),), said))
+    frames = int(np.clip(28 * result.cycles, FRAMES, MOST_FRAMES))
+    yield from _frames(result, panels, frames, drift=any(s.cycles.cycles for s in strategies))
+
+
+def _done(walk: Trajectory, share: float) -> int:
+    """Cycles that are done at a share of a motion."""
+    return sum(mark <= share * (len(walk) - 1) for mark in walk.marks[1:])
+
+
+def _frames(result: JobResult, panels: list[Panel], frames: int, *, drift: bool = False) -> Iterator[Pixels]:
+    """Pictures (rows, columns, 3) of bytes: what stands still is drawn once."""
     from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from PIL import Image
 
-    robot = result.robot
-    images = []
     with rc_context(style()):
-        figure = Figure(figsize=(4.2 * len(panels), 4.3), dpi=80, facecolor="white")
-        side = 0.65 if robot.planar else 0.1
-        margins(figure, left=side, right=0.25, bottom=0.55, top=0.6, width_gap=side, grid=(1, len(panels)))
-        canvas = FigureCanvasAgg(figure)
-        kind = {} if robot.planar else {"projection": "3d"}
-        grid = figure.subplots(1, len(panels), squeeze=False, subplot_kw=kind)[0]
-        clouds = [line for _, w, _ in panels for q in w.q[:: max(1, len(w) // 40)] for line in robot.skeleton(q)]
-        paths = [tool_points(result, walk) for _, walk, _ in panels]
-        shown = [walk.q[0] if ghost is None else ghost for (_, walk, _), ghost in zip(panels, ghosts, strict=True)]
-        pairs = [(robot.skeleton(q), robot.skeleton(w.q[-1])) for q, (_, w, _) in zip(shown, panels, strict=True)]
-        azimuth = best_azimuth([(np.vstack(one), np.vstack(other)) for one, other in pairs])
-        for axes, points, (title, walk, _) in zip(grid, paths, panels, strict=True):
-            frame_robot(axes, robot, clouds, azimuth=azimuth)
-            tool_path(axes, robot, points, color=GREY, linewidth=1.2)
-            axes.set_title(caption(0.0, walk, title), fontsize=11, loc="center")
-        titles = [axes.title for axes in grid]
-        for title in titles:
-            title.set_animated(True)
-        canvas.draw()
-        still = canvas.copy_from_bbox(figure.bbox)  # everything that does not move is drawn once
+        sheet = _Sheet(result, panels, drift)
         for frame in range(frames + 1):
-            share = frame / frames
-            canvas.restore_region(still)
-            for axes, (title, walk, color), ghost in zip(grid, panels, ghosts, strict=True):
-                moving = []
-                if ghost is not None and (not late_ghosts or share == 1.0):
-                    moving += robot_stick(axes, robot, ghost, GREY, width=6.0, alpha=0.6)
-                q = walk.q[round(share * (len(walk) - 1))]
-                moving += robot_stick(axes, robot, q, color, width=2.4)
-                axes.title.set_text(caption(share, walk, title))
-                for artist in [*moving, axes.title]:
-                    axes.draw_artist(artist)
-                for artist in moving:
-                    artist.remove()
-            images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
-    palette = images[-1].quantize(64)
-    quantised = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-    quantised += [quantised[-1]] * HOLD
-    with writing(file):
-        quantised[0].save(file, save_all=True, append_images=quantised[1:], duration=60, loop=0, optimize=True)
+            yield sheet.at(frame / frames)
+
+
+class _Sheet:
+    """The paper of a film: robots are laid onto what was drawn once, titles and dots of the drift onto that."""
+
+    def __init__(self, result: JobResult, panels: list[Panel], drift: bool) -> None:
+        self.panels, self.robot = panels, result.robot
+        walks = [walk for panel in panels for walk, _, _ in panel.walks]
+        postures = np.vstack([result.start[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
+        curves = [Curve(points, LOOP) for walk in walks for points in tool_points(result, walk)]
+        pairs = [(panel.walks[-1][0].q[-1], panel.walks[0][0].q[-1]) for panel in panels]
+        if len(panels[0].walks) == 1:
+            pairs = [(result.start, panel.walks[0][0].q[-1]) for panel in panels]
+        self.stage = stage_of(self.robot, postures, curves, pairs=pairs, obstacles=result.obstacles, ratio=(0.6, 1.1))
+        self.window = self.stage.scene.window(WIDTH)
+        self.start, self.drift = result.start, drift
+        self.unit, self.cycles = joint_unit(self.robot), result.cycles
+        self._draw()
+        base = [] if self.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * self.stage.unit)
+        still = [p for p in self.stage.pieces if p.joint < 0]
+        base += solids_at(still, self.stage.frames(self.start), 0, GREY)
+        self.things = layer_of(self.stage.scene, [*base, *standing(self.stage.obstacles)], self.window)
+        self.ghost = self.stage.layer(self.start, GREY, self.window, axes=False, still=False)
+        self.grounds = [self._ground(*place) for place in self.places]
+        self.loops = [
+            layer_of(self.stage.scene, self.stage.wires(self._paths(result, panel)), self.window) for panel in panels
+        ]
+
+    def _paths(self, result: JobResult, panel: Panel) -> list[Curve]:
+        several = len(panel.walks) > 1
+        return [
+            Curve(points, color if several else LOOP)
+            for walk, color, _ in panel.walks
+            for points in tool_points(result, walk)
+        ]
+
+    def _draw(self) -> None:
+        """The background, once."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        side = SIDE if self.robot.planar or self.drift else 12
+        below = (STRIP + 46 if self.drift else 8) + (40 if self.robot.planar else 0)
+        width = len(self.panels) * (WIDTH + side) + 16
+        height = self.window.rows + TOP + below
+        width, height = width + width % 2, height + height % 2
+        figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
+        self.canvas = FigureCanvasAgg(figure)
+        self.places, self.titles, self.dots = [], [], []
+        for i in range(len(self.panels)):
+            left = side + i * (WIDTH + side)
+            place = (left / width, below / height, WIDTH / width, self.window.rows / height)
+            axes = figure.add_axes(place)
+            show(axes, self.stage.scene, np.zeros((2, 2, 4)), self.window)
+            self.places.append((TOP + (height - TOP - below - self.window.rows), left))
+            title = figure.text(left / width, 1 - 6 / height, "", va="top", ha="left", fontsize=10.5, color=INK)
+            self.titles.append(title)
+            if self.drift:
+                strip = figure.add_axes((left / width, 42 / height, WIDTH / width, (STRIP - 26) / height))
+                self.dots.append(self._strip(strip, i))
+        for artist in (*self.titles, *self.dots):
+            artist.set_animated(True)
+        self.canvas.draw()
+        self.still = np.asarray(self.canvas.buffer_rgba()).copy()
+        self.region = self.canvas.copy_from_bbox(figure.bbox)
+
+    def _strip(self, axes: Any, i: int) -> Any:
+        """The drift after each cycle, of which dots appear."""
+        most = max(float(_sizes(panel.walks[0][0]).max()) for panel in self.panels)
+        axes.set_xlim(-0.15, self.cycles + 0.15)
+        axes.set_ylim(-0.06 * max(most, 1e-9), 1.15 * max(most, 1e-9))
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.locator_params(axis="y", nbins=3)
+        axes.set_xlabel("cycles done", fontsize=9, labelpad=1)
+        axes.set_ylabel(f"drift [{self.unit}]" if i == 0 else "", fontsize=9)
+        axes.tick_params(labelsize=8)
+        color = self.panels[i].walks[0][1]
+        return axes.plot([], [], "o-", color=color, markersize=5, linewidth=2)[0]
+
+    def at(self, share: float) -> Pixels:
+        """The frame at a share of the motions."""
+        self.canvas.restore_region(self.region)
+        buffer = np.asarray(self.canvas.buffer_rgba())
+        for panel, (row, column), ground, loop in zip(self.panels, self.places, self.grounds, self.loops, strict=True):
+            here = buffer[row : row + self.window.rows, column : column + self.window.columns]
+            here[..., :3] = self._picture(ground.copy(), panel, loop, share)
+        for panel, title in zip(self.panels, self.titles, strict=True):
+            title.set_text(panel.said(share))
+            title.axes = None
+            self.canvas.figure.draw_artist(title)
+        for panel, dots in zip(self.panels, self.dots, strict=False):
+            walk = panel.walks[0][0]
+            done = _done(walk, share)
+            dots.set_data(range(done + 1), _sizes(walk)[: done + 1])
+            dots.axes.draw_artist(dots)
+        return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
+
+    def _ground(self, row: int, column: int) -> Pixels:
+        """What stands still in a panel: the floor, obstacles, base, and the start as a ghost."""
+        here = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
+        found = here.astype(np.float32) / 255
+        onto(found, self.things)
+        onto(found, self.ghost, GHOST)
+        return found
+
+    def _picture(self, found: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
+        depth = self.things.depth
+        for walk, color, alpha in panel.walks:
+            q = walk.q[round(share * (len(walk) - 1))]
+            layer = self.stage.layer(q, color, self.window, still=False)
+            onto(found, layer, alpha, np.where(layer.depth >= self.things.depth, np.float32(1.0), np.float32(0.3)))
+            depth = np.maximum(depth, layer.depth) if alpha == 1.0 else depth
+        hidden = np.float32(1.0 if self.robot.planar else 0.3)
+        onto(found, loop, 1.0, np.where(loop.depth >= depth - 1e-4, np.float32(1.0), hidden))
+        return (255 * np.clip(found, 0, 1) + 0.5).astype(np.uint8)
+
+
+def _sizes(walk: Trajectory) -> Vector:
+    """The largest joint's distance from the start, at the start and after each cycle."""
+    return np.concatenate([[0.0], np.abs(walk.drift_since_start()).max(axis=1)]) if walk.cycles else np.zeros(1)

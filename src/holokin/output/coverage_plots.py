@@ -9,15 +9,15 @@ import numpy as np
 
 from ..designing import Coverage, PoseStatus, Slice
 from ..types import Matrix
-from .plots import INK
+from .palette import BLACK, INK, ORANGE, PURPLE, VERMILLION, YELLOW
 from .words import on_figure
 
 CAUSES = {
-    PoseStatus.LIMIT: ("#e8a33d", "joint limit"),
-    PoseStatus.ALGORITHMIC: ("#c0392b", "leaf ends: law singular"),
-    PoseStatus.KINEMATIC: ("#7d3c98", "leaf ends: arm singular"),
-    PoseStatus.REPRESENTATION: ("#5b4636", "leaf ends: representation"),
-    PoseStatus.STOPPED: ("#1c1c1c", "no way on the leaf shown"),
+    PoseStatus.LIMIT: (ORANGE, "joint limit"),
+    PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: law singular"),
+    PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
+    PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),
+    PoseStatus.STOPPED: (BLACK, "no way on the leaf shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }
@@ -58,20 +58,21 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     return axes
 
 
-def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None) -> Any:
+def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None, seen: Matrix | None = None) -> Any:
     """All poses at their positions in space: reached ones small, shaded by rcond, the others larger, by their cause.
 
     Args:
         axes: in space (projection "3d"), or in the plane where all poses are in one.
         most: rcond of the darkest shade; by default the greatest of the coverage.
+        seen: where the poses are in a picture in the plane, which has its robot already.
     """
     p, status = coverage.poses[:, :3, 3], coverage.status
     flat = not hasattr(axes, "get_zlim")
-    points = p[:, :2].T if flat else p.T
+    points = (p if seen is None else seen)[:, :2].T if flat else p.T
     most = most or _greatest([coverage])
     reached = status == PoseStatus.REACHED
     color = shades()(np.clip(coverage.rcond[reached] / most, 0, 1))
-    style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
+    style = {"linewidths": 0, "zorder": 4} if flat else {"linewidths": 0, "depthshade": False}
     for cause in reversed(CAUSES):  # what the law loses last, over the rest
         here = status == cause
         lost = cause < PoseStatus.BEYOND_LIMITS
@@ -79,7 +80,7 @@ def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None) -> 
             axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
     if reached.any():
         axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
-    if flat:
+    if flat and seen is None:
         axes.set_aspect("equal")
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")

@@ -1,29 +1,19 @@
-"""The figures of a job, composed of `plots`: name -> matplotlib Figure."""
+"""The figures of a job, composed of `plots` and `panels`: name -> matplotlib Figure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from ..trajectory import Status, Trajectory
+from ..types import Vector
 from .coverage_plots import coverage_figure
-from .plots import (
-    CLOCKWISE,
-    COUNTER,
-    GREY,
-    ZOOMS,
-    best_azimuth,
-    drift_per_cycle,
-    frame_robot,
-    inside,
-    joint_cycles,
-    joint_ways,
-    robot_stick,
-    style,
-    tool_path,
-)
+from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
+from .panels import Actor, Curve, Stage, draw_panel, stage_of
+from .plots import LABELS, drift_per_cycle, joint_cycles, joint_ranges, joint_ways, movers, style
 from .result import JobResult, StrategyResult
 from .words import away, joint_unit, on_figure, stopped, ways_end
 
@@ -33,33 +23,54 @@ MAPS = (
 )
 """What a figure of coverage shows."""
 
+WRAP = 44
+"""Letters in a line of a legend."""
+
 COLUMNS = 3
 """Panels side by side, at most: more would be too small to read in a page."""
+
+
+MOST_PANELS = 12
+"""Laws in the picture of the robot: of more, those whose ends are farthest apart."""
+
+MOST_BARS = 6
+"""Laws in the picture of ranges."""
 
 
 def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
     from matplotlib import rc_context
 
-    if result.robot.tips:
-        caption = "The robot at the start (grey) and where each way has led it: clockwise (wide, blue) and "
-        with rc_context(style()):
-            yield "robot", caption + "counter-clockwise (thin, red), in one picture.", robot_figure(result)
+    with rc_context(style()):
+        if result.robot.tips:
+            yield "robot", robot_caption(result), robot_figure(result)
+        if result.cycles > 1 and any(s.cycles.cycles for s in result.drawn):
+            caption = (
+                "The largest joint error after each cycle, on a logarithmic scale. A law that is repeatable stays in "
+                "the grey band, which is round-off; the other lines are what the robot has drifted."
+            )
+            yield "drift", caption, drift_figure(result)
+        if result.cycles > 1:
+            caption = (
+                f"How far each joint is from its start, over {result.cycles} cycles; pale upright lines end the "
+                "cycles. Of a repeatable law every line is back at zero at each of them."
+            )
+            yield "cycles", caption, cycles_figure(result)
     for strategy in result.drawn:
         if strategy.ways is not None:
             with rc_context(style()):
-                caption = f"{strategy.name}: joints over half a loop, clockwise (solid) and counter-clockwise (dashed)."
-                apart = strategy.metrics["same_joints"]
-                if np.isfinite(apart):
-                    unit = joint_unit(result.robot)
-                    caption += f" The other representations of orientation lie within {apart:.1g} {unit} of it."
-                yield f"ways-{result.stems[strategy.name]}", caption, ways_figure(strategy)
-    if result.cycles > 1:
+                yield (
+                    f"ways-{result.stems[strategy.name]}",
+                    ways_caption(result, strategy),
+                    ways_figure(strategy, result),
+                )
+    if has_ranges(result):
         with rc_context(style()):
-            yield "cycles", f"Joints, less their start values, over {result.cycles} cycles.", cycles_figure(result)
-        if any(s.cycles.cycles for s in result.drawn):
-            with rc_context(style()):
-                yield "drift", "Joint drift after each cycle.", drift_figure(result)
+            caption = (
+                "What the motion uses of each joint's range, from the lower to the upper limit. Bars near a dotted "
+                "line have little left."
+            )
+            yield "ranges", caption, ranges_figure(result)
     for strategy in result.drawn:
         if strategy.coverage is not None:
             with rc_context(style()):
@@ -69,7 +80,35 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
                 yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
 
 
-def ways_figure(strategy: StrategyResult) -> Any:
+def robot_caption(result: JobResult) -> str:
+    """What to see in the picture of the robot."""
+    said = "The robot at the start is pale grey. "
+    if any(s.ways is not None for s in result.drawn):
+        said += (
+            "Half a loop clockwise leads it to where it is light blue, half a loop counter-clockwise to the orange "
+            "outline. The tool is at one pose in both: where the two robots differ, the joints depend on the way."
+        )
+    else:
+        said += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
+    if len(result.drawn) > MOST_PANELS:
+        said += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
+    return said
+
+
+def ways_caption(result: JobResult, strategy: StrategyResult) -> str:
+    """What to see in the picture of the two ways."""
+    caption = (
+        f"{strategy.name}: each joint over half a loop, clockwise (solid) and counter-clockwise (dashed), to the same "
+        "tool pose. Dots that lie on each other: the joints do not depend on the way."
+    )
+    apart = strategy.metrics["same_joints"]
+    if np.isfinite(apart):
+        caption += f" With the other representations of orientation the joints differ by {apart:.1g} "
+        caption += f"{joint_unit(result.robot)} at most."
+    return caption
+
+
+def ways_figure(strategy: StrategyResult, result: JobResult | None = None) -> Any:
     """Joint histories by both ways, one panel a joint. [ZR11, Figs 4, 5, 8]"""
     from matplotlib.figure import Figure
 
@@ -86,10 +125,10 @@ def ways_figure(strategy: StrategyResult) -> Any:
     top = 0.45 + 0.2 * (1 + title.count("\n"))
     bottom = 0.85 if n == rows * columns else 0.55
     figure = Figure(figsize=(max(4.4 * columns, 6.4), (2.6 if rows == 1 else 1.6) * rows + bottom + top))
-    margins(figure, left=0.7, right=0.15, bottom=bottom, top=top, width_gap=0.75, height_gap=0.42, grid=(rows, columns))
+    margins(figure, left=0.7, right=0.6, bottom=bottom, top=top, width_gap=1.15, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
-        joint_ways(grid.flat[joint], clockwise, counter, joint)
+        joint_ways(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)
     for column in range(columns):
         last = max(r for r in range(rows) if r * columns + column < n)
         grid[last, column].set_xlabel("time [s]")
@@ -101,15 +140,25 @@ def ways_figure(strategy: StrategyResult) -> Any:
 
 def legend(figure: Any, grid: Any, count: int) -> None:
     """One legend for a grid of which `count` cells are used: in the empty cells, or below where there are none."""
-    handles, labels = grid.flat[0].get_legend_handles_labels()
+    named: dict[str, Any] = {}
+    for axes in grid.flat[:count]:
+        handles, labels = axes.get_legend_handles_labels()
+        named = dict(zip(labels, handles, strict=True)) | named
+    handles, labels = list(named.values()), [fill(label, WRAP) for label in named]
     for axes in grid.flat[count:]:
         axes.set_visible(False)
     if count == grid.size:
-        figure.legend(handles, labels, loc="lower center", ncols=min(7, len(labels)))
+        figure.legend(handles, labels, loc="lower center", ncols=_columns(labels, figure.get_figwidth()))
         return
     first, last = grid.flat[count].get_position(), grid.flat[-1].get_position()
     center = ((first.x0 + last.x1) / 2, (last.y0 + first.y1) / 2)
     figure.legend(handles, labels, loc="center", bbox_to_anchor=center, ncols=-(-len(labels) // 4), fontsize=11)
+
+
+def _columns(labels: list[str], width: float) -> int:
+    """Columns of a legend that fit into a width [inches]."""
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    return max(1, min(7, len(labels), int(width / (0.6 + 0.078 * longest))))
 
 
 def cycles_figure(result: JobResult) -> Any:
@@ -119,14 +168,20 @@ def cycles_figure(result: JobResult) -> Any:
     count = len(result.drawn)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    bottom = 0.95 if count == rows * columns else 0.6
-    figure = Figure(figsize=(3.9 * columns + 1.0, 3.1 * rows + bottom))
+    named = movers([s.cycles for s in result.drawn])
+    names = [on_figure(name, 30) for name in result.robot.joint_names]
+    rest = fill(f"grey: {', '.join(names[j] for j in range(len(names)) if j not in named)}", WRAP)
+    labels = [names[j] for j in named] + ([rest] if len(named) < len(names) else [])
+    wide = 3.9 * columns + 1.0
+    lines = -(-len(labels) // _columns(labels, wide)) + rest.count("\n") * (len(named) < len(names))
+    bottom = 0.73 + 0.22 * lines if count == rows * columns else 0.6
+    figure = Figure(figsize=(wide, 3.1 * rows + bottom))
     margins(
         figure, left=0.75, right=0.15, bottom=bottom, top=0.55, width_gap=0.25, height_gap=0.6, grid=(rows, columns)
     )
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
     for k, (axes, strategy) in enumerate(zip(grid.flat, result.drawn, strict=False)):
-        joint_cycles(axes, strategy.cycles)
+        joint_cycles(axes, strategy.cycles, named)
         axes.set_title(f"{on_figure(strategy.name)}\n{_drift(strategy.cycles)}", loc="left", fontsize=10)
         below = k + columns < count
         axes.tick_params(labelbottom=not below)
@@ -141,44 +196,98 @@ def drift_figure(result: JobResult) -> Any:
     """Drift after each cycle, all strategies in one."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.0))
-    margins(figure, left=0.85, right=0.15, bottom=0.6, top=0.2)
-    walks = {on_figure(s.name): s.cycles for s in result.drawn if s.cycles.cycles}
-    axes = drift_per_cycle(figure.subplots(), walks)
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.72))
+    done = [s for s in result.drawn if s.cycles.cycles]
+    walks = {on_figure(s.name, 40): s.cycles for s in done}
+    room = 0.5 + 0.08 * max(26 if len(walks) > LABELS else 0, *map(len, walks))
+    figure = Figure(figsize=(6.2 + room, 4.0))
+    margins(figure, left=0.85, right=room, bottom=0.6, top=0.2)
+    drift_per_cycle(figure.subplots(), walks, law_colors([s.verdict.holonomic for s in done]))
+    return figure
+
+
+def has_ranges(result: JobResult) -> bool:
+    """Whether a joint has two limits."""
+    return bool(np.isfinite(result.robot.upper - result.robot.lower).any())
+
+
+def ranges_figure(result: JobResult) -> Any:
+    """What each law uses of the joints' ranges."""
+    from matplotlib.figure import Figure
+
+    shown = result.drawn[:MOST_BARS]
+    rows = int(np.isfinite(result.robot.upper - result.robot.lower).sum())
+    figure = Figure(figsize=(7.6, 0.9 + rows * max(0.32, 0.13 * len(shown)) + 0.24 * -(-len(shown) // 3)))
+    margins(figure, left=1.7, right=0.45, bottom=0.45 + 0.24 * -(-len(shown) // 3), top=0.15)
+    walks = {on_figure(s.name, 40): s.cycles for s in shown}
+    axes = joint_ranges(figure.subplots(), result.robot, walks, law_colors([s.verdict.holonomic for s in shown]))
+    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, fontsize=9)
     return figure
 
 
 def robot_figure(result: JobResult) -> Any:
-    """Stick figures, one panel a strategy: start in grey, the two ends in the colours of their ways."""
+    """The robot, one panel a strategy: the start in grey, the two ends in the colours of their ways."""
     from matplotlib.figure import Figure
 
-    robot = result.robot
-    count = len(result.drawn)
-    columns = min(count, COLUMNS)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(4.4 * columns, 4.2 * rows))
-    if robot.planar:
-        margins(figure, left=0.65, right=0.15, bottom=0.6, top=0.6, width_gap=0.6, height_gap=0.9, grid=(rows, columns))
-    else:  # 3-D axes leave room of their own, but for the last labels
-        margins(
-            figure, left=0.05, right=0.25, bottom=0.3, top=0.52, width_gap=0.3, height_gap=0.6, grid=(rows, columns)
-        )
-    kind = {} if robot.planar else {"projection": "3d"}
-    grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
-    for axes in grid.flat[count:]:
+    order = sorted(range(len(result.drawn)), key=lambda i: -_apart(result.drawn[i]))[:MOST_PANELS]
+    drawn = [result.drawn[i] for i in sorted(order)]
+    columns = min(len(drawn), COLUMNS)
+    rows = -(-len(drawn) // columns)
+    stage = stage_for(result, drawn)
+    wide, tall = stage.scene.shape
+    width = {1: 5.4, 2: 4.6}.get(columns, 3.75 if result.robot.planar else 4.1)
+    side = (0.8, 0.15, 0.55) if result.robot.planar else (0.12, 0.12, 0.12)  # left, right, bottom
+    height = width * tall / wide
+    titles = [f"{on_figure(s.name)}\n{_ending(s)}" for s in drawn]
+    top = 0.26 + 0.17 * max(title.count("\n") + 1 for title in titles)
+    gap = (side[0] if result.robot.planar else 0.2, top + (side[2] if result.robot.planar else 0.1))
+    size = (
+        columns * width + side[0] + side[1] + (columns - 1) * gap[0],
+        rows * height + side[2] + top + (rows - 1) * gap[1],
+    )
+    figure = Figure(figsize=size)
+    margins(
+        figure, left=side[0], right=side[1], bottom=side[2], top=top, width_gap=gap[0], height_gap=gap[1],
+        grid=(rows, columns),
+    )  # fmt: skip
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes in grid.flat[len(drawn) :]:
         axes.set_visible(False)
-    panels = list(zip(grid.flat, result.drawn, strict=False))
-    clouds = [points for axes, strategy in panels for points in draw_robot(axes, result, strategy)]
-    ends = [(s.ways or (s.cycles,) * 2) for s in result.drawn]
-    azimuth = best_azimuth([(np.vstack(robot.skeleton(a.q[-1])), np.vstack(robot.skeleton(b.q[-1]))) for a, b in ends])
-    for zoom in ZOOMS:
-        for axes, strategy in panels:
-            title = f"{on_figure(strategy.name)}\n{_ending(strategy)}"
-            frame_robot(axes, robot, clouds, title, azimuth=azimuth, zoom=zoom)
-        if robot.planar or inside(figure):
-            break
+    for axes, strategy, title in zip(grid.flat, drawn, titles, strict=False):
+        actors, curves = cast(result, strategy)
+        draw_panel(axes, stage, actors, curves, title)
+        if result.robot.planar and axes not in grid[:, 0]:
+            axes.set_ylabel("")
     return figure
+
+
+def stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:
+    """The stage for the starts and ends of some strategies, and their paths."""
+    casts = [cast(result, s) for s in drawn]
+    postures = np.array([one.q for actors, _ in casts for one in actors])
+    pairs: list[tuple[Vector, Vector]] = [(s.ways[0].q[-1], s.ways[1].q[-1]) for s in drawn if s.ways is not None]
+    pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
+    curves = [curve for _, found in casts for curve in found]
+    return stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
+
+
+def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
+    """The postures to show of a strategy, and its tool's paths; the start is pale, the second way an outline."""
+    actors = [Actor(result.start, GREY, "ghost")]
+    if strategy.ways is None:
+        color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
+        points = tool_points(result, strategy.cycles)
+        return [*actors, Actor(strategy.cycles.q[-1], color)], [Curve(p, LOOP) for p in points]
+    clockwise, counter = strategy.ways
+    actors += [Actor(clockwise.q[-1], CLOCKWISE), Actor(counter.q[-1], COUNTER_CLOCKWISE, "outline")]
+    curves = [Curve(points, CLOCKWISE) for points in tool_points(result, clockwise)]
+    return actors, curves + [Curve(points, COUNTER_CLOCKWISE, 3) for points in tool_points(result, counter)]
+
+
+def _apart(strategy: StrategyResult) -> float:
+    """How far the two ways end apart, or the last posture from the first."""
+    one, other = strategy.ways or (strategy.cycles, strategy.cycles)
+    gap = one.q[-1] - (other.q[-1] if strategy.ways else strategy.cycles.q[0])
+    return float(np.abs(gap).max())
 
 
 def margins(
@@ -196,31 +305,10 @@ def margins(
     )  # fmt: skip
 
 
-def draw_robot(axes: Any, result: JobResult, strategy: StrategyResult) -> list[Any]:
-    """The robot at the start and at the end of each way, with the tool paths; returns the points drawn.
-
-    The clockwise end is wide and light, the counter-clockwise one thin: neither covers the other.
-    """
-    robot = result.robot
-    clouds = list(robot.skeleton(result.start))
-    robot_stick(axes, robot, result.start, GREY, width=2.2)
-    if strategy.ways is None:
-        walks = ((strategy.cycles, CLOCKWISE),)
-    else:
-        walks = tuple(zip(strategy.ways, (CLOCKWISE, COUNTER), strict=True))
-    for walk, look in walks:
-        points = tool_points(result, walk)
-        tool_path(axes, robot, points, **{**look, "linewidth": 1.4})
-        wide = look is CLOCKWISE and strategy.ways is not None  # so that both are seen where they are one
-        robot_stick(axes, robot, walk.q[-1], look["color"], width=6.0 if wide else 1.8, alpha=0.45 if wide else 1.0)
-        clouds += [points, *robot.skeleton(walk.q[-1])]
-    return clouds
-
-
-def tool_points(result: JobResult, walk: Trajectory) -> Any:
-    """Tool positions (k, 3) of at most 120 samples of a trajectory."""
+def tool_points(result: JobResult, walk: Trajectory) -> list[Any]:
+    """Positions (k, 3) of every tip, at most 120 samples of a trajectory."""
     keep = np.unique(np.linspace(0, len(walk) - 1, min(len(walk), 120)).round().astype(int))
-    return np.array([result.robot.pose(q)[:3, 3] for q in walk.q[keep]])
+    return [result.robot.pose_batch(walk.q[keep], tip.name)[0] for tip in result.robot.tips]
 
 
 def _ending(strategy: StrategyResult) -> str:

@@ -11,11 +11,16 @@ import numpy as np
 from ..auditing import LogAudit, Repeatability
 from ..files import replacing
 from .figures import margins
-from .plots import INK, PALETTE, frame_robot, robot_stick, thin, tool_path
+from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
+from .panels import Actor, Curve, draw_panel, stage_of
+from .plots import thin
 from .words import on_figure
 
 MOST_JOINTS = 4
 """Joints in the figure: those that move most."""
+
+MOST_ARMS = 4
+"""Postures in the figure: at the start pose, after so many cycles at most."""
 
 
 def print_log_audit(audit: LogAudit, console: Any) -> None:
@@ -29,7 +34,7 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = {Repeatability.REPEATS: "green", Repeatability.UNDECIDED: "yellow"}.get(audit.verdict, "red")
+    color = {Repeatability.REPEATS: GOOD, Repeatability.UNDECIDED: WARNING}.get(audit.verdict, BAD)
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
@@ -46,8 +51,7 @@ def log_figure(audit: LogAudit) -> Any:
     figure = Figure(figsize=(10.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
     joints_at_start(figure.add_subplot(1, 2, 1), audit)
-    kind = {} if audit.robot.planar else {"projection": "3d"}
-    tool_cycles(figure.add_subplot(1, 2, 2, **kind), audit)
+    tool_cycles(figure.add_subplot(1, 2, 2), audit)
     word = audit.verdict.name.lower().replace("_", " ")
     figure.suptitle(
         f"{on_figure(FilePath(audit.recording.source).name)}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
@@ -61,11 +65,11 @@ def joints_at_start(axes: Any, audit: LogAudit) -> Any:
     order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
     numbers = np.arange(len(shift))
     allowed = audit.tolerance + audit.noise_floor
-    axes.axhspan(-allowed, allowed, color="#eceef1", zorder=0, label=f"tolerance {allowed:.2g}")
+    axes.axhspan(-allowed, allowed, color=PALE, zorder=0, label=f"tolerance {allowed:.2g}")
     marker = "o-" if len(shift) <= 60 else "-"
     for i, joint in enumerate(sorted(order)):
         name = on_figure(audit.robot.joint_names[joint])
-        axes.plot(numbers, shift[:, joint], marker, color=PALETTE[i], linewidth=1.6, markersize=3.5, label=name)
+        axes.plot(numbers, shift[:, joint], marker, color=color_of(i), linewidth=1.6, markersize=3.5, label=name)
     most = max(float(np.abs(shift).max()), 2 * allowed)
     axes.set_ylim(-1.15 * most, 1.15 * most)
     axes.xaxis.get_major_locator().set_params(integer=True)
@@ -80,30 +84,32 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
     """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import Normalize, to_hex
 
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
     at = thin(len(log), 20_000)
     points, _ = audit.task.poses(log.q[at])
-    tool_path(axes, robot, points, color="#c9cdd4", linewidth=1.0, zorder=1)
     colors = colormaps["viridis"]
     count = len(cycles)
 
-    def color(done: int) -> Any:
-        return colors(0.9 - 0.8 * done / count)
+    def color(done: int) -> str:
+        return to_hex(colors(0.9 - 0.8 * done / count))
 
-    for i in thin(count, 30):
-        here = (at >= cycles.start[i]) & (at <= cycles.stop[i])
-        if here.any():
-            tool_path(axes, robot, points[here], color=color(int(i) + 1), linewidth=1.3)
-    clouds = [points]
     first = np.vstack(
         [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
     )
-    for i in thin(count + 1, 6):
-        robot_stick(axes, robot, first[i], color(int(i)), width=1.8)
-        clouds += robot.skeleton(first[i])
-    frame_robot(axes, robot, clouds, "Path of the tool, and the arm at the start pose")
+    shown = [int(i) for i in thin(count + 1, MOST_ARMS)]
+    stage = stage_of(robot, first[shown], [Curve(points, PALE)], pairs=[(first[0], first[-1])])
+    outlines = [Actor(first[i], color(i), "outline") for i in shown[1:]]
+    draw_panel(
+        axes, stage, [Actor(first[0], color(0)), *outlines], title="Path of the tool, and the arm at the start pose"
+    )
+    seen = stage.scene.view.seen(points)
+    axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
+    for i in thin(count, 30):
+        here = (at >= cycles.start[i]) & (at <= cycles.stop[i])
+        if here.any():
+            axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
-    axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.12, label="cycles done", ticks=[0, count])
+    axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.04, label="cycles done", ticks=[0, count])
     return axes

@@ -1,4 +1,4 @@
-"""Figures of runs on physics: rests over the cycles, a push, and the arms, as MuJoCo renders them or as sticks."""
+"""Figures of runs on physics: rests over the cycles, a push, and the arms."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ from ..errors import HolokinError
 from ..physics import PhysicalRun, make_plant
 from ..physics.plant import mujoco_module
 from ..robot import servo
+from ..strategies import HolonomicStrategy
 from ..types import Matrix, Vector
-from .plots import ELEVATION, GREY, INK, PALETTE, frame_robot, robot_stick, tool_path, write_figure
+from .palette import BLUE, GREY, INK, LOOP, PALE, color_of, law_colors, rgb
+from .panels import Actor, Curve, draw_panel, stage_of
+from .plots import NAMED, write_figure
 from .words import joint_unit, on_figure
+
+ELEVATION = 20.0
+"""Height of the eye over the floor in rendered pictures [degrees]."""
 
 AROUND = (0.3, 1.0)
 """Seconds before a push and after it that its figure shows."""
@@ -40,10 +46,10 @@ MARGIN = 12
 VISIBLE = 5e-3
 """Distance of two rests [rad, m] from which both are drawn."""
 
-RED = (0.82, 0.21, 0.17, 1.0)
+PATH = (*(c / 255 for c in rgb(LOOP)), 1.0)
 """Of the tool's path [rgba]."""
 
-GHOST = (0.25, 0.45, 0.85, 0.55)
+GHOST = (*(c / 255 for c in rgb(BLUE)), 0.55)
 """Of the arm as it rested first [rgba]."""
 
 
@@ -53,8 +59,9 @@ def apart_figure(runs: Mapping[str, PhysicalRun], predicted: Mapping[str, Matrix
 
     figure = Figure(figsize=(7.4, 4.2), layout="constrained")
     axes: Any = figure.add_subplot()
-    for i, (label, run) in enumerate(runs.items()):
-        color, cycles = PALETTE[i % len(PALETTE)], np.arange(1, run.cycles + 1)
+    colors = law_colors([isinstance(run.strategy, HolonomicStrategy) for run in runs.values()])
+    for color, (label, run) in zip(colors, runs.items(), strict=True):
+        cycles = np.arange(1, run.cycles + 1)
         axes.semilogy(cycles, np.maximum(run.apart, 1e-9), "o", color=color, markersize=5, label=on_figure(label))
         known = predicted.get(label)
         if known is not None and (sizes := np.abs(known).max(axis=1)).max() > 1e-9:
@@ -80,9 +87,9 @@ def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
         first, last = run.push or (0.0, 0.0)
         t, off = run.pushed(*AROUND)
         for joint, name in enumerate(run.strategy.task.robot.joint_names):
-            color = PALETTE[joint % len(PALETTE)]
-            axes.plot(t, 1e3 * off[:, joint], color=color, label=on_figure(name, 30))
-        axes.axvspan(0, last - first, color="#eceef1", zorder=0)
+            dash = "-" if joint < NAMED else "--"
+            axes.plot(t, 1e3 * off[:, joint], color=color_of(joint % NAMED), linestyle=dash, label=on_figure(name, 30))
+        axes.axvspan(0, last - first, color=PALE, zorder=0)
         axes.set_title(on_figure(label), loc="left", color=INK, fontsize=10)
         axes.set_xlabel("seconds since the push began")
     grid[0, 0].set_ylabel(f"deflection [m{joint_unit(next(iter(runs.values())).strategy.task.robot)}]")
@@ -93,30 +100,33 @@ def push_figure(runs: Mapping[str, PhysicalRun]) -> Any:
 
 
 def write_frames(runs: Mapping[str, PhysicalRun], file: FilePath) -> None:
-    """The arms at their first rest, pale, and at their last: rendered by MuJoCo, or where no GL is there, as sticks."""
+    """The arms at their first rest, pale, and at their last: rendered by MuJoCo, or where no GL is there, as solids."""
     try:
         pictures = rendered(runs)
     except HolokinError:
         raise
     except Exception:  # noqa: BLE001  a missing GL shows itself as any error at all
-        write_figure(lambda: sticks_figure(runs), file)
+        write_figure(lambda: bodies_figure(runs), file)
         return
     write_figure(lambda: pictures_figure(runs, pictures), file)
 
 
-def sticks_figure(runs: Mapping[str, PhysicalRun]) -> Any:
-    """The arms as stick figures: the first rest in grey, the last in colour, and the path of the tool."""
+def bodies_figure(runs: Mapping[str, PhysicalRun]) -> Any:
+    """The arms as solids: the first rest pale, the last in colour, and the path of the tool; all on one scale."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.0 * len(runs), 5.0), layout="constrained")
+    casts, first = {}, next(iter(runs.values())).strategy.task.robot
+    colors = law_colors([isinstance(run.strategy, HolonomicStrategy) for run in runs.values()])
+    for color, (label, run) in zip(colors, runs.items(), strict=True):
+        casts[label] = ([Actor(run.rests[0], GREY, "ghost"), Actor(run.rests[-1], color)], [Curve(run.position, color)])
+    postures = np.array([actor.q for actors, _ in casts.values() for actor in actors])
+    curves = [curve for _, found in casts.values() for curve in found]
+    stage = stage_of(first, postures, curves, pairs=[(run.rests[0], run.rests[-1]) for run in runs.values()])
+    wide, tall = stage.scene.shape
+    figure = Figure(figsize=(4.6 * len(runs), 4.4 * tall / wide + 0.6), layout="constrained")
     for i, (label, run) in enumerate(runs.items()):
-        robot = run.strategy.task.robot
-        axes = figure.add_subplot(1, len(runs), i + 1, **({} if robot.planar else {"projection": "3d"}))
-        tool_path(axes, robot, run.position, color=PALETTE[1], linewidth=1.2)
-        robot_stick(axes, robot, run.rests[0], GREY, width=2.4)
-        robot_stick(axes, robot, run.rests[-1], PALETTE[0], width=2.4)
-        clouds = [line for q in (run.rests[0], run.rests[-1]) for line in robot.skeleton(q)]
-        frame_robot(axes, robot, clouds, _caption(label, run), azimuth=-20.0, zoom=1.2)
+        axes = figure.add_subplot(1, len(runs), i + 1)
+        draw_panel(axes, stage, *casts[label], title=_caption(label, run))
     return figure
 
 
@@ -130,7 +140,8 @@ def pictures_figure(runs: Mapping[str, PhysicalRun], pictures: Mapping[str, Any]
         axes.imshow(pictures[label])
         axes.set_axis_off()
         axes.set_title(_caption(label, run), loc="left", color=INK, fontsize=11)
-    figure.supxlabel("orange: after the last cycle; blue, where it is elsewhere: at the start", fontsize=10)
+    said = "orange: the arm after the last cycle; blue: at the start, where that is elsewhere; green: the tool's path"
+    figure.supxlabel(said, fontsize=10)
     return figure
 
 
@@ -218,6 +229,6 @@ def _draw_path(mujoco: Any, scene: Any, points: Matrix) -> None:
         if scene.ngeom >= scene.maxgeom or np.allclose(a, b):
             continue
         geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(RED, "f"))
+        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(PATH, "f"))
         mujoco.mjv_connector(geom, kind, 0.004, a, b)
         scene.ngeom += 1

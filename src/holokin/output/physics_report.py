@@ -19,6 +19,7 @@ from ..recording import read_recording
 from ..robot import Robot, servo, to_mjcf
 from ..types import Matrix
 from .folder import FACTS, renewed
+from .palette import BAD, GOOD, WARNING
 from .physics_figures import apart_figure, push_figure, write_frames
 from .plots import write_figure
 from .result import file_stems
@@ -164,7 +165,7 @@ def print_physics(result: PhysicsResult, console: Any) -> None:
     for one in result.played:
         run = one.run
         verdict = "-" if one.audit is None else one.audit.verdict.name.lower().replace("_", " ")
-        color = "green" if verdict == "repeats" else "red" if verdict in ("drifts", "wanders") else "yellow"
+        color = GOOD if verdict == "repeats" else BAD if verdict in ("drifts", "wanders") else WARNING
         table.add_row(
             Text(brief(one.label)), str(run.cycles),
             number(float(run.apart.max(initial=0.0))) if run.cycles else "-",

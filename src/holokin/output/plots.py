@@ -1,6 +1,6 @@
 """Drawing, one thing a function: each takes an Axes and returns it.
 
-As the paper draws: clockwise solid blue, counter-clockwise dashed red.
+As in the paper, the clockwise way is solid and the counter-clockwise one dashed.
 """
 
 from __future__ import annotations
@@ -15,18 +15,24 @@ from ..errors import ArgumentError
 from ..files import replacing
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
-from ..types import Indices, Matrix, Vector
+from ..types import Indices, Vector
+from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
 from .words import on_figure
 
-CLOCKWISE = {"color": "#1f5fbf", "linestyle": "-", "linewidth": 1.8}
-COUNTER = {"color": "#d1352b", "linestyle": (0, (4, 2)), "linewidth": 1.8}
-GREY = "#9aa1ac"
-ELEVATION = 20.0
-"""Height of the eye over the floor in pictures in space [degrees]."""
-ZOOMS = (1.38, 1.3, 1.2, 1.1, 1.0, 0.9)
-"""How near pictures in space are looked at, the nearest first: labels hang out of their axes, see `inside`."""
-INK = "#22262e"
-PALETTE = ("#1f5fbf", "#d1352b", "#2e8b57", "#8a4fbf", "#c47f11", "#0f8b8d", "#6b7280", "#b03a7c")
+WAYS = {
+    "clockwise": {"color": CLOCKWISE, "linestyle": "-", "linewidth": 2.4},
+    "counter-clockwise": {"color": COUNTER_CLOCKWISE, "linestyle": (0, (4, 1.5)), "linewidth": 1.8},
+}
+"""How the two ways are drawn."""
+
+NAMED = 7
+"""Joints in a panel that have a colour each: those that move most. The others are grey, and named together."""
+
+LABELS = 8
+"""Laws with a label each in the picture of drift; of more, the holonomic ones have one together."""
+
+ROUND_OFF = 1e-9
+"""Drift [rad or m] below which a law is counted to those that come back to the start."""
 
 _STYLE = {
     "font.size": 10,
@@ -74,153 +80,178 @@ def thin(count: int, most: int = 600) -> Indices:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
 
 
-def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int) -> Any:
-    """One joint over time, by both ways, with the gap at the end or crosses where they stop. [ZR11, Figs 4, 5, 8]"""
+def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int, robot: Robot | None = None) -> Any:
+    """One joint over time, by both ways, with the gap at the end or crosses where they stop. [ZR11, Figs 4, 5, 8]
+
+    Of a robot with limits these are lines, or where they are far beyond the panel, numbers at its right edge.
+    """
     stops: list[float] = []
-    for walk, style, label in ((clockwise, CLOCKWISE, "clockwise"), (counter, COUNTER, "counter-clockwise")):
+    for walk, (label, style) in zip((clockwise, counter), WAYS.items(), strict=True):
         keep = thin(len(walk))
         axes.plot(walk.t[keep], walk.q[keep, joint], label=label, **style)
         if walk.status is not Status.COMPLETE:
             stops.append(float(walk.t[-1]))
         end = "o" if walk.status is Status.COMPLETE else "X"
-        axes.plot(walk.t[-1], walk.q[-1, joint], end, color=style["color"], markersize=4 if end == "o" else 7)
+        axes.plot(walk.t[-1], walk.q[-1, joint], end, color=style["color"], markersize=5 if end == "o" else 8)
     gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
     unit = clockwise.joint_units[joint]
     low, high = axes.get_ylim()
     least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
     if high - low < least:
         axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    if robot is not None:
+        limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
     ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
     axes.set_title(f"{on_figure(clockwise.joint_names[joint], 30)}: {ending}", loc="left", color=INK, fontsize=10)
     axes.set_ylabel(unit)
     return axes
 
 
-def joint_cycles(axes: Any, walk: Trajectory, colors: Sequence[str] = PALETTE) -> Any:
-    """Every joint's departure from its start over the cycles, drift of the worst joint named. [ZR11, Fig. 6]"""
-    keep = thin(len(walk), 1500)
+def limit_lines(axes: Any, lower: float, upper: float) -> Any:
+    """The limits of what is drawn: a line each where it is near, else its number beside an arrow at the right edge."""
+    low, high = axes.get_ylim()
+    near = [x for x in (lower, upper) if low - 0.6 * (high - low) <= x <= high + 0.6 * (high - low)]
+    for limit in near:
+        axes.axhline(limit, color=LIMIT, linewidth=1.6, linestyle=(0, (1, 1)), label="limit", zorder=1.5)
+    if near:
+        pad = 0.06 * (high - low)
+        axes.set_ylim(min([low, *(x - pad for x in near)]), max([high, *(x + pad for x in near)]))
+    for limit, arrow, y in ((lower, "\u2193", 0.0), (upper, "\u2191", 1.0)):
+        if np.isfinite(limit) and limit not in near:
+            axes.text(
+                1.01, y, f"{arrow} {limit:.3g}", transform=axes.transAxes, ha="left", va="bottom" if y == 0 else "top",
+                fontsize=7.5, color=_LIMIT_TEXT,
+            )  # fmt: skip
+    return axes
+
+
+def joint_cycles(axes: Any, walk: Trajectory, named: Sequence[int] | None = None) -> Any:
+    """Every joint's departure from its start over the cycles. [ZR11, Fig. 6]
+
+    Args:
+        named: the joints in colours, by default all; the others are grey.
+    """
+    keep = thin(len(walk), 900)
     shift = walk.q - walk.q[0]
-    for joint, name in enumerate(walk.joint_names):
-        shown, color = on_figure(name, 30), colors[joint % len(colors)]
-        axes.plot(walk.t[keep], shift[keep, joint], color=color, linewidth=1.4, label=shown)
+    named = range(len(walk.joint_names)) if named is None else named
+    rest = [j for j in range(len(walk.joint_names)) if j not in named]
+    for joint in rest:
+        label = f"grey: {', '.join(on_figure(walk.joint_names[j], 30) for j in rest)}" if joint == rest[0] else None
+        axes.plot(walk.t[keep], shift[keep, joint], color="#c3c8d0", linewidth=1.0, label=label or "_grey", zorder=1.8)
+    for place, joint in enumerate(named):
+        name = on_figure(walk.joint_names[joint], 30)
+        axes.plot(
+            walk.t[keep], shift[keep, joint], color=color_of(place), linewidth=1.7, label=name,
+            linestyle="-" if place < len(COLORS) else (0, (4, 1.5)),
+        )  # fmt: skip
     for mark in walk.marks[1:]:
-        axes.axvline(walk.t[mark], color="#e5e7eb", linewidth=0.8, zorder=0)
+        axes.axvline(walk.t[mark], color=PALE, linewidth=0.8, zorder=0)
+    axes.axhline(0, color=GREY, linewidth=0.8, zorder=1)
     axes.set_xlabel("time [s]")
     return axes
 
 
-def drift_per_cycle(axes: Any, walks: dict[str, Trajectory]) -> Any:
-    """Largest joint drift after 1, 2, ... cycles, on a logarithmic scale down to round-off."""
-    for i, (name, walk) in enumerate(walks.items()):
-        values = np.maximum(np.abs(walk.drift_since_start()).max(axis=1), 1e-17)
-        cycles = np.arange(1, len(values) + 1)
-        axes.semilogy(cycles, values, "o-", color=PALETTE[i % len(PALETTE)], linewidth=1.8, markersize=4, label=name)
+def movers(walks: Sequence[Trajectory], most: int = NAMED) -> list[int]:
+    """The joints that move most in some motions, in their own order; all where there are few."""
+    reach = np.max([np.abs(walk.q - walk.q[0]).max(axis=0) for walk in walks], axis=0)
+    if len(reach) <= most:
+        return list(range(len(reach)))
+    return sorted(int(j) for j in np.argsort(-reach, kind="stable")[:most])
+
+
+def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[str] | None = None) -> Any:
+    """Largest joint drift after 1, 2, ... cycles, on a logarithmic scale down to round-off, each line with its name.
+
+    Of many laws those without drift have one name together, and of the others the last ones.
+    """
+    sizes = {name: np.abs(walk.drift_since_start()).max(axis=1) for name, walk in walks.items()}
+    colors = [color_of(i) for i in range(len(sizes))] if colors is None else colors
+    told: list[tuple[float, str, str]] = []
+    order = sorted(sizes, key=lambda name: -sizes[name][-1])
+    for (name, values), color in zip(sizes.items(), colors, strict=True):
+        cycles, shown = np.arange(1, len(values) + 1), np.maximum(values, 1e-17)
+        alone = len(sizes) <= LABELS or (values.max() > ROUND_OFF and name in order[: LABELS - 2])
+        paint = color if alone else HOLONOMIC if values.max() <= ROUND_OFF else GREY
+        axes.semilogy(cycles, shown, "o-", color=paint, linewidth=1.8 if alone else 1.0, markersize=4, label=name)
+        if alone:
+            told.append((float(shown[-1]), name, color))
+    if len(sizes) > LABELS:
+        told += _together(sizes, {name for _, name, _ in told})
     axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
-    axes.text(0.99, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="right", color="#6b7280", fontsize=9)
+    axes.text(0.01, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="left", color="#6b7280", fontsize=9)
     axes.set_ylim(1e-17, 10)
     axes.set_xlabel("cycles done")
     units = dict.fromkeys(unit for walk in walks.values() for unit in walk.joint_units)
     axes.set_ylabel(f"joint drift, largest joint [{' or '.join(units)}]")
     axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlim(0.7, max(len(v) for v in sizes.values()) + 0.3)
+    beside(axes, told)
     return axes
 
 
-def robot_stick(axes: Any, robot: Robot, q: Vector, color: str, *, width: float = 3.0, alpha: float = 1.0) -> list[Any]:
-    """The robot as a stick figure; returns the artists. In a plane for a planar robot, else in space."""
-    artists = []
-    for line in robot.skeleton(q):
-        points = _planar(line) if robot.planar else line.T
-        artists += axes.plot(
-            *points, color=color, linewidth=width, alpha=alpha, marker="o", markersize=width + 1,
-            markerfacecolor="white", markeredgecolor=color, markeredgewidth=1.2, solid_capstyle="round",
-        )  # fmt: skip
-    return artists
+def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
+    """Labels for the laws that have none of their own: how many, and how far they drift."""
+    found = []
+    rest = {name: values for name, values in sizes.items() if name not in alone}
+    for back, color in ((True, HOLONOMIC), (False, "#6b7280")):
+        group = [v for v in rest.values() if (v.max() <= ROUND_OFF) == back]
+        if group:
+            ends = [float(v[-1]) for v in group]
+            what = "laws come back to the start" if back else "more laws drift"
+            place = float(np.exp(np.mean(np.log(np.maximum(ends, 1e-17)))))
+            found.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
+    return found
 
 
-def tool_path(axes: Any, robot: Robot, points: Matrix, **style: Any) -> list[Any]:
-    """A tool path (k, 3) in the robot's axes; returns the artists."""
-    keep = thin(len(points))
-    shown = _planar(points[keep]) if robot.planar else points[keep].T
-    return axes.plot(*shown, **style)
+def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
+    """Names (height in data, text, colour) right of the axes, none over another, joined to the ends of their lines."""
+    places = [float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in told]
+    order = sorted(range(len(told)), key=lambda i: places[i])
+    spread: list[float] = []
+    for i in order:
+        spread.append(max(places[i], spread[-1] + least if spread else 0.02))
+    over = spread[-1] - 0.98 if spread else 0.0
+    if over > 0:  # from the top downwards
+        for k in range(len(spread) - 1, -1, -1):
+            spread[k] = min(spread[k], 0.98 if k == len(spread) - 1 else spread[k + 1] - least)
+    for at, i in zip(spread, order, strict=True):
+        _, text, color = told[i]
+        axes.plot([1.0, 1.03], [places[i], at], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
+        axes.text(1.04, at, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
 
 
-def frame_robot(
-    axes: Any,
-    robot: Robot,
-    clouds: Sequence[Matrix],
-    title: str = "",
-    *,
-    azimuth: float = -62.0,
-    zoom: float = ZOOMS[0],
-) -> Any:
-    """Equal scales, limits close round all points and the base, few ticks; seen from an azimuth [degrees]."""
-    points = np.vstack([*clouds, np.zeros((1, 3))])
-    low, high = points.min(axis=0), points.max(axis=0)
-    axes.set_title(title, loc="left" if robot.planar else "center", fontsize=10, color=INK)
-    if robot.planar:
-        pad = 0.1 * (high - low)[:2].max()
-        axes.set_xlim(low[0] - pad, high[0] + pad)
-        axes.set_ylim(low[1] - pad, high[1] + pad)
-        axes.set_aspect("equal")
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel("y [m]")
-        return axes
-    size = np.maximum(1.1 * (high - low), 0.5 * float((high - low).max()))
-    middle = (low + high) / 2
-    if low[2] >= -1e-9:  # stands on the floor
-        middle[2] = size[2] / 2
-    axes.set_xlim(middle[0] - size[0] / 2, middle[0] + size[0] / 2)
-    axes.set_ylim(middle[1] - size[1] / 2, middle[1] + size[1] / 2)
-    axes.set_zlim(middle[2] - size[2] / 2, middle[2] + size[2] / 2)
-    axes.set_box_aspect(size / size.max(), zoom=zoom * size.max() / float(np.linalg.norm(size)))
-    axes.view_init(elev=ELEVATION, azim=azimuth)
-    for axis, name, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", size, strict=True):
-        axis.pane.set_facecolor("#fafafa")
-        axis.set_major_locator(_few(side / size.max()))
-        axis.set_tick_params(labelsize=7, pad=-2)
-        axis.set_label_text(f"{name} [m]", fontsize=8)
-        axis.labelpad = -2 if name == "z" else -6  # the ticks of z are beside it, with all their digits
+def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:
+    """What each law uses of each joint's range: 0 and 1 are its limits. Joints without limits are left out."""
+    travel = robot.upper - robot.lower
+    limited = np.flatnonzero(np.isfinite(travel) & (travel > 0))
+    thick = 0.72 / max(len(walks), 1)
+    for i, ((name, walk), color) in enumerate(zip(walks.items(), colors, strict=True)):
+        share = (walk.q[:, limited] - robot.lower[limited]) / travel[limited]
+        low, high = share.min(axis=0), share.max(axis=0)
+        rows = np.arange(len(limited)) + (i - (len(walks) - 1) / 2) * thick
+        axes.barh(rows, np.maximum(high - low, 0.004), left=low, height=0.85 * thick, color=color, label=name, zorder=2)
+    for x in (0.0, 1.0):
+        axes.axvline(x, color=LIMIT, linewidth=1.6, linestyle=(0, (1, 1)))
+    axes.set_yticks(range(len(limited)), [on_figure(robot.joint_names[j], 24) for j in limited])
+    axes.set_ylim(len(limited) - 0.5, -0.5)
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, -0.02), max(high, 1.02))
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
+    axes.grid(axis="y", visible=False)
     return axes
 
 
-def inside(figure: Any) -> bool:
-    """Whether all titles, ticks and labels of a figure lie in it: those of axes in space do not keep to margins."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    figure.draw_without_rendering()
-    box, whole = figure.get_tightbbox(renderer), figure.bbox_inches
-    return bool(box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1)
+_LIMIT_TEXT = "#8f3f6b"
+"""Of the colour of limits, dark enough for small letters."""
 
 
-def best_azimuth(pairs: Sequence[tuple[Matrix, Matrix]]) -> float:
-    """The azimuth [degrees] from which pairs of postures, points (k, 3) each, show best how far they are apart.
+def _readable(color: str) -> str:
+    """A colour for letters: the pale ones of the palette are darkened."""
+    from matplotlib.colors import to_rgb
 
-    Half as much counts that the robot itself is seen from its side.
-    """
-    angles = np.arange(-150.0, 180.0, 10.0)
-    a, e = np.deg2rad(angles), np.deg2rad(ELEVATION)
-    right = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)])
-    up = np.stack([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.full_like(a, np.cos(e))])
-    gaps = np.vstack([one - other for one, other in pairs])
-    apart = np.hypot(gaps @ right, gaps @ up).max(axis=0)
-    body = np.vstack([one - one.mean(axis=0) for one, _ in pairs])
-    seen = np.abs(body @ right).max(axis=0)
-    score = seen / (2 * max(seen.max(), 1e-12))
-    if apart.max() > 1e-9:
-        score = score + apart / apart.max()
-    return float(angles[np.argmax(score)])
-
-
-def _planar(points: Matrix) -> Matrix:
-    return points[:, :2].T
-
-
-def _few(share: float) -> Any:
-    """Few ticks; on an axis that is but a share of the longest one, fewer, so that its name finds room."""
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(max(2, round(4 * share)))
+    red, green, blue = to_rgb(color)
+    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    return color if light < 0.25 else "#" + "".join(f"{round(158 * part):02x}" for part in (red, green, blue))
 
 
 def _gap(gap: float, unit: str) -> str:

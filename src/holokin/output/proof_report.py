@@ -10,6 +10,7 @@ from ..errors import brief
 from ..files import writing
 from ..proof import Certificate
 from .folder import FACTS, renewed
+from .palette import BAD, GOOD, WARNING
 from .table import Column
 
 COLUMNS: tuple[Column, ...] = (
@@ -39,16 +40,16 @@ def print_certificates(title: str, found: dict[str, Certificate | str], console:
     table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {"all": "green", "part": "yellow", "NO": "red"}
+    colors = {"all": GOOD, "part": WARNING, "NO": BAD}
     for name, one in found.items():
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
     console.print(table)
     for name, one in found.items():
         text = f"not certified: {one}" if isinstance(one, str) else str(one)
-        style = "green" if isinstance(one, Certificate) and one.whole else "yellow"
+        style = GOOD if isinstance(one, Certificate) and one.whole else WARNING
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
         if isinstance(one, Certificate) and not one.whole:
-            console.print(f"    {one.extent.value}", style="yellow", markup=False, highlight=False)
+            console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
 
 
 def write_certificates(name: str, found: dict[str, Certificate | str], out: FilePath, version: str) -> list[FilePath]:

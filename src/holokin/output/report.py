@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import posture_text
 from ..files import writing
+from ..motion import TimedTrajectory
 from .check_section import check_section
 from .figures import figures
 from .folder import FACTS, renewed
@@ -25,36 +26,57 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title><style>
 body {{ font: 16px/1.5 system-ui, sans-serif; color: #22262e; max-width: 68rem; margin: 2rem auto; padding: 0 1.2rem; }}
-h1 {{ font-size: 1.7rem; margin-bottom: .2rem; }} h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
+* {{ box-sizing: border-box; }}
+h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }}
+h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }}
 th, td {{ text-align: left; padding: .4rem .6rem; border-bottom: 1px solid #e5e7eb; vertical-align: top; }}
-th {{ color: #4b5563; font-weight: 600; }} .yes {{ color: #1c7c43; font-weight: 600; }}
-.no {{ color: #b3261e; font-weight: 600; }} figure {{ margin: 1.2rem 0; }} img {{ max-width: 100%; }}
+th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
+.yes {{ color: #00664a; font-weight: 600; }} .no {{ color: #a84a00; font-weight: 600; }}
+figure {{ margin: 1.6rem 0; }} img, video {{ max-width: 100%; height: auto; }} li, p, dd {{ overflow-wrap: anywhere; }}
 figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: auto; }}
+dt {{ font-weight: 600; float: left; clear: left; margin-right: .4rem; }} dd {{ margin: 0 0 .3rem 0; }}
+@media (max-width: 40rem) {{ body {{ margin: 1rem auto; padding: 0 .8rem; }} table {{ font-size: .8rem; }}
+figure.many {{ overflow-x: auto; }} figure.many img {{ max-width: none; width: 46rem; }} }}
 </style></head><body>
 {body}
 </body></html>
 """
 
 
+NOTHING_MOVES = 1e-9
+"""Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
+
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 """Control characters, which HTML has no use for."""
 
-_TERMS = (
-    "Defect: the curvature F of a strategy, how far a small loop of the tool carries the joints, per area of the "
-    "loop; zero everywhere means holonomic. Leaf: all the postures that a holonomic strategy can bring the robot to "
-    "from its start; on it the tool pose alone says where the joints are. Drift: how far the joints are, at the end "
-    "of a cycle, from where it began. Sigma min: the smallest singular value of the task Jacobian, zero where the "
-    "tool cannot move in some direction. Speed / MP: joint speed over that of the pseudo-inverse, which is the "
-    "least. Peak speed: the greatest joint speed over that joint's limit."
-)
-"""Terms of the table and the verdicts."""
+_TERMS = {
+    "Holonomic": "the law is repeatable: a closed path of the tool brings the joints back to their start.",
+    "Leaf": (
+        "all the postures to which a holonomic law can bring the robot from its start. On it the tool's pose alone "
+        "says where the joints are."
+    ),
+    "Drift": "how far the joints are, at the end of a cycle, from where they were at its beginning.",
+    "Two ways apart": (
+        "how much the joints differ when the tool comes to the same pose by half a loop clockwise, and by half a loop "
+        "counter-clockwise."
+    ),
+    "Tracking": "the largest distance of the tool from its path.",
+    "Sigma min": "the least singular value of the task Jacobian: at zero the tool cannot move in some direction.",
+    "Speed / MP": "joint speed over that of the pseudo-inverse (Moore-Penrose), which is the least.",
+    "Peak speed": "the greatest joint speed over that joint's limit.",
+    "Curvature (in the details: defect)": (
+        "how far a small loop of the tool takes the joints from their start, for the area of the loop. Zero: holonomic."
+    ),
+    "Witness": "the posture, of those that were tested, where the curvature is largest.",
+}
+"""Terms of the table and the verdicts, each with what it means."""
 
 
 def write_report(
-    result: JobResult, out: FilePath, version: str, extra: Callable[[FilePath], None] | None = None
+    result: JobResult, out: FilePath, version: str, extra: Callable[[FilePath], list[tuple[str, str]]] | None = None
 ) -> FilePath:
-    """Write `out/<job>/` and return it; `extra` may add files before it is put in place.
+    """Write `out/<job>/` and return it; `extra` may add films, and returns their names and captions.
 
     A folder of an earlier run is replaced whole; what others have put into it stays, see `renewed`.
 
@@ -63,20 +85,18 @@ def write_report(
         WriteError: the system refuses a file, which it names; an earlier run's folder stands as it was.
     """
     with renewed(out, result.name) as work:
-        _fill(result, work, version)
-        if extra is not None:
-            extra(work)
+        _fill(result, work, version, extra(work) if extra is not None else [])
         _write_facts(result, work, version)
     return out / result.name
 
 
-def _fill(result: JobResult, folder: FilePath, version: str) -> None:
+def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[str, str]]) -> None:
     shown: list[tuple[str, str]] = []
     for stem, caption, figure in figures(result):
         with writing(folder / f"{stem}.png"):
             figure.savefig(folder / f"{stem}.png", dpi=130, facecolor="white")
         with writing(folder / f"{stem}.svg"):
-            figure.savefig(folder / f"{stem}.svg", facecolor="white", metadata={"Date": None})
+            figure.savefig(folder / f"{stem}.svg", dpi=130, facecolor="white", metadata={"Date": None})
         shown.append((stem, caption))
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
@@ -86,7 +106,7 @@ def _fill(result: JobResult, folder: FilePath, version: str) -> None:
         if strategy.coverage is not None:
             strategy.coverage.save(folder / f"{result.stems[strategy.name]}-workspace.csv")
     with writing(folder / "report.html"):
-        (folder / "report.html").write_text(_page(result, folder, shown, version), "utf-8")
+        (folder / "report.html").write_text(_page(result, folder, shown, films, version), "utf-8")
 
 
 def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
@@ -105,7 +125,9 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
-def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], version: str) -> str:
+def _page(
+    result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
+) -> str:  # fmt: skip
     robot = result.robot
     start = posture_text(result.start, robot.joint_names)
     verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
@@ -121,14 +143,18 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
             [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
         ),
         "<ul>",
-        *(f"<li>{told}.<br><span class='small'>{shown}</span></li>" for told, shown in verdicts),
+        *(
+            f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>"
+            for told, shown in verdicts
+        ),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
-        f"<p class='small'>{escape(_TERMS)}</p>",
+        *_terms(),
         *_coverage(result),
         *_timing(result),
         *check_section(result, _html_table),
         "<h2>Figures</h2>",
+        *(_film(folder / name, caption) for name, caption in films),
         *(_figure(folder, stem, caption) for stem, caption in shown),
         "<h2>Everything measured</h2>",
         _all_figures(result),
@@ -137,6 +163,12 @@ def _page(result: JobResult, folder: FilePath, shown: list[tuple[str, str]], ver
     ]
     page = _PAGE.format(title=escape(result.title), body="\n".join(parts))
     return _CONTROL.sub("\ufffd", page)
+
+
+def _terms() -> list[str]:
+    """The glossary."""
+    entries = "".join(f"<dt>{escape(term)}:</dt><dd>{escape(text)}</dd>" for term, text in _TERMS.items())
+    return [f"<details class='small' open><summary>What the words mean</summary><dl>{entries}</dl></details>"]
 
 
 def _coverage(result: JobResult) -> list[str]:
@@ -159,12 +191,32 @@ def _coverage(result: JobResult) -> list[str]:
 
 def _timing(result: JobResult) -> list[str]:
     """What each joint does of its limits, by strategy; nothing in a job that is not timed."""
-    parts = [
-        f"<h3>{escape(s.name)}</h3><div class='wide'><pre>{escape(s.timed.table())}</pre></div>"
-        for s in result.strategies
-        if s.timed is not None
-    ]
-    return ["<h2>Timing</h2>", *parts] if parts else []
+    parts: list[str] = []
+    for s in result.strategies:
+        if s.timed is not None:
+            first, *rest = s.timed.table().splitlines()
+            slow = "".join(f"<li>{escape(line)}</li>" for line in rest[1 + len(s.timed.loads) :])
+            parts += [f"<h3>{escape(s.name)}</h3><p class='small'>{escape(first)}</p>", _loads(s.timed)]
+            parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
+    said = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
+    return ["<h2>Timing</h2>", f"<p class='small'>{said}</p>", *parts] if parts else []
+
+
+def _loads(timed: TimedTrajectory) -> str:
+    """The peaks of each joint as a table, numbers under their headings."""
+    head = ["joint", "speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time"]
+    table = []
+    for load in timed.loads:
+        cells = [escape(load.joint)]
+        for order, (peak, share) in enumerate(zip(load.peaks, load.shares, strict=True), 1):
+            unit = f"{load.unit}/s" + (f"<sup>{order}</sup>" if order > 1 else "")
+            cells += [
+                f"{peak if peak > NOTHING_MOVES else 0.0:.4g} {unit}",
+                f"{share:.0%}" if np.isfinite(share) else "-",
+            ]
+        far = f"{load.distance:.4g} {load.unit}" if np.isfinite(load.distance) else "-"
+        table.append([*cells, far, f"{load.distance_at:.3f} s"])
+    return _html_table(head, table, numbers=True)
 
 
 def _cell(text: str) -> str:
@@ -175,7 +227,18 @@ def _cell(text: str) -> str:
 def _figure(folder: FilePath, stem: str, caption: str) -> str:
     data = base64.b64encode((folder / f"{stem}.svg").read_bytes()).decode("ascii")
     image = f"<img alt='{escape(caption, quote=True)}' src='data:image/svg+xml;base64,{data}'>"
-    return f"<figure>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+    kind = " class='many'" if stem.startswith(("ways", "cycles", "coverage")) else ""  # too wide for a telephone
+    return f"<figure{kind}>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _film(file: FilePath, caption: str) -> str:
+    data, text = base64.b64encode(file.read_bytes()).decode("ascii"), escape(caption, quote=True)
+    if file.suffix == ".mp4":
+        how = "autoplay loop muted playsinline controls"
+        shown = f"<video {how} aria-label='{text}' src='data:video/mp4;base64,{data}'></video>"
+    else:
+        shown = f"<img alt='{text}' src='data:image/gif;base64,{data}'>"
+    return f"<figure>{shown}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _all_figures(result: JobResult) -> str:
@@ -208,7 +271,12 @@ def _expectations(result: JobResult) -> str:
     return _html_table(["strategy", "figure", "wanted", "found", ""], rows)
 
 
-def _html_table(head: list[str], rows: list[list[Any]]) -> str:
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in r) + "</tr>" for r in rows)
+def _html_table(head: list[str], rows: list[list[Any]], numbers: bool = False) -> str:
+    """A table; with numbers, all but its first column stand at the right."""
+
+    def cell(tag: str, text: Any, place: int) -> str:
+        return f"<{tag} class='n'>{text}</{tag}>" if numbers and place else f"<{tag}>{text}</{tag}>"
+
+    top = "".join(cell("th", text, k) for k, text in enumerate(head))
+    body = "".join("<tr>" + "".join(cell("td", text, k) for k, text in enumerate(r)) + "</tr>" for r in rows)
     return f"<div class='wide'><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"

@@ -14,13 +14,13 @@ from ..analysis import Verdict
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
-from ..robot import Robot
+from ..robot import LinkShape, Robot
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 
 METRICS: dict[str, str] = {
-    "defect": "defect: largest curvature |F_ij| near the start",
+    "defect": "curvature near the start, its largest (defect): joint error of a small loop over its area",
     "drift": "drift of the first cycle: its largest joint's [joint]",
     "drift_mean": "mean over the cycles of each one's drift [joint]",
     "drift_total": "largest joint's distance from the start after the last cycle [joint]",
@@ -28,10 +28,10 @@ METRICS: dict[str, str] = {
     "drift_most": "greatest of the cycles' drifts [joint]",
     "spread": "largest joint difference between the two ways [joint]",
     "tracking": "worst tracking error [m or rad]",
-    "sigma": "smallest singular value of J",
-    "speed": "rms joint speed over Moore-Penrose's",
+    "sigma": "least singular value of the task Jacobian",
+    "speed": "joint speed (rms) over that of the pseudo-inverse",
     "peak_speed": "greatest joint speed over that joint's limit",
-    "residual": "how far the joints left their leaf: largest change of the constraint g",
+    "residual": "how far the joints left their leaf: the largest change of g(q)",
     "invariant": "largest change of the given invariants",
     "same_joints": "largest joint difference between orientation representations [joint]",
     "coverage": "share of the workspace that the leaf reaches",
@@ -123,7 +123,7 @@ class NotRun:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """A whole job's findings."""
+    """A whole job's findings. obstacles: those of [checks] that stand still."""
 
     name: str
     title: str
@@ -137,6 +137,7 @@ class JobResult:
     seconds: float
     not_run: tuple[NotRun, ...] = ()
     workspace: str = ""
+    obstacles: tuple[LinkShape, ...] = ()
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

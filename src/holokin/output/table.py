@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import brief
+from .palette import BAD, GOOD, HOLONOMIC_TEXT, WARNING
 from .result import JobResult, StrategyResult
 from .words import joint_unit, speed_warning
 
@@ -91,12 +92,13 @@ def print_result(result: JobResult, console: Any) -> None:
     table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in columns(result):
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {"holonomic": "green", "NOT holonomic": "red", "NOT run": "bold red", "FAILED": "bold red", "ok": "green"}
+    colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
+    colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
     for cells in rows(result):
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
     for name, text in remarks(result):
-        console.print(f"  {brief(name)}: {text}", style="yellow", markup=False, highlight=False)
+        console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
     for strategy in result.strategies:
         if strategy.timed is not None:
             console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
@@ -109,4 +111,4 @@ def print_result(result: JobResult, console: Any) -> None:
         for check in strategy.checks:
             if not check.passed:
                 text = f"  {brief(strategy.name)}: expected {check.metric} {check.wanted}, found {check.found}"
-                console.print(text, style="red", markup=False, highlight=False)
+                console.print(text, style=BAD, markup=False, highlight=False)

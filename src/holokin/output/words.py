@@ -47,7 +47,7 @@ def ways_end(ways: tuple[Trajectory, Trajectory]) -> str:
     if clockwise.status is counter.status is Status.COMPLETE:
         gap = clockwise.q[-1] - counter.q[-1]
         apart = f"the two ways end {largest(gap, clockwise.joint_units)} apart"
-        return "both ways end alike" if np.abs(gap).max() < ALIKE else apart
+        return "both ways end at the same joints" if np.abs(gap).max() < ALIKE else apart
     named = [("clockwise", clockwise), ("counter-clockwise", counter)]
     return "\n".join(f"{name} {stopped(walk)}" for name, walk in named if walk.status is not Status.COMPLETE)
 

@@ -1,0 +1,229 @@
+"""A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base and tool frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+
+from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
+from ..robot.capsules import between
+from ..robot.numeric import Frames, joint_frames, placed
+from ..types import Matrix, Vector
+from .palette import AXES, GREY
+from .solids import Block, Rod, Solid, tint
+
+TAPER = 0.6
+"""Thickness of the last link over that of the first."""
+
+SLENDER = 26.0
+"""Length of a robot's chain over the radius of its first link, where its model has no shapes."""
+
+CORE = 0.4
+"""Thickness of the rod inside a link that has shapes, which holds together those that do not touch."""
+
+BEYOND = 0.15
+"""How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
+
+DIRECTIONS = 120
+"""Directions in which a shape is touched by planes: its outline in a picture is that of the solid between them."""
+
+_SMALL = 1e-6
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A solid on a joint's moving side (joint -1: the base), and what it is: link, other link, hinge, rail."""
+
+    joint: int
+    solid: Solid
+    role: str
+
+
+def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
+    """What a robot is drawn by; rails are as long as the sliders' limits, or as the motion Q (k, n) needs."""
+    if not robot.tips:
+        return ()
+    unit = thickness(robot, Q)
+    shown = [(shape, made) for shape in robot.shapes if not shape.obstacle and (made := _block(shape)) is not None]
+    shaped = {shape.joint for shape, _ in shown}
+    found = [Piece(s.joint, solid, ("link", "other")[s.joint % 2] if s.joint >= 0 else "base") for s, solid in shown]
+    deep = _depths(robot)
+    for start, end in _steps(robot):
+        if (start >= 0 or start not in shaped) and np.linalg.norm(end) > _SMALL:
+            width = unit * (1 - (1 - TAPER) * (deep[start] if start >= 0 else 0.0))
+            width *= CORE if start in shaped else 1.0
+            foot = end * min(0.5, width / np.linalg.norm(end)) if start < 0 else np.zeros(3)  # it stands on its plate
+            found.append(Piece(start, Rod(foot, end, width, np.zeros(3)), "link"))
+    for index, joint in enumerate(robot.joints):
+        width = unit * (1 - (1 - TAPER) * deep[index])
+        if joint.kind == "prismatic":
+            found += _rail(robot, index, Q, 1.25 * width, index in shaped)
+        elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.placement[:3, 3]) > width):
+            half = 1.2 * width * joint.axis
+            found.append(Piece(index, Rod(-half, half, 1.16 * width, np.zeros(3)), "hinge"))
+    if all(joint.kind != "prismatic" for joint in robot.joints if joint.parent < 0) and -1 not in shaped:
+        plate = block(Cylinder(2.4 * unit, 0.5 * unit), np.array([0, 0, 0.25 * unit]), np.eye(3))
+        found.append(Piece(-1, plate, "base"))
+    return tuple(found)
+
+
+def thickness(robot: Robot, Q: Matrix) -> float:
+    """The radius [m] of a robot's first link: a share of the length of its chain, or of what its sliders travel."""
+    length = chain_length(robot)
+    if length < _SMALL:
+        values = [np.ptp(Q[:, joint.coordinate]) for joint in robot.joints]
+        length = max(float(max(values, default=0.0)), 1e-3)
+    return length / SLENDER
+
+
+def solids_at(
+    pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
+) -> list[Solid]:  # fmt: skip
+    """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
+    looks = {
+        "link": tint(color, white=0.42), "other": tint(color, white=0.22), "hinge": tint(color, ink=0.06),
+        "base": tint(GREY, white=0.45), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
+    }  # fmt: skip
+    return [
+        _painted(piece.solid, looks[piece.role]).moved(*_frame(frames, piece.joint, k))
+        for piece in pieces
+        if still or piece.joint >= 0
+    ]
+
+
+def tool_frames(robot: Robot, frames: Frames, k: int, size: float) -> list[Solid]:
+    """The axes of every tip at posture k: x, y and z in the colours of `AXES`, rods of a length [m]."""
+    found: list[Solid] = []
+    for tip in robot.tips:
+        p, R = placed(frames, tip.joint, tip.placement, len(frames[0][0]))
+        found += triad(p[k], R[k], size)
+    return found
+
+
+def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
+    """Three rods along the axes of a frame."""
+    return [Rod(p, p + size * R[:, i], 0.075 * size, tint(color)) for i, color in enumerate(AXES)]
+
+
+def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid]:
+    """A polyline (k, 3) as thin rods; with a dash, that many of them are shown, then as many not."""
+    paint = tint(color, white=0.12)
+    return [
+        Rod(a, b, radius, paint)
+        for i, (a, b) in enumerate(pairwise(points))
+        if not dash or i % (2 * dash) < dash
+    ]  # fmt: skip
+
+
+def standing(shapes: Sequence[LinkShape], color: str = GREY) -> list[Solid]:
+    """Obstacles in the frame of the base, those that can be read."""
+    found = [(shape, _block(shape)) for shape in shapes]
+    return [_painted(solid, tint(color, white=0.25)) for _, solid in found if solid is not None]
+
+
+def posed(robot: Robot, Q: Matrix) -> Frames:
+    """The joints' frames at postures (k, n)."""
+    return joint_frames(robot, np.atleast_2d(Q))
+
+
+def cloud(solids: Sequence[Solid]) -> Matrix:
+    """Corners (k, 3) of what solids fill: nothing of them is farther out."""
+    boxes = [solid.box() for solid in solids]
+    return np.array([[b[i, 0], b[j, 1], b[k, 2]] for b in boxes for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+def block(shape: Shape, p: Vector, R: Matrix) -> Solid:
+    """A convex shape at p (3,), R (3, 3): a rod, or what is between the planes that touch it in some directions."""
+    if isinstance(shape, Capsule):
+        end = np.array([0.0, 0.0, shape.length / 2])
+        return Rod(-end, end, shape.radius, np.zeros(3)).moved(p, R)
+    solid = shape.hull if isinstance(shape, Mesh) else shape
+    center, reach = solid.ball
+    normals = _directions(solid)
+    return Block(normals, solid.support(normals), center, reach, np.zeros(3), _corners(solid)).moved(p, R)
+
+
+def _corners(shape: Shape) -> Matrix:
+    """Points (k, 3) that a solid is between; none, where a ball round it tells that well enough."""
+    if isinstance(shape, Box):
+        return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * shape.sides / 2
+    if isinstance(shape, Cylinder):
+        ring = shape.radius * _ring()
+        return np.vstack([ring + [0, 0, z] for z in (-shape.length / 2, shape.length / 2)])
+    return shape.corners if isinstance(shape, Hull) else np.zeros((0, 3))
+
+
+def _ring() -> Matrix:
+    """Points (48, 3) of the circle of radius 1 round z."""
+    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    return np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+
+
+def _block(shape: LinkShape) -> Solid | None:
+    if shape.shape.fault:
+        return None
+    return block(shape.shape, shape.placement[:3, 3], shape.placement[:3, :3])
+
+
+def _directions(shape: Shape) -> Matrix:
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    if isinstance(shape, Box):
+        return axes
+    if isinstance(shape, Cylinder):
+        return np.vstack([axes[[2, 5]], _ring()])
+    k = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    ring = np.sqrt(1 - z * z)
+    return np.vstack([axes, np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])])
+
+
+def _painted(solid: Solid, color: Vector) -> Solid:
+    if isinstance(solid, Rod):
+        return Rod(solid.a, solid.b, solid.radius, color)
+    return Block(solid.normals, solid.offsets, solid.center, solid.reach, color, solid.corners)
+
+
+def _frame(frames: Frames, joint: int, k: int) -> tuple[Vector, Matrix]:
+    if joint < 0:
+        return np.zeros(3), np.eye(3)
+    p, R = frames[joint]
+    return p[k], R[k]
+
+
+def _steps(robot: Robot) -> list[tuple[int, Vector]]:
+    """(joint, end (3,) in its frame) of the links: to each joint's frame and each tip that hangs on it."""
+    found = [(joint.parent, joint.placement[:3, 3]) for joint in robot.joints]
+    return found + [(tip.joint, tip.placement[:3, 3]) for tip in robot.tips]
+
+
+def _depths(robot: Robot) -> list[float]:
+    """How far along its chain each joint is, 0 to 1."""
+    steps: list[int] = []
+    for joint in robot.joints:
+        steps.append(1 + steps[joint.parent] if joint.parent >= 0 else 0)
+    return [step / max(*steps, 1) for step in steps]
+
+
+def _rail(robot: Robot, index: int, Q: Matrix, width: float, shaped: bool) -> list[Piece]:
+    """A slider: the beam that it runs on, which does not move with it, and its carriage."""
+    joint = robot.joints[index]
+    values = joint.multiplier * np.atleast_2d(Q)[:, joint.coordinate] + joint.offset
+    entry = robot.coordinates[joint.coordinate]
+    ends = joint.multiplier * np.array([entry.lower, entry.upper]) + joint.offset
+    low, high = float(ends.min()), float(ends.max())
+    used = float(values.min()), float(values.max())
+    spare = max(BEYOND * chain_length(robot), 4 * width)
+    low, high = max(low, used[0] - spare), min(high, used[1] + spare)
+    axis, R0 = joint.axis, joint.placement[:3, :3]
+    T, _ = between(low * axis, high * axis, 1.0)
+    beam = block(Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width])), T[:3, 3], T[:3, :3])
+    rail = Piece(joint.parent, beam.moved(joint.placement[:3, 3], R0), "rail")
+    if shaped:
+        return [rail]
+    sled = block(Box(np.array([2.2 * width, 2.2 * width, 2.4 * width])), np.zeros(3), T[:3, :3])
+    return [rail, Piece(index, sled, "carriage")]
