@@ -24,8 +24,8 @@ from .tube import Cells, Findings
 
 FORMAT = "holokin certificate 2"
 
-DETERMINANT = 1.15
-"""Of e + omega r in the bound of the determinant: room for the checker's own."""
+DETERMINANT = 0.9
+"""Of the bound of the determinant: room for the checker's own."""
 
 
 class Extent(Enum):
@@ -236,9 +236,9 @@ def least_determinant(found: Findings) -> float:
     """A lower bound of |det D_q E| at all roots: |det Y A| >= (1 - s)^n, s = e + omega r; over |det Y| that of A."""
     if not len(found.r):
         return 0.0
-    shrink = np.maximum(1 - DETERMINANT * (found.e + found.omega * found.r), 0.0)
+    shrink = np.maximum(1 - (found.e + found.omega * found.r), 0.0)
     with np.errstate(divide="ignore"):
-        each = shrink ** found.Y.shape[1] * (1 - 1e-13) / determinants(found.Y).high
+        each = DETERMINANT * shrink ** found.Y.shape[1] / determinants(found.Y).high
     return float(each.min())
 
 

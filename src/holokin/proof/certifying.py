@@ -69,6 +69,8 @@ def certify(
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)
+    if limits:
+        robot.check_limits(start)
     budget = whole("budget", budget)
     walk_end, stop = Extent.WHOLE, ""
     if not isinstance(where, Workspace):

@@ -7,7 +7,7 @@ the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at it
     eta >= |Y E(p(y), y)|,   M >= |1 - Y D_q E(p(y) + s, y)|   for all y and all |s| <= rho.
 
 If eta + M rho < rho, then s - Y E(p(y) + s, y) maps the box |s| <= rho into itself and contracts it: for each pose it
-holds just one root, within r = (1 - M)^-1 eta of p(y) and smooth in the pose, and D_q E is regular. [Kra69]
+holds just one root, within r = (1 - M)^-1 eta of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
 """
 
 import hashlib
@@ -129,7 +129,7 @@ class Checker:
         need(below(eta + cell.M * cell.rho, cell.rho), "[J; J_g] may be singular")
         cell.r = size((self.one - cell.M).solve(eta))
         self.say()
-        need(self.claims["determinant"] <= abs((self.one + cell.M * UNIT).det() / cell.Y.det()), "|det D_q E| is less")
+        need(self.claims["determinant"] <= (self.one - cell.M).det() / abs(cell.Y.det()), "|det D_q E| is less")
         hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)
         need(all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, q, r in hull), "a joint may leave hull or limits")
         return cell
