@@ -265,11 +265,9 @@ class Session:
     def self_motion(self, name: str, direction: int = 0) -> Slider:
         """The slider of one law along its self-motion, from where it stands; see `move_self`.
 
-        Args:
-            direction: which self-motion, from 0 to n - m - 1, where several joints are to spare.
+        direction: which one, from 0 to n - m - 1, where several joints are to spare.
 
-        Raises:
-            UnknownNameError; ArgumentError: no such direction. SingularityError: the arm is singular there.
+        Raises: UnknownNameError; ArgumentError: no such direction.
         """
         with self._lock:
             return slider_of(self._run(name), direction, self.limits)
