@@ -155,6 +155,10 @@ def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
         begun = session.advance(0.1)
     assert all(state.following or state.sentence for state in begun.laws)
     assert len(begun.laws[0].t) > 1
+    again = Job.model_validate(tomllib.loads(to_job(session)))
+    assert again.path.samples == session.loop.samples and len(again.strategies) <= len(session.laws)  # type: ignore[union-attr]
+    if session.loop.kind == "circle":  # type: ignore[union-attr]
+        assert session.loop.radius == pytest.approx(np.linalg.norm(session.loop.path.start - session.loop.center))  # type: ignore
 
 
 def test_a_robot_without_joints_to_spare_is_refused() -> None:
