@@ -1,0 +1,36 @@
+"""The studio: several laws of one robot side by side, on a tool that is dragged or runs round a loop."""
+
+from .laws import Law, default_laws
+from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
+from .opening import open_session, session_of_job, session_of_robot
+from .saving import to_job, write_job
+from .session import Session
+from .sliders import Slider
+from .spreading import LawWays, TwoWays
+from .states import Cloud, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
+
+__all__ = [
+    "Cloud",
+    "Judgement",
+    "Law",
+    "LawState",
+    "LawStatus",
+    "LawWays",
+    "Loop",
+    "Origin",
+    "Phase",
+    "Session",
+    "Slider",
+    "Snapshot",
+    "TwoWays",
+    "circle_loop",
+    "default_laws",
+    "eight_loop",
+    "open_session",
+    "polygon_loop",
+    "reversed_loop",
+    "session_of_job",
+    "session_of_robot",
+    "to_job",
+    "write_job",
+]
