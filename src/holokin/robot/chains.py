@@ -96,7 +96,7 @@ class _Builder:
         self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset))
 
     def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...], tuple[Visual, ...]]:
-        """Masses, shapes and looks below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+        """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
         bodies: list[Body] = []
         shapes: list[LinkShape] = []
         visuals: list[Visual] = []
