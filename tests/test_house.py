@@ -45,7 +45,7 @@ LAYERS = [
     {"designing"},
     {"output", "export"},
     {"job"},
-    {"studio"},
+    {"studios"},
     {"outcome"},
     {"exporting", "inspecting"},
     {"simulating"},

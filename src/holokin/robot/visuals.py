@@ -101,5 +101,3 @@ def _mjcf_color(model: Any, geom: int) -> Vector:
     """That of its material, where it has one."""
     material = int(model.geom_matid[geom])
     return np.array(model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom], dtype=float)
-
-
