@@ -359,3 +359,13 @@ def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> Inver
     if limits:
         strategy.task.robot.check_limits(q0)
     return InverseKinematics(strategy, q0, limits)
+
+
+def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
+    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its way was gone, what became of the pose).
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
+    """
+    p, R = ik._target(pose)
+    return ik._go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))

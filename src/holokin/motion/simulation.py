@@ -126,7 +126,7 @@ class _Run:
 
     def _loop(self, report: Callable[[int], None]) -> None:
         plan, n = self.plan, self.task.n
-        poses, twists = _targets(plan)
+        poses, twists = step_targets(plan)
         self.pulse = time.monotonic()
         q = self.start.copy()
         try:
@@ -165,7 +165,7 @@ def _flaw(answer: object, n: int) -> str:
     return ""
 
 
-def _targets(plan: Plan) -> tuple[Array, Matrix]:
+def step_targets(plan: Plan) -> tuple[Array, Matrix]:
     """Wanted poses (k, 4, 4) at the ends of the steps, and the constant twists (k, 6) that lead there.
 
     Of F > 1 frames (k, F, 4, 4) and (k, F, 6).

@@ -1,0 +1,181 @@
+"""One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HolokinError
+from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
+from ..motion.inverse_kinematics import way_to
+from ..strategies import HolonomicStrategy, Strategy
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..types import Array, Value, Vector
+from ..ways import StraightWay, straight
+from .laws import Law
+from .states import LawStatus
+
+PERIOD = 0.1
+"""Step of a law that follows by velocity [s]: no joint goes farther in a step than at its full speed in this time."""
+
+LONG, TURN = 0.01, 0.05
+"""Longest step of the target [m], [rad]: a Panda's joints then move by 0.02 rad, and errors stay below 1e-4."""
+
+CORRECTIONS = 12
+"""Steps at the end of the way that take the tool to its target: Newton's method needs three."""
+
+MOST = 400
+"""Steps of one way at most: four metres."""
+
+STRETCHED = 0.01
+"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
+folded, and its law no reason: along rays out of a Panda's workspace they end at 1e-3 and less."""
+
+EXACT = 1e-9
+"""Error [m or rad] at which a tool is at its target."""
+
+DOUBTFUL = 1e-4
+"""The same of a control law, which may have no feedback."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move(Value):
+    """Where a law stands after a target: joints (n,), its status, and a sentence where it does not follow."""
+
+    q: Vector
+    status: LawStatus
+    sentence: str = ""
+
+
+Follower = Callable[[Vector, Array], Move]
+"""(posture, poses (F, 4, 4)) -> the move to them."""
+
+
+def follower(law: Law, begin: Vector, limits: bool) -> Follower:
+    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `begin` (n,).
+
+    Raises:
+        HolokinError: the law is not defined there.
+    """
+    if isinstance(law.rule, HolonomicStrategy):
+        return _by_leaf(law.rule, begin, limits)
+    if isinstance(law.rule, Strategy):
+        return _by_velocity(law.rule, limits)
+    return _by_steps(law.rule, law.task, limits)
+
+
+def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follower:
+    """The same pose has the same joints, whatever the way of the tool."""
+    ik, one = inverse(strategy, begin, limits), strategy.task.frames == 1
+
+    def follow(q: Vector, poses: Array) -> Move:
+        pose = poses[0] if one else poses
+        try:
+            return Move(ik.near(pose, q), LawStatus.FOLLOWING)
+        except HolokinError:
+            last, status = way_to(ik, pose, q)
+        if status is InverseStatus.LIMIT:
+            return Move(q, LawStatus.LIMIT, limit_sentence(strategy.task, last))
+        return Move(q, *stopped(strategy.task, strategy.name, last))
+
+    return follow
+
+
+def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
+    """Small steps along the straight way, each slowed where a joint would be too fast, then Newton's method."""
+    task = strategy.task
+    law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
+    still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
+    error = task.error_function
+
+    def follow(q: Vector, poses: Array) -> Move:
+        way, steps = _way(task, q, poses)
+        at, status = q, StepStatus.OK
+        for k in range(1, steps + CORRECTIONS + 1):
+            target = way.at(min(1.0, k / steps)) if k < steps else task.target(poses)
+            at = at + PERIOD * law.step(at, _pose(task, target), still)
+            status = law.status
+            if status >= StepStatus.LIMIT:
+                break
+            if k >= steps and np.abs(error(at, *target)).max() < EXACT:
+                break
+        if status < StepStatus.LIMIT and np.abs(error(at, *task.target(poses))).max() < EXACT:
+            return Move(at, LawStatus.FOLLOWING)
+        if status is StepStatus.LIMIT:
+            return Move(q, LawStatus.LIMIT, limit_sentence(task, at))
+        return Move(q, *stopped(task, strategy.name, at))
+
+    return follow
+
+
+def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
+    """A control law along the straight way, as `simulate` runs it."""
+    robot, slack = task.robot, TOLERANCES.limit
+
+    def follow(q: Vector, poses: Array) -> Move:
+        way, steps = _way(task, q, poses)
+        F = task.frames
+        twist = np.hstack([way.move.reshape(F, 3), way.turn.reshape(F, 3)]) / (steps * PERIOD)
+        at = q
+        try:
+            step = rule.begin(q.copy())
+            for k in range(1, steps + CORRECTIONS + 1):
+                target = _pose(task, way.at(min(1.0, k / steps)))
+                rates = twist if k <= steps else np.zeros((F, 6))
+                at = at + PERIOD * np.asarray(step(at.copy(), target, rates[0] if F == 1 else rates, PERIOD))
+        except HolokinError as problem:
+            return Move(q, LawStatus.STOPPED, str(problem))
+        except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
+            return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
+        if at.shape != q.shape or not np.isfinite(at).all():
+            return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
+        if limits and ((at < robot.lower - slack) | (at > robot.upper + slack)).any():
+            return Move(q, LawStatus.LIMIT, limit_sentence(task, at))
+        off = float(np.abs(task.error_function(at, *task.target(poses))).max())
+        if off < DOUBTFUL:
+            return Move(at, LawStatus.FOLLOWING)
+        return Move(q, *stopped(task, rule.name, at))
+
+    return follow
+
+
+def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightWay, int]:
+    """The straight way of the tools from a posture to poses, and its number of steps."""
+    way = straight(*task.place(q), *task.target(poses))
+    far = float(np.linalg.norm(way.move.reshape(-1, 3), axis=1).max())
+    turned = float(np.linalg.norm(way.turn.reshape(-1, 3), axis=1).max()) if any(task.angular) else 0.0
+    return way, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
+
+
+def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
+    """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
+    F = task.frames
+    poses = np.zeros((F, 4, 4))
+    poses[:, :3, 3], poses[:, :3, :3], poses[:, 3, 3] = target[0].reshape(F, 3), target[1].reshape(F, 3, 3), 1.0
+    return poses[0] if F == 1 else poses
+
+
+def stopped(task: Task, name: str, last: Vector) -> tuple[LawStatus, str]:
+    """Why a law got no farther than a posture (n,): the arm is stretched there, or the law has no value further on."""
+    J, margin = task.jacobian_batch(last[None])
+    s = np.linalg.svd(J[0], compute_uv=False)
+    if margin[0] < 2 * TOLERANCES.representation:
+        cure = "turn the tool less, or choose a task with another orientation"
+        return LawStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
+    if s[-1] < STRETCHED * s[0]:
+        return LawStatus.OUT_OF_REACH, "The arm is stretched or folded: it goes no farther this way; drag it back."
+    cure = "drag it back, or choose another law or leaf"
+    return LawStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
+
+
+def limit_sentence(task: Task, q: Vector) -> str:
+    """Which joint is at or beyond its limit at a posture (n,), with the cure."""
+    robot = task.robot
+    past = np.maximum(robot.lower - q, q - robot.upper)
+    i = int(np.argmax(past))
+    bound = robot.lower[i] if robot.lower[i] - q[i] >= q[i] - robot.upper[i] else robot.upper[i]
+    unit = robot.coordinates[i].unit
+    return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."

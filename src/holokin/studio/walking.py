@@ -1,0 +1,128 @@
+"""One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the page asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HolokinError, JointLimitError
+from ..motion import ControlLaw, approach, move_to_leaf
+from ..motion.leaf import leaf_stepper, native_leaf
+from ..motion.native import NativeFollower
+from ..motion.simulation import step_targets
+from ..motion.velocity import native_velocity, velocity_stepper
+from ..path import Path
+from ..sampling import Plan, check_start, make_plan
+from ..strategies import HolonomicStrategy, Strategy
+from ..tolerances import TOLERANCES
+from ..types import Matrix, Vector
+from .following import limit_sentence, stopped
+from .laws import Law
+from .loops import Loop
+from .states import LawStatus
+
+Stepper = Callable[[Vector, int], Vector]
+"""(posture, step of the plan) -> the posture after it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A law on its way round a loop: its plan, where it begins (n,), and what makes its steps."""
+
+    law: Law
+    plan: Plan
+    begin: Vector
+    limits: bool
+    native: NativeFollower | None
+    stepper: Stepper
+
+    def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[LawStatus, str]]:
+        """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
+        rows = np.empty((last - first, len(q)))
+        done = self.native.run(q, first, last, rows) if self.native is not None else 0
+        at = rows[done - 1] if done else q
+        robot = self.law.task.robot
+        try:
+            for i in range(first + done, last):
+                at = self.stepper(at, i)
+                if self.limits:
+                    robot.check_limits(at)
+                rows[done] = at
+                done += 1
+        except JointLimitError:
+            return rows[:done], (LawStatus.LIMIT, limit_sentence(self.law.task, at))
+        except HolokinError as problem:
+            if self.law.strategy is None:
+                return rows[:done], (LawStatus.STOPPED, str(problem))
+            return rows[:done], stopped(self.law.task, self.law.name, rows[done - 1] if done else q)
+        return rows, (LawStatus.FOLLOWING, "")
+
+
+def leaf_start(law: Law, home: Vector) -> Vector:
+    """The posture (n,) with the tool of `home`, on the leaf that a law asks for; `home` where it asks for none.
+
+    Raises:
+        SingularityError, BranchError: the self-motion does not lead there.
+    """
+    if law.level is None or not isinstance(law.rule, HolonomicStrategy):
+        return home
+    return move_to_leaf(law.rule, home, law.level)
+
+
+def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
+    """The posture (n,) at which a law begins a loop: that of its leaf, led to the loop's start as a job's entry does.
+
+    Raises:
+        HolokinError: the law does not lead there.
+    """
+    begin = leaf_start(law, home)
+    if not isinstance(loop.path, Path) or loop.keys.get("entry") is None or law.strategy is None:
+        return begin
+    return approach(law.strategy, loop.path, begin, by=loop.keys["entry"]).q[-1]
+
+
+def walk(law: Law, loop: Loop, begin: Vector, limits: bool, *, build: bool = False) -> Walk:
+    """A law that begins a loop at a posture (n,) with the tool at its start.
+
+    Args:
+        build: compile native steps if there are none yet, which takes a second; else they are made in Python.
+
+    Raises:
+        HolokinError: the tool is elsewhere, the law is not defined there, or the posture is beyond the limits.
+    """
+    task = law.task
+    if limits:
+        task.robot.check_limits(begin)
+    if law.strategy is not None:
+        law.strategy(begin)
+    plan = make_plan(task, loop.path, loop.samples, task.place(begin)[1])
+    check_start(task, begin, *plan.first)
+    native: NativeFollower | None = None
+    if isinstance(law.rule, HolonomicStrategy):
+        native = native_leaf(law.rule, plan, begin, limits, load=True, build=build)
+        stepper = leaf_stepper(law.rule, plan, begin)
+    elif isinstance(law.rule, Strategy):
+        native = native_velocity(law.rule, plan, begin, limits, load=True, build=build)
+        stepper = velocity_stepper(law.rule, plan)
+    else:
+        stepper = _control_stepper(law.rule, plan, begin)
+    return Walk(law, plan, begin, limits, native, stepper)
+
+
+def _control_stepper(rule: ControlLaw, plan: Plan, begin: Vector) -> Stepper:
+    """The steps of `simulate`."""
+    poses, twists = step_targets(plan)
+    step = rule.begin(begin.copy())
+
+    def stepper(q: Vector, i: int) -> Vector:
+        rates = np.asarray(step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i])), dtype=float)
+        return q + plan.h[i] * rates
+
+    return stepper
+
+
+def target_at(plan: Plan, step: int) -> tuple[Vector, Matrix]:
+    """Positions (3F,) and rotations (3F, 3) after some steps of a cycle."""
+    return plan.first if step == 0 else plan.target(step - 1, 1.0)
