@@ -1,1 +1,27 @@
-"""The studio: a page in the browser with the robot, a loop to drag, and control laws side by side. Extra `studio`."""
+"""The studio: a page with laws of one robot side by side, on a tool that is dragged or runs round a loop. Extra `studio`."""
+
+from .laws import Law, default_laws
+from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
+from .opening import open_session, session_of_job, session_of_robot
+from .session import Session
+from .states import Cloud, Judgement, LawState, LawStatus, Phase, Snapshot
+
+__all__ = [
+    "Cloud",
+    "Judgement",
+    "Law",
+    "LawState",
+    "LawStatus",
+    "Loop",
+    "Phase",
+    "Session",
+    "Snapshot",
+    "circle_loop",
+    "default_laws",
+    "eight_loop",
+    "open_session",
+    "polygon_loop",
+    "reversed_loop",
+    "session_of_job",
+    "session_of_robot",
+]
