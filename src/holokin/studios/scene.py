@@ -10,14 +10,17 @@ import numpy as np
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, reach
-from ..types import ArrayLike, Flags, Indices, Matrix, Vector
+from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, frames_of, looks_of, quaternions, trimesh_package
 
-OPACITY = 0.5
+OPACITY = 0.62
 """Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
 
-APART = 0.06
-"""Joint distance [rad or m] to the robot at which a ghost is fully seen. Nearer ones fade out, into the robot."""
+APART = 0.03
+"""Distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen."""
+
+TOUCHING = 0.003
+"""Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
 
 FOV = np.deg2rad(40.0)
 """Of the camera, upright: as of a 50 mm lens."""
@@ -60,6 +63,7 @@ class Scene:
         self._labels: list[Any] = []
         self._traces: dict[int, Any] = {}
         self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
+        self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
         self._elbow = elbow_joint(robot, self.q0)
         self._floor()
         self._draw_robot()
@@ -89,7 +93,7 @@ class Scene:
                     lod="off",
                     cast_shadow=False,
                     receive_shadow=False,
-                )  # fmt: skip
+                )
             )
         for index, name in enumerate(self.names if count <= _LABELLED else ()):
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
@@ -104,17 +108,15 @@ class Scene:
         else:
             lead = self.lead
         positions, turns = frames_of(self.robot, postures)
-        away = np.abs(postures - postures[lead]).max(axis=1)
-        opacity = OPACITY * np.clip(away / APART, 0.0, 1.0) ** 0.5
-        shown: Flags = opacity > 0.02
         with self.server.atomic():
             for handle, frame in zip(self._solid, self._joints, strict=True):
                 handle.position, handle.wxyz = positions[frame, lead], turns[frame, lead]
-            for handle, frame in zip(self._ghosts, self._joints, strict=True):
+            for handle, frame, size in zip(self._ghosts, self._joints, self._sizes, strict=True):
+                opacity = seen(positions[frame], turns[frame], lead, size)
                 handle.batched_positions, handle.batched_wxyzs = positions[frame], turns[frame]
-                handle.batched_opacities, handle.batched_scales = opacity, shown.astype(float)
+                handle.batched_opacities, handle.batched_scales = opacity, (opacity > 0).astype(float)
             for index, label in enumerate(self._labels):
-                label.visible = bool(shown[index])
+                label.visible = index == lead or np.abs(postures[index] - postures[lead]).max() > APART
                 label.position = positions[self._elbow + 1, index] + [0.0, 0.0, _ABOVE]
 
     def show_start(self, q: ArrayLike | None) -> None:
@@ -228,6 +230,7 @@ class Scene:
         tm = trimesh_package()
         for look in self.looks:
             mesh = tm.Trimesh(look.points, look.triangles, vertex_colors=look.colors.astype(np.uint8), process=False)
+            _ = mesh.vertex_normals  # written only where they are known already; without them all is drawn flat
             self._solid.append(self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh))
 
     def _line(self, name: str, points: Matrix, color: str, thickness: float) -> None:
@@ -263,6 +266,17 @@ def elbow_joint(robot: Robot, q: Vector) -> int:
     moved = np.concatenate([frames_of(robot, np.array([q + step * v, q - step * v]))[0] for v in rest], axis=1)
     lengths = np.linalg.norm(moved[:, ::2] - moved[:, 1::2], axis=2).max(axis=1)
     return int(np.argmax(lengths)) - 1
+
+
+def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
+    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4): none where it is within the robot's.
+
+    Args:
+        size: distance [m] from the frame to the farthest point of the link.
+    """
+    turned = 2 * np.sqrt(np.clip(1 - np.einsum("ki,i->k", turns, turns[lead]) ** 2, 0.0, 1.0))
+    away = np.linalg.norm(positions - positions[lead], axis=1) + size * turned
+    return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
 
 
 def rotations_of(turns: Matrix) -> Matrix:
