@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..output.palette import GREY, INK, LIMIT, PALE
+from ..output.palette import INK, PALE
 from ..types import Vector
 from .states import Snapshot
+from .texts import block, marks, plain, quiet, table
 
 if TYPE_CHECKING:
     from .page import Page
@@ -96,30 +96,21 @@ class Charts:
         return int(np.argmax(np.abs(rest).max(axis=0))) if len(rest) else 0
 
     def _bars(self, snap: Snapshot) -> str:
-        robot, rows = self.page.session.robot, []
+        robot, rows, hints = self.page.session.robot, [], []
         for index, c in enumerate(robot.coordinates):
-            bounded = np.isfinite([c.lower, c.upper]).all()
+            bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
-            marks = "".join(
-                f'<div style="position:absolute;left:calc({_share(law.q[index], low, high):.1f}% - 2px);top:{-1 if i else -3}px;'
-                f'width:4px;height:{14 if i else 18}px;background:{color};border-radius:2px"></div>'
-                for i, (law, color) in enumerate(zip(snap.laws[:MOST], self.page.colors, strict=False))
-            )
-            edge = LIMIT if bounded else PALE
-            rows.append(
-                f'<div style="display:flex;align-items:center;margin:7px 0"><div title="{escape(c.name)}" '
-                f'style="width:96px;overflow:hidden;text-overflow:ellipsis;white-space:nowrap">{escape(c.name)}</div>'
-                f'<div style="position:relative;flex:1;height:12px;background:{PALE};border-left:2px solid {edge};'
-                f'border-right:2px solid {edge}">{marks}</div>'
-                f'<div style="width:56px;text-align:right">{snap.laws[self.page.lead].q[index]:.3f}</div></div>'
-            )
-        unit = f'<div style="color:{GREY}">number: joint of the solid robot [rad or m]; ends: its limits</div>'
-        return f'<div style="font-size:12px;color:{INK};padding:4px 10px">{"".join(rows)}{unit}</div>'
+            values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
+            number = plain(f"{snap.laws[self.page.lead].q[index]:.3f}", right=True)
+            short = c.name if len(c.name) <= 12 else f"...{c.name[-9:]}"
+            rows.append((plain(short), marks(values, self.page.colors, bounded), number))
+            hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
+        return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
 
 
 def _share(value: float, low: float, high: float) -> float:
-    """Where a value is between two others, 0 to 100."""
-    return float(np.clip(100 * (value - low) / (high - low), 0.0, 100.0)) if high > low else 50.0
+    """Where a value is between two others, 0 to 1."""
+    return float(np.clip((value - low) / (high - low), 0.0, 1.0)) if high > low else 0.5
 
 
 def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:

@@ -1,4 +1,4 @@
-"""`studio`: opens the page of a job or a robot in the browser."""
+"""`Studio`: serves the page of a job or a robot."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..arguments import typed
 from ..errors import ArgumentError, HolokinError
 from ..robot import Robot
+from .meshes import trimesh_package
 from .opening import open_session, session_of_robot
 from .page import Page
 from .scene import viser_package
@@ -101,39 +101,19 @@ class Studio:
             self.page.say(str(problem))
 
 
-@typed
-def studio(
-    what: str | Path | Robot | Session | None = None,
-    *,
-    port: int = PORT,
-    host: str = HERE,
-    browser: bool = True,
-    wait: bool = True,
-    tell: Callable[[str], Any] = print,
+def serve(
+    what: str | Path | Robot | Session | None,
+    port: int,
+    host: str,
+    browser: bool,
+    wait: bool,
+    tell: Callable[[str], Any],
 ) -> Studio:
-    """Open a page in the browser: the robot, a loop to drag, and control laws side by side.
-
-    All browsers that open the page share one state. See docs/studio.md.
-
-    Args:
-        what: a job (packaged, or a file), a robot (of the catalogue, a file, or a Robot), or a `studios.Session`; by
-            default the job panda-circle.
-        port: where the page is served; the next free one if it is in use.
-        host: "127.0.0.1" is this machine alone; with another address others can open the page, too.
-        browser: False opens none.
-        wait: serve until Ctrl-C; False returns at once, and `close()` ends it.
-        tell: hears where the page is, a sentence at a time.
-
-    Returns:
-        The studio, with `url` and `close()`.
-
-    Raises:
-        MissingExtraError: viser or trimesh is not installed. ArgumentError: a port or host that cannot be; a robot
-            without a joint to spare. HolokinError: what reading the job or robot raises.
-    """
+    """Open a page; as `hk.studio` says."""
     if not 0 <= port <= 65535:
         raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
     viser_package()
+    trimesh_package()
     made = Studio(_session(what), port, host)
     for note in made.notes:
         tell(note)
