@@ -43,8 +43,10 @@ def studio(
         MissingExtraError: viser or trimesh is not installed. ArgumentError: a port or host that cannot be; a robot
             without a joint to spare. HolokinError: what reading the job or robot raises.
     """
-    for name, kind, value in (("port", int, port), ("host", str, host), ("browser", bool, browser), ("wait", bool, wait)):
-        check(name, kind, value)
+    check("port", int, port)
+    check("host", str, host)
+    check("browser", bool, browser)
+    check("wait", bool, wait)
     if not callable(tell):
         raise ArgumentError("tell", tell, "give a function of one text")
     from .studios import Session

@@ -37,9 +37,9 @@ class Charts:
         with self.panel.add_tab("What the joints do"):
             gui = page.server.gui
             gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
-            self.drift = self._plot("cycle", "drift")
+            self.drift = self._plot("cycle", dots=True)
             self.pick = gui.add_dropdown("Joint", names, initial_value=names[self._restless()])
-            self.history = self._plot("time [s]", "joint")
+            self.history = self._plot("time [s]", dots=False)
             gui.add_markdown("**Joints** between their limits, a mark for each law")
             self.bars = gui.add_html("")
 
@@ -71,21 +71,19 @@ class Charts:
             self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
         self.bars.content = self._bars(snap)
 
-    def _plot(self, across: str, up: str) -> Any:
+    def _plot(self, across: str, dots: bool) -> Any:
         from viser import uplot
 
         laws = self.page.session.laws[:MOST]
         series = [uplot.Series(label=across)]
         for law, color in zip(laws, self.page.colors, strict=False):
-            dash = (6, 4) if not law.holonomic else ()
-            one = uplot.Series(label=law.name, stroke=color, width=2, points={"show": across == "cycle"})  # type: ignore[typeddict-item]
-            if dash:
-                one["dash"] = dash  # type: ignore[typeddict-item]
-            series.append(one)
+            dash = [] if law.holonomic else [6, 4]
+            series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=190, legend={"show": False},
-            scales={"x": {"time": False}}, axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
+            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=195, legend={"show": False},
+            scales={"x": {"time": False}}, padding=(14, 16, 0, 0),
+            axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
         )  # fmt: skip
 
     def _restless(self) -> int:

@@ -30,6 +30,10 @@ DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
 
 
+What = str | Path | Robot | Session | None
+"""What can be shown."""
+
+
 class Studio:
     """A page that is served until `close`. `hk.studio` makes one.
 
@@ -48,7 +52,7 @@ class Studio:
         found = self.server.get_port()
         self.url = f"http://{'localhost' if host == HERE else host}:{found}"
         self.notes: list[str] = []
-        if found != port:
+        if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
         if not _loopback(host):
             self.notes.append(f"everyone who reaches this machine at {host} can open and move the page")
@@ -101,14 +105,7 @@ class Studio:
             self.page.say(str(problem))
 
 
-def serve(
-    what: str | Path | Robot | Session | None,
-    port: int,
-    host: str,
-    browser: bool,
-    wait: bool,
-    tell: Callable[[str], Any],
-) -> Studio:
+def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
     """Open a page; as `hk.studio` says."""
     if not 0 <= port <= 65535:
         raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
@@ -125,7 +122,7 @@ def serve(
     return made
 
 
-def _session(what: str | Path | Robot | Session | None) -> Session:
+def _session(what: What) -> Session:
     if isinstance(what, Session):
         return what
     if isinstance(what, Robot):
