@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import ipaddress
+import os
+import socket
 import threading
 import time
 import webbrowser
@@ -26,6 +29,9 @@ PORT = 8080
 HERE = "127.0.0.1"
 """This machine alone."""
 
+TRIED = 50
+"""Ports that are tried."""
+
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
 
@@ -44,11 +50,9 @@ class Studio:
     def __init__(self, session: Session, port: int = PORT, host: str = HERE):
         viser = viser_package()
         self._lock = threading.Lock()
+        free = free_port(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner; ours says more
-            try:
-                self.server = viser.ViserServer(host=host, port=port, verbose=False)
-            except OSError as problem:
-                raise ArgumentError("the host", host, f"name one of this machine ({problem})") from None
+            self.server = viser.ViserServer(host=host, port=free, verbose=False)
         found = self.server.get_port()
         self.url = f"http://{'localhost' if host == HERE else host}:{found}"
         self.notes: list[str] = []
@@ -120,6 +124,29 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
     if wait:
         made.wait()
     return made
+
+
+def free_port(host: str, port: int) -> int:
+    """The first port from one on that is free at an address; 0 stays 0, which is any.
+
+    Raises:
+        ArgumentError: the address is none of this machine, or no port is free.
+    """
+    for found in range(port, min(port + TRIED, 65536)):
+        try:
+            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as one:
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                one.bind(place)
+            return found
+        except (socket.gaierror, UnicodeError):
+            break
+        except OSError as problem:
+            if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
+                break
+    else:
+        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+    raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
 
 
 def _session(what: What) -> Session:
