@@ -81,6 +81,7 @@ def circle_loop(
     start = c + r * flat / np.linalg.norm(flat)
     path = arc(start, c, -2 * np.pi if clockwise else 2 * np.pi, n, speed=positive("speed", speed))
     keys = {"kind": "circle", "center": c.tolist(), "normal": n.tolist(), "clockwise": clockwise, "speed": float(speed)}
+    keys["at"] = start.tolist()
     return Loop("circle", path, keys, samples, clockwise)
 
 
