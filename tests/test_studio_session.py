@@ -14,7 +14,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, PPR_START, urdf
 from holokin.job import Job, packaged_jobs, run_job
-from holokin.studio import (
+from holokin.studios import (
     Law,
     LawStatus,
     Origin,
@@ -390,7 +390,7 @@ def test_a_snapshot_never_changes() -> None:
 
 
 def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
-    from holokin.studio.history import History
+    from holokin.studios.history import History
 
     history = History(2, rows=64)
     t = np.arange(5000.0)
