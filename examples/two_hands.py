@@ -28,8 +28,10 @@ def carried(grip: np.ndarray) -> hk.Path:
 loop = hk.synchronized(*map(carried, grips))
 angles = hk.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "both arm angles held": hk.holonomic(task, angles)}
+motions = {}
 for name, law in laws.items():
     found = hk.drift(law, loop, q0, cycles=3, samples=200)
+    motions[name] = found.trajectory
     left, right = (task.value_batch(found.trajectory.q)[:, i : i + 3] for i in (0, 6))
     bent = np.ptp(np.linalg.norm(left - right, axis=1))
     print(f"{name}: {found} rad off after 1, 2 and 3 loops; the hands' distance changes by {bent:.0e} m")

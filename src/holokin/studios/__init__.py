@@ -3,6 +3,7 @@
 from .laws import Law, default_laws
 from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .opening import open_session, session_of_job, session_of_robot
+from .playback import Motion, Recording, record, record_session
 from .session import Session
 from .states import Cloud, Judgement, LawState, LawStatus, Phase, Snapshot
 
@@ -13,7 +14,9 @@ __all__ = [
     "LawState",
     "LawStatus",
     "Loop",
+    "Motion",
     "Phase",
+    "Recording",
     "Session",
     "Snapshot",
     "circle_loop",
@@ -21,6 +24,8 @@ __all__ = [
     "eight_loop",
     "open_session",
     "polygon_loop",
+    "record",
+    "record_session",
     "reversed_loop",
     "session_of_job",
     "session_of_robot",
