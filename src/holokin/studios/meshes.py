@@ -17,7 +17,7 @@ from ..types import Array, Indices, Matrix, Value
 SOLID = 200_000
 """Triangles of all links together that are drawn of one robot at most."""
 
-GHOST = 12_000
+GHOST = 20_000
 """The same of each ghost: 60 of them are drawn at once."""
 
 LINK, JOINT = (226, 229, 234), (96, 104, 117)

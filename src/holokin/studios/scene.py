@@ -10,14 +10,17 @@ import numpy as np
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, reach
-from ..types import ArrayLike, Flags, Indices, Matrix, Vector
+from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, frames_of, looks_of, quaternions, trimesh_package
 
-OPACITY = 0.5
+OPACITY = 0.62
 """Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
 
-APART = 0.06
-"""Joint distance [rad or m] to the robot at which a ghost is fully seen. Nearer ones fade out, into the robot."""
+APART = 0.03
+"""Distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen."""
+
+TOUCHING = 0.003
+"""Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
 
 FOV = np.deg2rad(40.0)
 """Of the camera, upright: as of a 50 mm lens."""
@@ -60,6 +63,8 @@ class Scene:
         self._labels: list[Any] = []
         self._traces: dict[int, Any] = {}
         self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
+        self._scales = np.zeros(0)
+        self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
         self._elbow = elbow_joint(robot, self.q0)
         self._floor()
         self._draw_robot()
@@ -72,7 +77,7 @@ class Scene:
         for handle in [*self._ghosts, *self._labels, *self._traces.values()]:
             handle.remove()
         self._ghosts, self._labels, self._traces = [], [], {}
-        tints = np.array([rgb(color) for color in self.colors], dtype=np.uint8).reshape(-1, 3)
+        tints = linear([rgb(color) for color in self.colors])
         count = len(tints)
         for look in looks_of(self.robot, GHOST)[0] if count else ():
             self._ghosts.append(
@@ -89,11 +94,12 @@ class Scene:
                     lod="off",
                     cast_shadow=False,
                     receive_shadow=False,
-                )  # fmt: skip
+                )
             )
         for index, name in enumerate(self.names if count <= _LABELLED else ()):
             label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
             self._labels.append(label)
+        self._scales = 0.996 - 0.002 * (np.arange(count) % 6)  # within one another, where two stand in one place
         self.show(np.tile(self.q0, (count, 1)))
 
     def show(self, Q: ArrayLike) -> None:
@@ -104,18 +110,17 @@ class Scene:
         else:
             lead = self.lead
         positions, turns = frames_of(self.robot, postures)
-        away = np.abs(postures - postures[lead]).max(axis=1)
-        opacity = OPACITY * np.clip(away / APART, 0.0, 1.0) ** 0.5
-        shown: Flags = opacity > 0.02
+        elbows = positions[self._elbow + 1]
         with self.server.atomic():
             for handle, frame in zip(self._solid, self._joints, strict=True):
                 handle.position, handle.wxyz = positions[frame, lead], turns[frame, lead]
-            for handle, frame in zip(self._ghosts, self._joints, strict=True):
+            for handle, frame, size in zip(self._ghosts, self._joints, self._sizes, strict=True):
+                opacity = seen(positions[frame], turns[frame], lead, size)
                 handle.batched_positions, handle.batched_wxyzs = positions[frame], turns[frame]
-                handle.batched_opacities, handle.batched_scales = opacity, shown.astype(float)
+                handle.batched_opacities, handle.batched_scales = opacity, (opacity > 0) * self._scales
             for index, label in enumerate(self._labels):
-                label.visible = bool(shown[index])
-                label.position = positions[self._elbow + 1, index] + [0.0, 0.0, _ABOVE]
+                label.visible = bool(np.linalg.norm(elbows[index] - elbows[lead]) > 2 * APART)
+                label.position = elbows[index] + [0.0, 0.0, _ABOVE]
 
     def show_start(self, q: ArrayLike | None) -> None:
         """A grey ghost at the posture from which the laws started (n,), or none."""
@@ -155,7 +160,7 @@ class Scene:
             return
         ends = pose[:3, 3][:, None] + size * pose[:3, :3]
         lines = np.stack([np.broadcast_to(pose[:3, 3], (3, 3)), ends.T], axis=1)
-        colors = np.array([[rgb(axis)] * 2 for axis in AXES], dtype=np.uint8)
+        colors = linear([[rgb(axis)] * 2 for axis in AXES])
         self.server.scene.add_line_segments(f"/frames/{name}", lines, colors, thickness=size / 20)
 
     def ball(self, point: ArrayLike | None, color: str, name: str, radius: float = 0.015) -> None:
@@ -195,8 +200,11 @@ class Scene:
         points = np.concatenate(ends) if ends else np.zeros((1, 3))
         return points.min(axis=0), points.max(axis=0)
 
-    def view(self, more: ArrayLike = ()) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at) (3,) [m]: from the side, so that the arm and more points fit in."""
+    def view(self, more: ArrayLike = (), aside: float = 0.0) -> tuple[Vector, Vector]:
+        """(place of the camera, point it looks at) (3,) [m]: from the side, so that the arm and more points fit in.
+
+        `aside`: share of the picture's height by which all stands left of its middle, where panels are on the right.
+        """
         low, high = self.box()
         extra = np.asarray(more, dtype=float).reshape(-1, 3)
         points = np.vstack([low, high, extra, [[low[0], low[1], 0.0]]])
@@ -208,7 +216,9 @@ class Scene:
         side = ahead - np.deg2rad(62.0)
         up = np.deg2rad(20.0)
         away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
-        return middle + 1.05 * radius / np.sin(FOV / 2) * away, middle
+        far = 1.05 * radius / np.sin(FOV / 2)
+        at = middle + aside * 2 * far * np.tan(FOV / 2) * np.array([-np.sin(side), np.cos(side), 0.0])
+        return at + far * away, at
 
     def look_from(self, place: Vector, at: Vector) -> None:
         """Where the camera of a browser begins, and returns to on "reset view"."""
@@ -218,8 +228,13 @@ class Scene:
     def _floor(self) -> None:
         size = 2.0 * float(np.ceil(min(reach(self.robot), 20.0))) if self.robot.tips else 2.0
         self.server.scene.set_up_direction("+z")
-        self.server.scene.configure_default_lights(True, cast_shadow=True)
-        self.server.scene.add_grid(
+        scene = self.server.scene
+        scene.configure_default_lights(False)
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere("/lights/sky", (255, 255, 255), (205, 210, 220), intensity=2.1)
+        scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
+        scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
+        scene.add_grid(
             "/floor", size, size, cell_size=0.1, cell_color=_CELL, section_size=0.5, section_color=_SECTION,
             plane_color=_FLOOR, plane_opacity=1.0, shadow_opacity=0.2, fade_distance=6.0 * size,
         )  # fmt: skip
@@ -227,8 +242,16 @@ class Scene:
     def _draw_robot(self) -> None:
         tm = trimesh_package()
         for look in self.looks:
-            mesh = tm.Trimesh(look.points, look.triangles, vertex_colors=look.colors.astype(np.uint8), process=False)
-            self._solid.append(self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh))
+            dull = tm.visual.TextureVisuals(
+                material=tm.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.7)
+            )
+            tints = linear(look.colors)
+            dull.vertex_attributes["color"] = np.column_stack([tints, np.full(len(tints), 255, dtype=np.uint8)])
+            mesh = tm.Trimesh(look.points, look.triangles, visual=dull, process=False)
+            _ = mesh.vertex_normals  # written only where they are known already; without them all is drawn flat
+            self._solid.append(
+                self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh, receive_shadow=False)
+            )
 
     def _line(self, name: str, points: Matrix, color: str, thickness: float) -> None:
         handle = self._traces.get(hash(name))
@@ -263,6 +286,24 @@ def elbow_joint(robot: Robot, q: Vector) -> int:
     moved = np.concatenate([frames_of(robot, np.array([q + step * v, q - step * v]))[0] for v in rest], axis=1)
     lengths = np.linalg.norm(moved[:, ::2] - moved[:, 1::2], axis=2).max(axis=1)
     return int(np.argmax(lengths)) - 1
+
+
+def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
+    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4): none where it is within the robot's.
+
+    Args:
+        size: distance [m] from the frame to the farthest point of the link.
+    """
+    turned = 2 * np.sqrt(np.clip(1 - np.einsum("ki,i->k", turns, turns[lead]) ** 2, 0.0, 1.0))
+    away = np.linalg.norm(positions - positions[lead], axis=1) + size * turned
+    return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+
+
+def linear(colors: ArrayLike) -> Indices:
+    """Colours (..., 3), 0 to 255, as the page takes those of points and of ghosts: by their light, not as of a screen."""
+    share = np.asarray(colors, dtype=float).reshape(-1, 3) / 255
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * light).astype(np.uint8).reshape(np.shape(colors)[:-1] + (3,))
 
 
 def rotations_of(turns: Matrix) -> Matrix:
