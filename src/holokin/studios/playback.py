@@ -22,11 +22,12 @@ import numpy as np
 from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
 from ..files import replacing
-from ..output.palette import GREY, law_colors
+from ..output.palette import law_colors
+from ..output.plots import best_azimuth
 from ..robot import Robot
 from ..trajectory import Status
 from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
-from .scene import Scene, viser_package
+from .scene import FOV, Scene, viser_package
 from .session import Session
 
 RATE = 25.0
@@ -41,8 +42,15 @@ TRACE = 40
 PIECES = 8
 """Pieces in which the elbow's line of a cycle appears."""
 
-GRAIN = 2.0**-14
-"""To which poses are rounded, 0.06 mm and 0.06 mrad: unseen, and half as many bytes."""
+ASPECT, LEFT, RIGHT, UPRIGHT = 1.6, -0.2, 0.96, 0.86
+"""Width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
+caption being on the left, and up to UPRIGHT of half its height."""
+
+ELEVATION = np.deg2rad(18.0)
+"""Of the camera; planar robots are seen from above."""
+
+THICK = 0.09
+"""How far [m] a robot is drawn beside the lines from joint to joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +202,7 @@ class _Film:
             scene.set_laws([""] * len(self.clips), self.colors, self.lead)
             loop = scene.points_of(Q[:, self.lead])[0] if path is None else finite("path", path)
             scene.path(loop)
-            scene.show_start(Q[0, self.lead])
-            scene.look_from(*scene.view(loop))
+            scene.look_from(*self.view(scene, Q, loop))
             pieces = self._pieces(scene)
             tape = server.get_scene_serializer()
             for frame in range(self.count):
@@ -208,6 +215,30 @@ class _Film:
         finally:
             with redirect_stdout(io.StringIO()):
                 server.stop()
+
+    def view(self, scene: Scene, Q: Array, loop: Matrix) -> tuple[Vector, Vector]:
+        """(place of the camera, point it looks at): from where the laws are seen best apart, all of it beside the caption."""
+        frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
+        bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
+        pairs = [(body, row[self.lead]) for row in bodies for body in row]
+        up = np.deg2rad(78.0) if self.robot.planar else ELEVATION
+        side = -np.pi / 2 if self.robot.planar else np.deg2rad(best_azimuth(pairs))
+        gap = sum((one - other).sum(axis=0) for one, other in pairs)
+        ahead = np.array([np.cos(side), np.sin(side), 0.0])
+        if not self.robot.planar and ahead @ gap < -1e-9:  # the ghosts in front of the robot, not behind it
+            ahead, side = -ahead, side + np.pi
+        away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
+        right = np.array([-np.sin(side), np.cos(side), 0.0])
+        above = np.cross(away, right)
+        points = np.vstack([*(body for row in bodies for body in row), loop, *scene.box(Q[0, self.lead])])
+        seen = points @ np.stack([right, above, away], axis=1)
+        low, high = seen.min(axis=0) - THICK, seen.max(axis=0) + THICK
+        tan, share = np.tan(FOV / 2), (RIGHT - LEFT) / 2
+        near = max((high[0] - low[0]) / (2 * share * ASPECT), (high[1] - low[1]) / (2 * UPRIGHT)) / tan
+        far = near + (high[2] - low[2]) / 2
+        middle = (low + high) / 2 @ np.stack([right, above, away])
+        at = middle - (LEFT + RIGHT) / 2 * ASPECT * tan * near * right
+        return at + far * away, at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
         """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
@@ -234,9 +265,8 @@ class _Film:
             laws.append({
                 "name": name, "color": self.colors[index], "solid": index == self.lead, "errors": shown, "ended": ended,
             })  # fmt: skip
-        units = {joint.kind for joint in self.robot.joints}
-        unit = "rad" if "prismatic" not in units else "rad or m"
-        return {"title": title, "text": text, "laws": laws, "unit": unit, "pace": round(self.pace, 1), "start": GREY}
+        unit = "rad" if all(self.robot.hinges) else "rad or m"
+        return {"title": title, "text": text, "laws": laws, "unit": unit, "pace": round(self.pace, 1)}
 
 
 def _motion(name: str, motion: Any, robot: Robot) -> Motion:
