@@ -91,13 +91,17 @@ class SelfMotions(Value):
         """Those through postures (S, n)."""
         return cls(task, *task.poses(Q))
 
-    def traced(self, Q: Matrix, *, step: float, length: float, limits: bool = False) -> list[SelfMotion]:
-        """The curves through postures (S, n), both ways, each round once; one joint is redundant.
+    def traced(
+        self, Q: Matrix, *, step: float, length: float, limits: bool = False, directions: Matrix | None = None
+    ) -> list[SelfMotion]:
+        """The curves through postures (S, n), both ways, each round once.
 
-        Args: as `self_motion`.
+        Args: as `self_motion`; directions (S, n): in which they begin, where several joints are redundant.
         """
         every = np.arange(len(Q))
-        v = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
+        if directions is None:
+            directions = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
+        v = directions
         ahead, last = self._one_way(Q, v, every, step, length, limits)
         still = np.flatnonzero([end != "closed" for end in last])
         others, first = self._one_way(Q[still], -v[still], still, step, length, limits)

@@ -4,8 +4,11 @@ from .laws import Law, default_laws
 from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .opening import open_session, session_of_job, session_of_robot
 from .playback import Motion, Recording, record, record_session
+from .saving import to_job, write_job
 from .session import Session
-from .states import Cloud, Judgement, LawState, LawStatus, Phase, Snapshot
+from .sliders import Slider
+from .spreading import LawWays, TwoWays
+from .states import Cloud, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
 
 __all__ = [
     "Cloud",
@@ -13,12 +16,16 @@ __all__ = [
     "Law",
     "LawState",
     "LawStatus",
+    "LawWays",
     "Loop",
     "Motion",
+    "Origin",
     "Phase",
     "Recording",
     "Session",
+    "Slider",
     "Snapshot",
+    "TwoWays",
     "circle_loop",
     "default_laws",
     "eight_loop",
@@ -29,4 +36,6 @@ __all__ = [
     "reversed_loop",
     "session_of_job",
     "session_of_robot",
+    "to_job",
+    "write_job",
 ]

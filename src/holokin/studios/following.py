@@ -13,7 +13,7 @@ from ..motion.inverse_kinematics import way_to
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
 from ..tolerances import TOLERANCES
-from ..types import Array, Value, Vector
+from ..types import Array, ArrayLike, Value, Vector, finite, tool_pose
 from ..ways import StraightWay, straight
 from .laws import Law
 from .states import LawStatus
@@ -50,8 +50,22 @@ class Move(Value):
     sentence: str = ""
 
 
-Follower = Callable[[Vector, Array], Move]
-"""(posture, poses (F, 4, 4)) -> the move to them."""
+Follower = Callable[[Vector, Array, bool], Move]
+"""(posture, poses (F, 4, 4), whether to wait for the compiler) -> the move to them."""
+
+
+def poses_of(task: Task, pose: ArrayLike) -> Array:
+    """(F, 4, 4) of a pose (4, 4), or of one for each of the F frames of a task.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: what is no pose.
+    """
+    given = finite("a tool pose", pose)
+    shaped = given[None] if task.frames == 1 and given.ndim == 2 else given
+    poses = finite("a tool pose", shaped, (task.frames, 4, 4))
+    for one in poses:
+        tool_pose("a tool pose", one)
+    return poses
 
 
 def follower(law: Law, begin: Vector, limits: bool) -> Follower:
@@ -71,12 +85,16 @@ def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follow
     """The same pose has the same joints, whatever the way of the tool."""
     ik, one = inverse(strategy, begin, limits), strategy.task.frames == 1
 
-    def follow(q: Vector, poses: Array) -> Move:
+    def follow(q: Vector, poses: Array, wait: bool) -> Move:
         pose = poses[0] if one else poses
-        try:
-            return Move(ik.near(pose, q), LawStatus.FOLLOWING)
-        except HolokinError:
-            last, status = way_to(ik, pose, q)
+        if wait:
+            try:
+                return Move(ik.near(pose, q), LawStatus.FOLLOWING)
+            except HolokinError:
+                pass
+        last, status = way_to(ik, pose, q, native=wait)
+        if status is InverseStatus.REACHED:
+            return Move(last, LawStatus.FOLLOWING)
         if status is InverseStatus.LIMIT:
             return Move(q, LawStatus.LIMIT, limit_sentence(strategy.task, last))
         return Move(q, *stopped(strategy.task, strategy.name, last))
@@ -91,7 +109,7 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
     still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
     error = task.error_function
 
-    def follow(q: Vector, poses: Array) -> Move:
+    def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         way, steps = _way(task, q, poses)
         at, status = q, StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
@@ -115,7 +133,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     """A control law along the straight way, as `simulate` runs it."""
     robot, slack = task.robot, TOLERANCES.limit
 
-    def follow(q: Vector, poses: Array) -> Move:
+    def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         way, steps = _way(task, q, poses)
         F = task.frames
         twist = np.hstack([way.move.reshape(F, 3), way.turn.reshape(F, 3)]) / (steps * PERIOD)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..constraints import arm_angle, find_arm, lock
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError, NoArmError
+from ..job.strategies import KINDS, Fitted
 from ..motion import ControlLaw
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
 from ..task import Task
@@ -25,6 +26,7 @@ class Law(Value):
         task: what it serves.
         level: the leaf g(q) = c (r,) that a holonomic law holds; None is that of the session's start posture.
         keys: what a job file says of it, kind and its keys; None of a law that a job cannot say.
+        label: its name in a job, where one strategy is run for several tasks; else empty.
     """
 
     name: str
@@ -32,7 +34,8 @@ class Law(Value):
     rule: Strategy | ControlLaw
     task: Task
     level: Vector | None = None
-    keys: Mapping[str, Any] | None = field(default=None)
+    keys: Mapping[str, Any] | None = None
+    label: str = ""
 
     @property
     def holonomic(self) -> bool:
@@ -90,3 +93,19 @@ def redundant(task: Task) -> None:
     if task.n <= task.m:
         cure = "the studio shows redundant joints: give a task with fewer rows, or a robot with more joints"
         raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
+
+
+def rebuilt(law: Law, others: Iterable[Law], home: Vector) -> Law:
+    """A law for another start posture (n,): one that is made about the start, as radial and fitted ones, is made anew.
+
+    Raises:
+        HolokinError: it cannot be made there.
+    """
+    kind = (law.keys or {}).get("kind")
+    if kind not in ("radial", "fitted"):
+        return law
+    made = KINDS[kind].model_validate(dict(law.keys or {}))
+    if isinstance(made, Fitted):
+        given = next(one for one in others if (one.label or one.name) == made.of and one.task is law.task)
+        return law if given.strategy is None else replace(law, rule=made.fit(given.strategy, home, law.name))
+    return replace(law, rule=made.build(law.task, home, law.name))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import ArgumentError
-from ..path import arc, figure_eight, polyline
+from ..path import Path, arc, figure_eight, polyline
 from ..synchronized_paths import AnyPath
+from ..task import Task
+from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Value, Vector, finite, positive
 
 SAMPLES = 500
@@ -139,3 +141,14 @@ def _unit(direction: ArrayLike) -> Vector:
     if not size > 0:
         raise ArgumentError("direction", found.tolist(), "it may not vanish")
     return found / size
+
+
+def entered(loop: Loop, task: Task, home: Vector) -> Loop:
+    """The loop with the entry of a job where it begins away from the tool at a posture (n,), and else without."""
+    if task.frames > 1 or not isinstance(loop.path, Path):
+        return loop
+    R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation
+    away = bool(np.abs(task.error(home, loop.path.start, R)).max() > TOLERANCES.start)
+    if away == (loop.keys.get("entry") is not None):
+        return loop
+    return replace(loop, keys={**loop.keys, "entry": "joints" if away else None})

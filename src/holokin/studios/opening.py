@@ -3,40 +3,57 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
 from ..designing import fitting_task, regular_starts
+from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
-from ..job import open_one_job, packaged_jobs
+from ..job import Job, open_one_job, packaged_jobs
 from ..job.build import build_begin, build_strategy, build_tasks, naming
-from ..job.schema import Job
 from ..job.several_paths import build_paths
-from ..motion import follow
-from ..robot import Robot, load
-from ..strategies import HolonomicStrategy
+from ..motion import drift, follow
+from ..path import Path
+from ..robot import Robot
+from ..strategies import moore_penrose
+from ..synchronized_paths import AnyPath
 from ..task import Task
-from ..types import ArrayLike, Vector
+from ..types import ArrayLike, Matrix, Vector
 from .laws import Law, default_laws, redundant
 from .loops import Loop, circle_loop
 from .session import Session
+from .states import Origin
 
 TRIED = 4
-"""Start postures that are tried for a robot, each with loops of three sizes."""
+"""Start postures that are tried for a robot."""
 
-SIZES = (0.1, 0.05, 0.02, 0.01)
-"""Radii of the loop that is tried [m]."""
+SHARES = (0.15, 0.08, 0.04, 0.02)
+"""Radii of the circles that are tried, as shares of how far the tool is from the base: a Panda's first is 0.1 m."""
+
+LARGEST = 0.15
+"""Largest radius of such a circle [m]."""
+
+LOOK, TRY = 100, 40
+"""Steps a circle with which loops are compared, and laws are tried."""
+
+LASTING = 8
+"""Cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit."""
 
 
 def open_session(name: str, *, tip: str | None = None, base: str | None = None) -> Session:
     """A session of a job (packaged, or a file), or of a robot (of the catalogue, or a file).
 
     A job gives its robot, task, start, path and strategies. A robot gets the task that leaves joints free, a start in
-    the middle of its joint limits, `default_laws`, and a circle that all of them follow to the end.
+    the middle of its joint limits, `default_laws`, and a circle that they follow to the end, in the plane in which the
+    pseudo-inverse drifts most.
 
     Args:
-        name: as of `holokin run` or of `hk.load`. tip, base: of a robot, as of `hk.load`.
+        name: as of `holokin run` or of `hk.load`. tip, base: of a robot, as of `hk.load`; of a model the tool at the
+            end of its longest arm by default.
 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: what reading jobs and robots raises.
@@ -44,7 +61,9 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None) 
     if name in packaged_jobs() or _is_job(name):
         short, job, file = open_one_job(name)
         return session_of_job(short, job, file)
-    return session_of_robot(load(name, tip=tip, base=base), source=name)
+    chain = chain_to_tool(name, tip, base)
+    given = {"name": name, "tip": chain.tip if FilePath(name).suffix else tip, "base": chain.base}
+    return session_of_robot(chain.robot, source=name, origin={k: v for k, v in given.items() if v is not None})
 
 
 def _is_job(name: str) -> bool:
@@ -61,46 +80,57 @@ def _is_job(name: str) -> bool:
 def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     """A session of a job that was read.
 
+    A strategy that cannot begin, because it is singular at the start or its leaf is not found, is left out.
+
     Raises:
-        ArgumentError: no joint is to spare. HolokinError: as `run_job`; of a strategy that cannot begin, its reason.
+        ArgumentError: no joint is to spare. HolokinError: as `run_job`; of no strategy that can begin, the first's
+            reason.
     """
-    robot, start, tasks = build_tasks(job, file)
+    _, start, tasks = build_tasks(job, file)
     redundant(tasks[0])
     with naming(file, "path"):
         path, _ = build_paths(job, tasks[0], start, file)
     laws: list[Law] = []
     first: HolokinError | None = None
-    for label, table in job.strategies.items():
-        for task in tasks:
-            title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
-            try:
-                with naming(file, "strategies", label):
-                    strategy = build_strategy(job, label, task, start, title)
-                    begin, _ = build_begin(table, strategy, start)
-                    strategy(begin)
-            except HolokinError as problem:
-                first = first or problem
-                continue
-            level = None
-            keys = table.model_dump(exclude_unset=True)
-            if keys.get("leaf") is not None and isinstance(strategy, HolonomicStrategy):
-                level = np.atleast_1d(np.array(keys["leaf"], dtype=float))
-            laws.append(Law(title, len(laws), strategy, task, level, keys))
+    for (label, table), task in product(job.strategies.items(), tasks):
+        title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
+        try:
+            with naming(file, "strategies", label):
+                strategy = build_strategy(job, label, task, start, title)
+                strategy(build_begin(table, strategy, start)[0])
+        except HolokinError as problem:
+            first = first or problem
+            continue
+        keys = table.model_dump(exclude_unset=True)
+        level = np.atleast_1d(np.array(keys["leaf"], dtype=float)) if keys.get("leaf") is not None else None
+        laws.append(Law(title, len(laws), strategy, task, level, keys, label))
     if not laws and first is not None:
         raise first
     keys = job.path.model_dump(exclude_unset=True, exclude={"samples", "cycles"})
-    loop = Loop(job.path.kind, path, keys, job.path.samples, bool(job.path.clockwise))
-    return Session(laws, start, loop, title=job.title, source=name, cycles=job.path.cycles)
+    loop = Loop(job.path.kind, path, _based(keys, path), job.path.samples, bool(job.path.clockwise))
+    told = (table.model_dump(exclude_unset=True, exclude_none=True) for table in (job.robot, job.task))
+    origin = Origin(*told, file.parent.absolute())
+    return Session(laws, start, loop, title=job.title, source=name, cycles=job.path.cycles, origin=origin)
+
+
+def _based(keys: dict[str, Any], path: AnyPath) -> dict[str, Any]:
+    """The keys of a circle whose center counts from the tool, with its place in the base: a page moves it there."""
+    if keys["kind"] != "circle" or not keys.get("relative") or not isinstance(path, Path) or len(path.segments) != 1:
+        return keys
+    center = path.segments[0].center
+    return {key: value for key, value in keys.items() if key != "relative"} | {"center": center.tolist()}
 
 
 def session_of_robot(
-    robot: Robot, task: Task | None = None, start: ArrayLike | None = None, *, source: str = ""
-) -> Session:
+    robot: Robot, task: Task | None = None, start: ArrayLike | None = None, *, source: str = "",
+    origin: dict[str, Any] | None = None,
+) -> Session:  # fmt: skip
     """A session of a robot, with laws and a loop to begin with.
 
     Args:
         task: by default the pose, or else the position, or less, so that a joint is to spare.
         start: by default a regular posture in the middle of the joint limits.
+        origin: what a job says of the robot: its [robot]. With a task of your own no job can be written.
 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: no law is defined at the start.
@@ -110,28 +140,58 @@ def session_of_robot(
     starts = regular_starts(chosen)[:TRIED] if start is None else robot.checked(start, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
-    best: tuple[int, Vector, tuple[Law, ...], Loop | None] = (-1, starts[0], (), None)
-    for q in starts:
-        laws = default_laws(chosen, q)
-        for radius in SIZES:
-            tool = chosen.pose(q)[..., :3, 3].reshape(-1, 3)[0]
-            inward = np.array([-radius if tool[0] > 0 else radius, 0.0, 0.0])
-            loop = circle_loop(tool + inward, radius, near=tool)
-            count = sum(_follows(law, loop, q) for law in laws)
-            if count > best[0]:
-                best = count, q, laws, loop
-            if count == len(laws):
-                return Session(laws, q, loop, title=robot.name, source=source)
-    _, q, laws, loop = best
-    return Session(laws, q, loop, title=robot.name, source=source)
+    told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
+    known: dict[int, tuple[Law, ...]] = {}
+    for i, loop in _loops(chosen, starts):
+        laws = known[i] = known.get(i) or default_laws(chosen, starts[i])
+        if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
+            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told)
+    return Session(default_laws(chosen, starts[0]), starts[0], title=robot.name, source=source, origin=told)
 
 
-def _follows(law: Law, loop: Loop, q: Vector) -> bool:
-    """Whether a law follows a loop to its end."""
+def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
+    """Circles from the tool at start postures (k, n), each with the index of its start: of each size, the largest
+    first, in the order in which the pseudo-inverse drifts."""
+    given = moore_penrose(task)
+    far = float(np.linalg.norm(task.poses(starts)[0][:, :3], axis=1).max())
+    normals = np.eye(3)[2:] if task.robot.planar else np.eye(3)[::-1]
+    for share in SHARES:
+        radius = float(f"{min(LARGEST, share * far):.1g}")
+        found: list[tuple[float, int, Loop]] = []
+        for i, normal in product(range(len(starts)), normals):
+            tool = task.pose(starts[i]).reshape(-1, 4, 4)[0][:3, 3]
+            for inward in _inward(tool, normal):
+                loop = circle_loop(tool + radius * inward, radius, normal, near=tool)
+                try:
+                    size = float(drift(given, loop.path, starts[i], samples=LOOK).largest[0])
+                except HolokinError:
+                    continue
+                found.append((size, i, loop))
+        found.sort(key=lambda one: -one[0])
+        yield from ((i, loop) for _, i, loop in found)
+
+
+def _inward(tool: Vector, normal: Vector) -> list[Vector]:
+    """Unit directions in a plane from the tool to the center of a circle: towards the base, up and down."""
+    flat = [-np.sign(tool[0] or 1.0) * np.eye(3)[0], np.eye(3)[1], -np.eye(3)[2]]
+    return [d for d in flat if abs(float(d @ normal)) < 0.5][:2]
+
+
+def _follows(law: Law, loop: Loop, q: Vector, cycles: int) -> bool:
+    """Whether a law follows some cycles of a loop."""
     if law.strategy is None:
         return True
     try:
-        follow(law.strategy, loop.path, q, samples=100)
+        follow(law.strategy, loop.path, q, samples=TRY, cycles=cycles)
     except HolokinError:
         return False
     return True
+
+
+def _task_keys(task: Task) -> dict[str, Any]:
+    """[task] of a job, for what `fitting_task` chooses."""
+    if task.orientation is not None:
+        return {"kind": "pose", "orientation": "twist"}
+    if task.m == (2 if task.robot.planar else 3):
+        return {"kind": "position"}
+    return {"kind": "position", "rows": list(task.rows)}

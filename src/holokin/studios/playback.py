@@ -49,8 +49,14 @@ caption being on the left, and up to UPRIGHT of half its height."""
 ELEVATION = np.deg2rad(18.0)
 """Of the camera; planar robots are seen from above."""
 
-THICK = 0.09
-"""How far [m] a robot is drawn beside the lines from joint to joint."""
+RETURNED = 1e-6
+"""Largest error [joint unit] of a motion that is said to return: what integration leaves is below it."""
+
+TRIANGLES = 40_000
+"""Of the robot at most: half a megabyte."""
+
+ABOVE = np.array([0.0, 0.0, 0.06])
+"""How far [m] lines are drawn above the floor in which a planar robot moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +94,11 @@ class Motion(Value):
         """The largest joint's difference from the first mark, at each of the others [joint unit]."""
         q = self.q[list(self.marks)]
         return np.abs(q[1:] - q[:1]).max(axis=1) if len(q) > 1 else np.zeros(0)
+
+    @property
+    def returns(self) -> bool:
+        """True where the joints at all marks are the same."""
+        return len(self.marks) > 1 and bool(self.errors.max() < RETURNED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +197,8 @@ class _Film:
         self.length = max(float(clip.t[-1]) for clip in clips.values()) - self.start
         self.pace = max(1.0, self.length / seconds)
         self.count = max(2, round(self.length / self.pace * RATE) + 1)
-        self.colors = law_colors([name == lead for name in clips])
+        self.colors = law_colors([name == lead or clip.returns for name, clip in clips.items()])
+        self.lift = ABOVE if robot.planar else np.zeros(3)
 
     def clock(self, t: float) -> float:
         """Seconds of the recording at a time of the motions."""
@@ -198,9 +210,9 @@ class _Film:
         Q = np.stack([clip.at(times) for clip in self.clips.values()], axis=1)
         server = _quiet_server()
         try:
-            scene = Scene(server, self.robot, Q[0, self.lead])
+            scene = Scene(server, self.robot, Q[0, self.lead], TRIANGLES)
             scene.set_laws([""] * len(self.clips), self.colors, self.lead)
-            loop = scene.points_of(Q[:, self.lead])[0] if path is None else finite("path", path)
+            loop = (scene.points_of(Q[:, self.lead])[0] if path is None else finite("path", path)) + self.lift
             scene.path(loop)
             scene.look_from(*self.view(scene, Q, loop))
             pieces = self._pieces(scene)
@@ -230,9 +242,9 @@ class _Film:
         away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
         right = np.array([-np.sin(side), np.cos(side), 0.0])
         above = np.cross(away, right)
-        points = np.vstack([*(body for row in bodies for body in row), loop, *scene.box(Q[0, self.lead])])
+        points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop])
         seen = points @ np.stack([right, above, away], axis=1)
-        low, high = seen.min(axis=0) - THICK, seen.max(axis=0) + THICK
+        low, high = seen.min(axis=0), seen.max(axis=0)
         tan, share = np.tan(FOV / 2), (RIGHT - LEFT) / 2
         near = max((high[0] - low[0]) / (2 * share * ASPECT), (high[1] - low[1]) / (2 * UPRIGHT)) / tan
         far = near + (high[2] - low[2]) / 2
@@ -247,7 +259,7 @@ class _Film:
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
             for cycle, (first, last) in enumerate(zip(ends, ends[1:], strict=False)):
                 rows: Indices = np.unique(np.linspace(first, last, TRACE + 1).round().astype(int))
-                points = scene.points_of(clip.q[rows])[1]
+                points = scene.points_of(clip.q[rows])[1] + self.lift
                 for piece, part in enumerate(np.array_split(np.arange(len(rows) - 1), PIECES)):
                     if len(part):
                         frame = round(self.clock(float(clip.t[rows[part[-1] + 1]])) * RATE)

@@ -7,69 +7,52 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import ArgumentError, HolokinError, OpenPathError, UnknownNameError
-from ..motion.leaf import leaf_value
+from ..motion import move_to_leaf
 from ..robot import Robot
-from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Vector, finite, frozen, not_negative, positive, tool_pose, whole
-from .following import Follower, Move, follower
-from .history import History
-from .laws import Law
-from .loops import Loop, reversed_loop
-from .states import Judgement, LawState, LawStatus, Phase, Snapshot
-from .walking import Walk, leaf_start, loop_start, target_at, walk
+from ..types import Array, ArrayLike, Vector, finite, frozen, not_negative, positive, whole
+from ..workspaces import Workspace
+from .clouds import default_workspace
+from .following import Move, poses_of
+from .laws import Law, rebuilt
+from .loops import Loop, entered, reversed_loop
+from .playing import Playing, begin, gather, go, target_of
+from .runs import Run, new_run, put_on_leaf, slide, slider_of, state_of
+from .sliders import Slider, leaves_of, level_of_slider, level_slider
+from .spreading import WIDTH, TwoWays, two_ways
+from .states import Cloud, LawStatus, Origin, Phase, Snapshot
+from .walking import leaf_start
+from .working import Shared, Worker, cover, look_after
 
-GATHER = 0.8
-"""Seconds in which the joints go to where a loop begins."""
-
-
-@dataclass(eq=False)
-class _Run:
-    """What a session knows of one law now."""
-
-    law: Law
-    q: Vector
-    follow: Follower
-    history: History
-    status: LawStatus = LawStatus.FOLLOWING
-    sentence: str = ""
-    level: Vector = field(default_factory=lambda: np.zeros(0))
-    begin: Vector | None = None  # of the loop
-    walk: Walk | None = None
-    whole: bool = True  # it has made every step of the loop
-    drifts: list[Vector] = field(default_factory=list)
-    judgement: Judgement | None = None
-
-    def put(self, move: Move) -> None:
-        """Where it stands from now on."""
-        self.q, self.status, self.sentence = frozen(move.q), move.status, move.sentence
+SAMPLES = 512
+"""Poses of a cloud."""
 
 
 class Session:
     """Several laws of one robot on one tool target. Make one with `open_session`.
 
-    Threads may share it: every method takes its lock, and `snapshot` gives a value that never changes.
+    Threads may share it: every method takes its lock, and `snapshot` gives a value that never changes. What changes
+    something returns the new snapshot.
 
     Attributes:
         title, source: for people; `source` is the job or robot that it was opened with.
-        robot: whose joints they are. home: the posture (n,) at which all laws begin. limits: joint limits stop laws.
+        robot: whose joints they are. task: of the first law. home: the posture (n,) at which all laws begin.
+        limits: whether joint limits stop laws. origin: what a job says of robot and task, None where none can.
     """
 
     def __init__(
         self, laws: Iterable[Law], home: ArrayLike, loop: Loop | None = None, *, title: str = "", source: str = "",
-        limits: bool = True, cycles: int | None = None,
+        limits: bool = True, cycles: int | None = None, origin: Origin | None = None,
     ) -> None:  # fmt: skip
         """A session of laws (of one robot) at a posture.
 
         Args:
-            home: where all laws begin (n,). loop: as of `set_loop`. limits: False leaves joint limits aside.
-            cycles: after which the loop ends, None for never.
+            home: where all laws begin (n,). loop, cycles: as of `set_loop`, `set_cycles`.
 
         Raises:
             ArgumentError: no law, laws of several robots, or two of one name. HolokinError: a law is not defined at
@@ -81,24 +64,24 @@ class Session:
         self._lock = threading.RLock()
         self.task: Task = given[0].task
         self.robot: Robot = self.task.robot
-        self.title, self.source, self.limits = title or self.task.name, source, limits
+        self.title, self.source, self.limits, self.origin = title or self.task.name, source, limits, origin
         self.home: Vector = frozen(self.robot.checked(home, "the start posture"))
         if limits:
             self.robot.check_limits(self.home)
-        self._runs: dict[str, _Run] = {}
-        self._number, self._known = 0, None
-        self._phase, self._message = Phase.IDLE, ""
-        self._factor, self._cycles, self._time, self._step, self._cycle = 1.0, cycles, 0.0, 0, 0
-        self._gathered, self._ends = 0.0, np.zeros(1)
+        self._runs: dict[str, Run] = {}
+        self._playing = Playing(cycles=cycles)
         self._loop: Loop | None = None
-        self._loops = 0
+        self._loops, self._number, self._message = 0, 0, ""
+        self._known: Snapshot | None = None
+        self._cloud: Cloud | None = None
+        self._shared = Shared(self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed)
+        self._worker: Worker | None = None
+        self._covering: Worker | None = None
         self._target: Array = frozen(self._home_target())
         for law in given:
             self.add_law(law)
         if loop is not None:
             self.set_loop(loop)
-
-    # --- laws ------------------------------------------------------------------------------------------------
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -107,25 +90,16 @@ class Session:
             return tuple(run.law for run in self._runs.values())
 
     def add_law(self, law: Law) -> Snapshot:
-        """One more law; it begins at home, and the loop stops.
-
-        Raises:
-            ArgumentError: its name is taken, or its robot another one. HolokinError: it is not defined at home.
-        """
+        """One more law, from home; the loop stops. Raises: ArgumentError: its name, its robot. HolokinError."""
         with self._lock:
             if law.name in self._runs:
                 raise ArgumentError("the name of a law", law.name, "it is taken: give another one")
             if law.task.robot is not self.robot:
                 raise ArgumentError("the robot of the law", law.task.robot.name, "take that of the session")
-            self._stop()
-            begin = leaf_start(law, self.home)
-            if law.strategy is not None:
-                law.strategy(begin)
-            run = _Run(law, frozen(begin), follower(law, begin, self.limits), History(self.robot.n))
-            run.level = _level(law, begin)
-            self._runs[law.name] = run
+            self._playing.stop()
+            run = self._runs[law.name] = new_run(law, leaf_start(law, self.home), self.limits)
             if not np.array_equal(self._target, self._home_target()):
-                run.put(run.follow(run.q, self._target))
+                run.put(run.follow(run.q, self._target, self._native(run)))
             return self._changed()
 
     def remove_law(self, name: str) -> Snapshot:
@@ -137,8 +111,6 @@ class Session:
             del self._runs[name]
             return self._changed()
 
-    # --- the tool in the hand --------------------------------------------------------------------------------
-
     def drag(self, pose: ArrayLike) -> Snapshot:
         """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
 
@@ -149,30 +121,48 @@ class Session:
         Raises:
             ShapeError, NotFiniteError, ArgumentError: what is no pose.
         """
-        frames = self.task.frames
-        given = finite("a tool pose", pose)
-        poses = given.reshape(frames, 4, 4) if given.size == 16 * frames else finite("a tool pose", given, (4, 4))
-        for one in poses:
-            tool_pose("a tool pose", one)
+        poses = poses_of(self.task, pose)
         with self._lock:
-            self._stop()
+            self._playing.stop()
             self._target, self._message = frozen(poses), ""
             for run in self._runs.values():
-                run.put(run.follow(run.q, self._target))
+                run.put(run.follow(run.q, self._target, self._native(run)))
             return self._changed()
 
     def reset(self) -> Snapshot:
         """All laws back at home, each on its leaf; the loop stops, and what was recorded is forgotten."""
         with self._lock:
-            self._stop()
+            self._playing.stop()
             self._target, self._message = frozen(self._home_target()), ""
             for run in self._runs.values():
-                begin = leaf_start(run.law, self.home)
-                run.put(Move(begin, LawStatus.FOLLOWING))
-                self._forget(run)
+                try:
+                    run.put(Move(leaf_start(run.law, self.home), LawStatus.FOLLOWING))
+                except HolokinError as problem:
+                    run.put(Move(run.q, LawStatus.STOPPED, f"Its leaf has no posture at home: {problem}."))
+                run.forget()
             return self._changed()
 
-    # --- the loop --------------------------------------------------------------------------------------------
+    def set_home(self, q: ArrayLike) -> Snapshot:
+        """Another posture (n,) at which all laws begin; all go there, on their leaves through it.
+
+        Laws made about the start, radial and fitted ones, are made anew.
+
+        Raises:
+            JointLimitError: it is beyond the limits. HolokinError: a law is not defined there; nothing changes then.
+            ArgumentError: a task whose angles count from the start.
+        """
+        home = frozen(self.robot.checked(q, "the start posture"))
+        if self.limits:
+            self.robot.check_limits(home)
+        if self.origin is not None and "rotation-vector" in str(self.origin.task.get("orientation", "")):
+            raise ArgumentError("the start posture", home.tolist(), "the task's angles count from it: write a new job")
+        with self._lock:
+            laws = [replace(rebuilt(law, self.laws, home), level=None) for law in self.laws]
+            self._runs = {law.name: new_run(law, home, self.limits) for law in laws}
+            self.home, self._message = home, ""
+            self._target = frozen(self._home_target())
+            self.set_loop(self._loop)
+            return self._changed()
 
     @property
     def loop(self) -> Loop | None:
@@ -181,18 +171,13 @@ class Session:
             return self._loop
 
     def set_loop(self, loop: Loop | None) -> Snapshot:
-        """Another loop; one that runs stops. It may begin away from home: laws then enter it as a job's `entry` does."""
+        """Another loop; one that runs stops. It may begin away from home: laws enter it as a job's `entry` does."""
         with self._lock:
-            self._stop()
-            if loop is not None and loop.keys.get("entry") is None and self.task.frames == 1:
-                tool, path = self.task.pose(self.home), loop.path
-                R = tool[:3, :3] if getattr(path, "rotation", None) is None else path.rotation  # type: ignore[union-attr]
-                if np.abs(self.task.error(self.home, path.start, R)).max() > TOLERANCES.start:
-                    loop = replace(loop, keys={**loop.keys, "entry": "joints"})
-            self._loop, self._message = loop, ""
+            self._playing.stop()
+            self._loop, self._message = None if loop is None else entered(loop, self.task, self.home), ""
             self._loops += 1
             for run in self._runs.values():
-                self._forget(run)
+                run.forget()
             return self._changed()
 
     def play(self) -> Snapshot:
@@ -205,187 +190,212 @@ class Session:
             ArgumentError: there is no loop. OpenPathError: more than one cycle of an open path.
         """
         with self._lock:
-            if self._phase is Phase.PAUSED:
-                self._phase = Phase.RUNNING
-                return self._changed()
-            if self._phase in (Phase.RUNNING, Phase.GATHERING):
-                return self.snapshot()
-            if self._loop is None:
-                raise ArgumentError("the loop", None, "set one first")
-            if not self._loop.path.closed and self._cycles != 1:
-                raise OpenPathError(f"{self._cycles or 'endless'} cycles", self._loop.path.gap)
-            self._message, plans = "", []
-            for run in self._runs.values():
-                self._forget(run)
-                try:
-                    run.begin = frozen(loop_start(run.law, self._loop, self.home))
-                    run.walk = walk(run.law, self._loop, run.begin, self.limits)
-                    plans.append(run.walk.plan)
-                except HolokinError as problem:
-                    run.status, run.sentence, run.whole = LawStatus.STOPPED, str(problem), False
-            if not plans:
-                self._message = next(run.sentence for run in self._runs.values())
-                return self._changed()
-            self._ends = np.cumsum(plans[0].h)
-            self._time, self._step, self._cycle, self._gathered = 0.0, 0, 0, 0.0
-            self._aim(0)
-            self._phase = Phase.GATHERING
+            playing = self._playing
+            if playing.phase is Phase.PAUSED:
+                playing.phase = Phase.RUNNING
+            elif playing.phase in (Phase.IDLE, Phase.DONE):
+                loop = self._needed()
+                if not loop.path.closed and playing.cycles != 1:
+                    raise OpenPathError(f"{playing.cycles or 'endless'} cycles", loop.path.gap)
+                self._message = begin(playing, self._runs.values(), loop, self.home, self.limits)
+                self._aim()
             return self._changed()
 
     def pause(self) -> Snapshot:
         """Hold the loop where it is; `play` goes on."""
         with self._lock:
-            if self._phase is Phase.RUNNING:
-                self._phase = Phase.PAUSED
+            if self._playing.phase is Phase.RUNNING:
+                self._playing.phase = Phase.PAUSED
             return self._changed()
 
     def stop(self) -> Snapshot:
         """End the loop; the laws stay where they are, and what was recorded stays to be seen."""
         with self._lock:
-            self._stop()
+            self._playing.stop()
             return self._changed()
 
     def set_speed(self, factor: float) -> Snapshot:
         """How many times as fast as its own speed the loop runs. Raises: ArgumentError: not positive."""
         with self._lock:
-            self._factor = positive("the speed factor", factor)
+            self._playing.factor = positive("the speed factor", factor)
             return self._changed()
 
     def set_cycles(self, cycles: int | None) -> Snapshot:
         """After how many cycles the loop ends, None for never. Raises: ArgumentError."""
         with self._lock:
-            self._cycles = None if cycles is None else whole("cycles", cycles)
+            self._playing.cycles = None if cycles is None else whole("cycles", cycles)
             return self._changed()
 
     def set_clockwise(self, clockwise: bool) -> Snapshot:
         """Which way round the loop runs; it stops. Raises: ArgumentError: there is none, or it has one way only."""
         with self._lock:
-            if self._loop is None:
-                raise ArgumentError("the loop", None, "set one first")
-            return self.snapshot() if self._loop.clockwise == clockwise else self.set_loop(reversed_loop(self._loop))
+            loop = self._needed()
+            return self.snapshot() if loop.clockwise == clockwise else self.set_loop(reversed_loop(loop))
 
     def advance(self, dt: float) -> Snapshot:
         """All laws go on along the loop by a time [s], in whole steps of its `samples`; see `Loop`.
 
         These are the steps of `hk.follow`, so the drift of each cycle is that of `hk.drift` of the same law, path,
-        posture and samples, to the last bit. Where nothing runs nothing happens. Raises: ArgumentError: a bad time.
+        posture and samples. Where nothing runs nothing happens. Raises: ArgumentError: a bad time.
         """
         not_negative("dt", dt)
         with self._lock:
-            if self._phase is Phase.GATHERING:
-                self._gather(dt)
-            elif self._phase is Phase.RUNNING:
-                self._go(dt * self._factor)
+            if self._playing.phase is Phase.GATHERING:
+                gather(self._playing, self._runs.values(), dt)
+            elif self._playing.phase is Phase.RUNNING:
+                go(self._playing, self._runs.values(), dt * self._playing.factor)
+                self._aim()
             else:
                 return self.snapshot()
             return self._changed()
 
-    # --- what a page draws -----------------------------------------------------------------------------------
+    def two_ways(self, pose: ArrayLike, *, width: float = WIDTH, samples: int = 200) -> TwoWays:
+        """Each law by two ways from its posture to a tool pose (4, 4), and how far its joints end apart.
+
+        As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.
+
+        Raises:
+            ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools.
+        """
+        wanted = poses_of(self.task, pose)[0]
+        with self._lock:
+            runs = [(run.law, run.q, run.status) for run in self._runs.values()]
+        return two_ways(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
+
+    def self_motion(self, name: str, direction: int = 0) -> Slider:
+        """The slider of one law along its self-motion, from where it stands; see `move_self`.
+
+        Args:
+            direction: which self-motion, from 0 to n - m - 1, where several joints are to spare.
+
+        Raises:
+            UnknownNameError; ArgumentError: no such direction. SingularityError: the arm is singular there.
+        """
+        with self._lock:
+            return slider_of(self._run(name), direction, self.limits)
+
+    def move_self(self, name: str, s: float, direction: int = 0) -> Snapshot:
+        """One law goes to the place s of its slider (arc length from where it stood when the slider was made).
+
+        The tool stays where it is, to 1e-9. A holonomic law is then on another leaf, and keeps it. The loop stops.
+
+        Raises:
+            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the law is not defined there.
+        """
+        with self._lock:
+            run = self._run(name)
+            slide(run, direction, s, self.limits)
+            self._playing.stop()
+            return self._changed()
+
+    def level_slider(self, name: str, row: int = 0) -> Slider:
+        """The slider of a row of the level of a holonomic law, with the tool still; degrees for an angle of the arm.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves, or no such row.
+        """
+        with self._lock:
+            run = self._run(name)
+            return level_slider(run.law, run.q, self.limits, row)
+
+    def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
+        """One law goes to the leaf of a value of its slider, in the slider's unit. As `set_level`."""
+        with self._lock:
+            run = self._run(name)
+            return self.set_level(name, level_of_slider(run.law, run.q, value, row))
+
+    def set_level(self, name: str, level: ArrayLike) -> Snapshot:
+        """One holonomic law goes to another leaf g(q) = level (r,), the tool still, and keeps it. The loop stops.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves. SingularityError, BranchError, JointLimitError: the
+                self-motion does not lead there; nothing changes then. ShapeError, NotFiniteError.
+        """
+        with self._lock:
+            run = self._run(name)
+            q = move_to_leaf(leaves_of(run.law), run.q, np.atleast_1d(finite("level", level)))
+            if self.limits:
+                self.robot.check_limits(q)
+            put_on_leaf(run, q, self.limits)
+            self._playing.stop()
+            return self._changed()
+
+    def start_work(self) -> None:
+        """Compile and judge the laws in a thread, and keep the curvature at their postures: `LawState.judgement`.
+
+        Until a law is compiled it follows more slowly. Call `close` in the end.
+        """
+        with self._lock:
+            if self._worker is None:
+                self._worker = look_after(self._shared)
+
+    def start_cloud(self, name: str, region: Workspace | None = None, *, samples: int = SAMPLES) -> Snapshot:
+        """The coverage of a workspace by the leaf on which a holonomic law stands, in a thread: `Snapshot.cloud`.
+
+        Args:
+            region: by default a box about the tool at home, with the rotation that it has there.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves, or a bad number of samples.
+        """
+        self.cancel_cloud()
+        with self._lock:
+            run = self._run(name)
+            strategy, count = leaves_of(run.law), whole("samples", samples)
+            where = default_workspace(run.law.task, self.home) if region is None else region
+            q = leaf_start(run.law, self.home)
+            self._covering = cover(self._shared, name, strategy, q, where, count, self.limits, self._keep)
+            return self._changed()
+
+    def cancel_cloud(self) -> Snapshot:
+        """Look at no more poses; those that are known stay."""
+        if self._covering is not None:
+            self._covering.close()
+        return self.snapshot()
+
+    def close(self) -> None:
+        """End all threads of the session."""
+        for worker in (self._worker, self._covering):
+            if worker is not None:
+                worker.close()
+        self._worker = self._covering = None
 
     def snapshot(self) -> Snapshot:
-        """All that a page draws, as a value that never changes."""
+        """All that a page draws, as a value that never changes; the same one until something changes."""
         with self._lock:
             if self._known is None or self._known.number != self._number:
-                steps = len(self._ends)
+                playing, loop = self._playing, self._loop
+                states, way = tuple(map(state_of, self._runs.values())), loop is not None and loop.clockwise
                 self._known = Snapshot(
-                    self._number, self._phase, tuple(_state(run) for run in self._runs.values()), self._target,
-                    self._loops, self._step / steps if self._phase is not Phase.DONE else 1.0, self._cycle, self._time,
-                    self._factor, self._cycles, self._loop is not None and self._loop.clockwise, self._message,
+                    self._number, playing.phase, states, self._target, self._loops, playing.progress, playing.cycle,
+                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud,
                 )  # fmt: skip
             return self._known
-
-    # --- within ----------------------------------------------------------------------------------------------
 
     def _changed(self) -> Snapshot:
         self._number += 1
         return self.snapshot()
 
-    def _run(self, name: str) -> _Run:
+    def _keep(self, cloud: Cloud) -> None:
+        self._cloud = cloud
+
+    def _needed(self) -> Loop:
+        if self._loop is None:
+            raise ArgumentError("the loop", None, "set one first")
+        return self._loop
+
+    def _run(self, name: str) -> Run:
         if name not in self._runs:
             raise UnknownNameError("law", name, list(self._runs))
         return self._runs[name]
 
+    def _native(self, run: Run) -> bool:
+        """Whether a law may wait for its compiler: not while the worker is about to do it."""
+        return run.ready or self._worker is None
+
     def _home_target(self) -> Array:
         return self.task.pose(self.home).reshape(-1, 4, 4)
 
-    def _forget(self, run: _Run) -> None:
-        run.begin, run.walk, run.whole, run.drifts = None, None, True, []
-        run.history = History(self.robot.n)
-
-    def _stop(self) -> None:
-        if self._phase is not Phase.IDLE:
-            self._phase = Phase.IDLE
-
-    def _aim(self, step: int) -> None:
-        plan = next(run.walk.plan for run in self._runs.values() if run.walk is not None)
-        p, R = target_at(plan, step)
-        poses = np.tile(np.eye(4), (plan.task.frames, 1, 1))
-        poses[:, :3, 3], poses[:, :3, :3] = p.reshape(-1, 3), R.reshape(-1, 3, 3)
-        self._target = frozen(poses)
-
-    def _gather(self, dt: float) -> None:
-        before, self._gathered = self._gathered, min(GATHER, self._gathered + dt)
-        there = self._gathered >= GATHER
-        share = 1.0 if there else (self._gathered - before) / (GATHER - before)
-        for run in self._runs.values():
-            if run.walk is not None and run.begin is not None:
-                q = run.begin if there else run.q + share * (run.begin - run.q)
-                run.put(Move(q, LawStatus.FOLLOWING))
-                if there:
-                    run.history.add(np.zeros(1), run.begin[None])
-        if there:
-            self._phase = Phase.RUNNING
-
-    def _go(self, dt: float) -> None:
-        steps, before = len(self._ends), self._time
-        length = float(self._ends[-1])
-        self._time = before + dt
-        lap, rest = divmod(self._time, length)
-        goal = int(lap) * steps + int(np.searchsorted(self._ends, rest + 1e-9 * length, side="right"))
-        last = None if self._cycles is None else self._cycles * steps
-        if last is not None and goal >= last:
-            goal, self._time = last, self._cycles * length  # type: ignore[operator]
-        done = self._cycle * steps + self._step
-        while done < goal:
-            first = done % steps
-            until = min(steps, first + goal - done)
-            for run in self._runs.values():
-                if run.walk is not None:
-                    self._steps(run, run.walk, first, until)
-            done += until - first
-            self._cycle, self._step = divmod(done, steps)
-        self._aim(self._step if self._step or not self._cycle else steps)
-        if last is not None and done >= last:
-            self._phase = Phase.DONE
-
-    def _steps(self, run: _Run, walked: Walk, first: int, until: int) -> None:
-        """Steps of one law in one cycle, and its drift where the cycle ends."""
-        if run.status is LawStatus.FOLLOWING:
-            rows, (status, sentence) = walked.run(run.q, first, until)
-            if len(rows):
-                run.q = frozen(rows[-1])
-                t = self._cycle * self._ends[-1] + self._ends[first : first + len(rows)]
-                run.history.add(t, rows)
-            run.status, run.sentence, run.whole = status, sentence, run.whole and status is LawStatus.FOLLOWING
-        else:
-            p, R = target_at(walked.plan, until)
-            poses = np.tile(np.eye(4), (walked.plan.task.frames, 1, 1))
-            poses[:, :3, 3], poses[:, :3, :3] = p.reshape(-1, 3), R.reshape(-1, 3, 3)
-            run.put(run.follow(run.q, poses))
-        if until == len(self._ends) and run.begin is not None:
-            run.drifts.append(run.q - run.begin if run.whole else np.full(len(run.q), np.nan))
-
-
-def _level(law: Law, q: Vector) -> Vector:
-    return leaf_value(law.rule, q) if isinstance(law.rule, HolonomicStrategy) else np.zeros(0)
-
-
-def _state(run: _Run) -> LawState:
-    drifts = np.array(run.drifts).reshape(len(run.drifts), len(run.q))
-    strategy = run.law.strategy
-    rcond = np.nan if strategy is None else float(strategy.gain(run.q)[1])
-    return LawState(
-        run.law.name, run.law.colour, run.law.holonomic, run.q, run.status, run.sentence, rcond, run.level,
-        np.abs(drifts).max(axis=1, initial=0.0) if len(drifts) else np.zeros(0), drifts, *run.history.view(),
-        run.judgement,
-    )  # fmt: skip
+    def _aim(self) -> None:
+        target = target_of(self._playing, self._runs.values())
+        self._target = self._target if target is None else target

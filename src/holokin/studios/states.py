@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from ..designing import Coverage
-from ..types import Array, Flags, Matrix, Value, Vector
+from ..types import Array, Flags, Indices, Matrix, Value, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Origin(Value):
+    """What a job says of the robot and the task of a session, and the folder from which files are named."""
+
+    robot: Mapping[str, Any]
+    task: Mapping[str, Any]
+    folder: FilePath
 
 
 class LawStatus(Enum):
@@ -94,7 +105,6 @@ class Cloud:
         margin: (k,) least distance to a joint limit over half the joint's range, 1 in the middle, 0 at a limit; NaN
             where it is not reached. rcond: (k,), NaN where it is not reached.
         why: (k,) the status of each pose, `PoseStatus`.
-        coverage: the whole result, once it is done.
     """
 
     law: str
@@ -106,8 +116,7 @@ class Cloud:
     reached: Flags
     margin: Vector
     rcond: Vector
-    why: Array
-    coverage: Coverage | None = None
+    why: Indices
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import HolokinError, JointLimitError
-from ..motion import ControlLaw, approach, move_to_leaf
-from ..motion.leaf import leaf_stepper, native_leaf
+from ..motion import ControlLaw, approach, inverse, move_to_leaf
+from ..motion.branch import branch_code
+from ..motion.leaf import leaf_step, leaf_stepper, native_leaf
 from ..motion.native import NativeFollower
 from ..motion.simulation import step_targets
-from ..motion.velocity import native_velocity, velocity_stepper
+from ..motion.velocity import native_velocity, path_rate, velocity_stepper
 from ..path import Path
 from ..sampling import Plan, check_start, make_plan
-from ..strategies import HolonomicStrategy, Strategy
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
+from ..strategies import HolonomicStrategy, Strategy, moore_penrose
+from ..types import Array, Matrix, Vector
 from .following import limit_sentence, stopped
 from .laws import Law
 from .loops import Loop
@@ -78,9 +78,10 @@ def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
         HolokinError: the law does not lead there.
     """
     begin = leaf_start(law, home)
-    if not isinstance(loop.path, Path) or loop.keys.get("entry") is None or law.strategy is None:
+    if not isinstance(loop.path, Path) or loop.keys.get("entry") is None:
         return begin
-    return approach(law.strategy, loop.path, begin, by=loop.keys["entry"]).q[-1]
+    leading = law.strategy or moore_penrose(law.task)
+    return approach(leading, loop.path, begin, by=loop.keys["entry"]).q[-1]
 
 
 def walk(law: Law, loop: Loop, begin: Vector, limits: bool, *, build: bool = False) -> Walk:
@@ -123,6 +124,21 @@ def _control_stepper(rule: ControlLaw, plan: Plan, begin: Vector) -> Stepper:
     return stepper
 
 
-def target_at(plan: Plan, step: int) -> tuple[Vector, Matrix]:
-    """Positions (3F,) and rotations (3F, 3) after some steps of a cycle."""
-    return plan.first if step == 0 else plan.target(step - 1, 1.0)
+def poses_at(plan: Plan, step: int) -> Array:
+    """Where the tools are wanted after some steps of a cycle (F, 4, 4)."""
+    p, R = plan.first if step == 0 else plan.target(step - 1, 1.0)
+    poses = np.tile(np.eye(4), (plan.task.frames, 1, 1))
+    poses[:, :3, 3], poses[:, :3, :3] = p.reshape(-1, 3), R.reshape(-1, 3, 3)
+    return poses
+
+
+def compiled(law: Law, begin: Vector) -> None:
+    """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
+    try:
+        if isinstance(law.rule, HolonomicStrategy):
+            _ = inverse(law.rule, begin).engine
+            leaf_step(law.rule).follower("leaf", lambda: branch_code(law.rule))  # type: ignore[arg-type]
+        elif isinstance(law.rule, Strategy):
+            path_rate(law.rule).follower("velocity")
+    except HolokinError:  # told when the law is asked to follow
+        return
