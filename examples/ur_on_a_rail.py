@@ -8,10 +8,10 @@ import numpy as np
 
 import holokin as hk
 
-cell = hk.load("rail-ur10e")
+robot = hk.load("rail-ur10e")
 q0 = np.array([0.4, *np.deg2rad([-90, -70, 100, -120, -90, 0])])
-task = hk.pose(cell)
-start = cell.pose(q0)[:3, 3]
+task = hk.pose(robot)
+start = robot.pose(q0)[:3, 3]
 rim = hk.polyline(start + np.array([[0, 0, 0], [2, 0, 0], [2, 0, 0.5], [0, 0, 0.5]]), closed=True, speed=0.5)
 
 laws = {"pseudo-inverse": hk.moore_penrose(task), "pan joint held": hk.holonomic(task, hk.lock("shoulder_pan_joint"))}

@@ -236,7 +236,7 @@ class Scene:
         scene = self.server.scene
         scene.configure_default_lights(False)
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere("/lights/sky", (255, 255, 255), (205, 210, 220), intensity=2.1)
+        scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(205, 210, 220), intensity=2.1)
         scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
         scene.add_grid(
