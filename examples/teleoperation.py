@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import holokin as hk
+from holokin.studios import Motion
 
 RATE = 100.0  # poses of the hand a second
 robot = hk.load("panda")
@@ -67,10 +68,14 @@ def hand_stream() -> Iterator[tuple[np.ndarray, bool, str]]:
         yield pose, closed, mark
 
 
-for name, joints in (("ours", ours), ("damped least squares", damped)):
-    follow, at = follower(joints, ready), {}
+motions = {}
+for name, joints in (("damped least squares", damped), ("ours", ours)):
+    follow, q, at = follower(joints, ready), [], {}
     for hand, closed, mark in hand_stream():
-        at[mark] = follow(hand, closed)
-    tool = np.abs(robot.pose(at["after"]) - robot.pose(at["before"])).max()
-    apart = np.abs(at["after"] - at["before"]).max()
+        q.append(follow(hand, closed))
+        at[mark] = len(q) - 1
+    before, after = at["before"], at["after"]
+    motions[name] = Motion(np.arange(len(q)) / RATE, np.array(q), marks=(before, after))
+    tool = np.abs(robot.pose(q[after]) - robot.pose(q[before])).max()
+    apart = motions[name].errors[0]
     print(f"{name}: tool {tool:.6f} m, joints {apart:.6f} rad apart, below 1e-12: {apart < 1e-12}")

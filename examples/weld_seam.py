@@ -41,10 +41,11 @@ for name, (q0, rule) in cells.items():
     robot = hk.with_tool(hk.load(name), **torch)
     task, start = hk.pose(robot, "axis"), robot.pose(q0)
     path = seam(start[:3, 3])
-    lost = hk.drift(hk.moore_penrose(task), path, q0).largest[0]
+    lost = hk.drift(hk.moore_penrose(task), path, q0)
     found = hk.follow(hk.holonomic(task, rule), path, q0, samples=800)
+    motions = {"pseudo-inverse": lost.trajectory, rule.name: found}
     kept, length = np.abs(found.drift()).max(), PASSES * RADIUS * SWEEP
-    print(f"{name}: pseudo-inverse {lost:.4f} rad off after a seam of {length:g} m; {rule.name} {kept:.0e} rad")
+    print(f"{name}: pseudo-inverse {lost.largest[0]:.4f} rad off after a seam of {length:g} m; {rule.name} {kept:.0e} rad")
 
     spins = []
     for q, wanted in zip(found.q, path.at(found.t).rotation @ start[:3, :3], strict=True):

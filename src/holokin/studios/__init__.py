@@ -3,6 +3,7 @@
 from .laws import Law, default_laws
 from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .opening import open_session, session_of_job, session_of_robot
+from .playback import Motion, Recording, record, record_session
 from .saving import to_job, write_job
 from .server import DEFAULT, Studio
 from .session import Session
@@ -19,8 +20,10 @@ __all__ = [
     "LawStatus",
     "LawWays",
     "Loop",
+    "Motion",
     "Origin",
     "Phase",
+    "Recording",
     "Session",
     "Slider",
     "Snapshot",
@@ -31,6 +34,8 @@ __all__ = [
     "eight_loop",
     "open_session",
     "polygon_loop",
+    "record",
+    "record_session",
     "reversed_loop",
     "session_of_job",
     "session_of_robot",

@@ -42,7 +42,10 @@ class Loop(Value):
     @property
     def center(self) -> Vector | None:
         """Center (3,) of a circle."""
-        return np.array(self.keys["center"], dtype=float) if self._round else None
+        if not self._round:
+            return None
+        given = list(map(float, self.keys["center"]))
+        return np.array([*given, 0.0][:3])  # of a planar robot a job gives two numbers
 
     @property
     def normal(self) -> Vector | None:

@@ -11,7 +11,7 @@ from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, reach
 from ..types import Array, ArrayLike, Indices, Matrix, Vector
-from .meshes import GHOST, frames_of, looks_of, quaternions, trimesh_package
+from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
 OPACITY = 0.62
 """Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
@@ -45,14 +45,15 @@ class Scene:
         server: a viser.ViserServer; whatever is drawn is shared by all its browsers.
         robot: what is drawn, with its own meshes, or capsules where it has none.
         q: the posture to begin with (n,) [rad or m].
+        triangles: of the robot's links together at most, about.
 
     Raises:
         MissingExtraError: trimesh is not installed.
     """
 
-    def __init__(self, server: Any, robot: Robot, q: ArrayLike):
+    def __init__(self, server: Any, robot: Robot, q: ArrayLike, triangles: int = SOLID):
         self.server, self.robot = server, robot
-        self.looks, self.remarks = looks_of(robot)
+        self.looks, self.remarks = looks_of(robot, triangles)
         self.q0 = np.asarray(q, dtype=float)
         self.lead = 0
         self.colors: tuple[str, ...] = ()
@@ -191,14 +192,18 @@ class Scene:
 
     def box(self, q: ArrayLike | None = None) -> tuple[Vector, Vector]:
         """The least and largest x, y, z (3,) [m] of what is drawn of the robot at a posture, by default the first."""
+        points = self.drawn(q)
+        return points.min(axis=0), points.max(axis=0)
+
+    def drawn(self, q: ArrayLike | None = None) -> Matrix:
+        """Points (k, 3) [m] round what is drawn of the robot at a posture, by default the first: corners of boxes."""
         posture = self.q0 if q is None else np.asarray(q, dtype=float)
         positions, turns = frames_of(self.robot, posture[None])
         rotations = rotations_of(turns[:, 0])
         ends = [
             positions[look.joint + 1, 0] + _corners(look.points) @ rotations[look.joint + 1].T for look in self.looks
         ]
-        points = np.concatenate(ends) if ends else np.zeros((1, 3))
-        return points.min(axis=0), points.max(axis=0)
+        return np.concatenate(ends) if ends else np.zeros((1, 3))
 
     def view(self, more: ArrayLike = (), aside: float = 0.0) -> tuple[Vector, Vector]:
         """(place of the camera, point it looks at) (3,) [m]: from the side, so that the arm and more points fit in.
