@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
-from conftest import urdf
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import holokin as hk
+from conftest import urdf
 from holokin.errors import ArgumentError, MissingExtraError, UnknownNameError
 from holokin.robot import Capsule, Surface
 

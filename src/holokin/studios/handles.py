@@ -106,9 +106,12 @@ class Handles:
         self.page.scene.path([], "corners")
 
     def _tool(self, index: int) -> Any:
+        task, flat = self.page.session.task, self.page.session.robot.planar
+        straight = task.orientation is None and task.m <= 3 * task.frames
         handle = self.page.server.scene.add_transform_controls(
-            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False
-        )
+            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False,
+            active_axes=(True, True, not flat), disable_rotations=straight,
+        )  # fmt: skip
         name = f"tool{index}"
 
         @handle.on_update

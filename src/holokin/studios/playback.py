@@ -75,7 +75,9 @@ class Motion(Value):
     def __post_init__(self) -> None:
         t, q = finite("t of a motion", self.t), finite("q of a motion", self.q)
         if t.ndim != 1 or q.ndim != 2 or len(t) != len(q) or len(t) < 2:
-            raise ShapeError("q of a motion", (len(t.reshape(-1)), "n"), q.shape, "give a row for each time, two at least")
+            raise ShapeError(
+                "q of a motion", (len(t.reshape(-1)), "n"), q.shape, "give a row for each time, two at least"
+            )
         if not (np.diff(t) >= 0).all():
             raise ArgumentError("t of a motion", "falling", "let it rise")
         for mark in self.marks:
@@ -287,7 +289,9 @@ def _motion(name: str, motion: Any, robot: Robot) -> Motion:
     status = getattr(motion, "status", Status.COMPLETE)
     found = Motion(motion.t, motion.q, tuple(getattr(motion, "marks", ())), status)
     if found.q.shape[1] != robot.n:
-        raise ShapeError(f"q of {name}", ("k", robot.n), found.q.shape, f"the joints are {', '.join(robot.joint_names)}")
+        raise ShapeError(
+            f"q of {name}", ("k", robot.n), found.q.shape, f"the joints are {', '.join(robot.joint_names)}"
+        )
     return found
 
 

@@ -219,7 +219,7 @@ class Scene:
         reached = tool[:2] - self.box()[0][:2]
         ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
         side = ahead - np.deg2rad(62.0)
-        up = np.deg2rad(20.0)
+        up = np.deg2rad(72.0 if self.robot.planar else 20.0)
         away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
         far = 1.05 * radius / np.sin(FOV / 2)
         at = middle + aside * 2 * far * np.tan(FOV / 2) * np.array([-np.sin(side), np.cos(side), 0.0])
@@ -244,6 +244,7 @@ class Scene:
         scene.add_grid(
             "/floor", size, size, cell_size=0.1, cell_color=_CELL, section_size=0.5, section_color=_SECTION,
             plane_color=_FLOOR, plane_opacity=1.0, shadow_opacity=0.2, fade_distance=6.0 * size,
+            position=(0.0, 0.0, min(0.0, float(self.box()[0][2])) if self.robot.planar else 0.0),
         )  # fmt: skip
 
     def _draw_robot(self) -> None:
