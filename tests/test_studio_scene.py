@@ -216,3 +216,23 @@ def test_a_bad_job_gets_the_same_sentence_as_from_run(tmp_path: Path) -> None:
     ends = [CliRunner().invoke(app, [command, str(file)]) for command in ("run", "studio")]
     assert str(ends[0].exception) == str(ends[1].exception)
     assert isinstance(ends[1].exception, hk.HolokinError)
+
+
+def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
+    from holokin.studios import circle_loop, open_session
+    from holokin.studios.handles import circle_of, frame_of
+
+    session = open_session("panda-circle")  # whose centre is given from the tool
+    found = circle_of(session.loop)
+    assert found is not None
+    tool = session.robot.pose(session.home)[:3, 3]
+    assert found[0] == pytest.approx(tool - [0.1, 0, 0], abs=1e-9)
+    assert found[1] == pytest.approx([0, 0, 1], abs=1e-9)
+    assert found[2] == pytest.approx(0.1)
+    tilted = circle_loop([0.4, 0.1, 0.5], 0.07, [1, 2, 3], clockwise=True)
+    center, normal, radius = circle_of(tilted) or pytest.fail("it is a circle")
+    assert center == pytest.approx([0.4, 0.1, 0.5])
+    assert normal == pytest.approx(np.array([1, 2, 3]) / np.sqrt(14))
+    frame = frame_of(normal, tilted.path.start[:3] - center)
+    assert frame[:3, :3] @ frame[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
+    assert center - radius * frame[:3, 0] == pytest.approx(tilted.path.start[:3])
