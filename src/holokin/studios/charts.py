@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..output.palette import INK, PALE
 from ..types import Vector
+from .stage import Stage
 from .states import Snapshot
 from .texts import block, marks, plain, quiet, table
-
-if TYPE_CHECKING:
-    from .page import Page
 
 MOST = 12
 """Laws in a plot at most: more lines nobody tells apart."""
@@ -29,7 +27,7 @@ _SOFT = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "sof
 class Charts:
     """A column of plots at the left of the page."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         self.panel = page.server.gui.add_panel()
         self.panel.dock_left()
@@ -80,7 +78,7 @@ class Charts:
         laws = self.page.session.laws[:MOST]
         series = [uplot.Series(label=across)]
         for law, color in zip(laws, self.page.colors, strict=False):
-            dash = [] if law.holonomic else [6, 4]
+            dash = () if law.holonomic else (6.0, 4.0)
             series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(

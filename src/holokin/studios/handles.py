@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +11,8 @@ from ..robot import reach
 from ..types import Matrix, Vector
 from .loops import Loop, circle_loop, polygon_loop
 from .scene import pose_of, wxyz_of
+from .stage import Stage
 from .states import Phase, Snapshot
-
-if TYPE_CHECKING:
-    from .page import Page
 
 LEAST = 0.005
 """Smallest radius of a loop that can be dragged [m]."""
@@ -23,7 +21,7 @@ LEAST = 0.005
 class Handles:
     """Transform controls in the scene of a page."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         self.size = 0.14 * min(max(reach(page.session.robot), 0.3), 3.0) if page.session.robot.tips else 0.2
         self.corners: list[Vector] = []

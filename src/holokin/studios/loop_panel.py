@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import circle_of
 from .loops import circle_loop, eight_loop
 from .spreading import LawWays
-
-if TYPE_CHECKING:
-    from .page import Page
+from .stage import Stage
 
 SHOWN = 3.0
 """Seconds in which two ways are shown."""
@@ -26,7 +24,7 @@ SAME = 1e-6
 class LoopPanel:
     """Its controls; built inside a tab."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         gui, loop = page.server.gui, page.session.loop
         center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)

@@ -56,7 +56,7 @@ class Page:
         self._waiting: dict[object, Action] = {}
         self._wake = threading.Condition()
         self._over = False
-        self._said = ""
+        self.said = ""
         self.colors = law_colors([law.holonomic for law in session.laws])
         self.scene = Scene(server, session.robot, session.home)
         self.scene.set_laws([law.name for law in session.laws], self.colors, self.lead)
@@ -83,12 +83,7 @@ class Page:
 
     def say(self, sentence: str) -> None:
         """A sentence for everyone, until the next; an empty one takes it away."""
-        self._said = sentence
-
-    @property
-    def said(self) -> str:
-        """The sentence that is said now."""
-        return self._said
+        self.said = sentence
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +10,9 @@ from ..job import packaged_jobs
 from .loop_panel import LoopPanel
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
+from .stage import Stage
 from .states import Phase, Snapshot
 from .texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
-
-if TYPE_CHECKING:
-    from .page import Page
 
 ENDLESS = 0
 """Cycles that mean: for ever."""
@@ -31,7 +29,7 @@ _DOING = {
 class Panels:
     """The main panel of a page."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
         gui.set_panel_label("holokin studio")

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import HolokinError
 from ..output.palette import BLUE, ORANGE, VERMILLION, rgb
 from .sliders import Slider
+from .stage import Stage
 from .states import Cloud, LawState, Phase, Snapshot
 from .texts import block, line, plain, put, quiet, swatch, table
-
-if TYPE_CHECKING:
-    from .page import Page
 
 TICKS = 1000
 """Places of a slider."""
@@ -29,7 +27,7 @@ SELF, LEVEL = "self-motion", "level"
 class PosturePanel:
     """Its controls; built inside a tab."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
         names = tuple(law.name for law in page.session.laws)

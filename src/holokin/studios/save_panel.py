@@ -5,14 +5,12 @@ from __future__ import annotations
 import io
 import re
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import HolokinError
 from .saving import to_job
+from .stage import Stage
 from .states import Phase
-
-if TYPE_CHECKING:
-    from .page import Page
 
 PICTURES, PAUSE = 60, 0.1
 """Pictures of a GIF at most, and the time between two [s]."""
@@ -27,7 +25,7 @@ PATIENCE = 30.0
 class SavePanel:
     """Its controls; built inside a tab."""
 
-    def __init__(self, page: Page):
+    def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
         self.name = gui.add_text("Name", file_name(page.session.title))

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, reach
-from ..types import Array, ArrayLike, Indices, Matrix, Vector
+from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
 OPACITY = 0.62
@@ -308,7 +308,7 @@ def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
     return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
 
 
-def linear(colors: ArrayLike) -> Array:
+def linear(colors: ArrayLike) -> Any:
     """Colours (..., 3), 0 to 255, as the page takes those of points and ghosts: by light."""
     share = np.asarray(colors, dtype=float).reshape(-1, 3) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)

@@ -132,6 +132,7 @@ def free_port(host: str, port: int) -> int:
     Raises:
         ArgumentError: the address is none of this machine, or no port is free.
     """
+    found = port
     for found in range(port, min(port + TRIED, 65536)):
         try:
             family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
