@@ -3,76 +3,15 @@
 from __future__ import annotations
 
 import threading
-import time
-import tomllib
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, urdf
-from holokin.job import Job, packaged_jobs, run_job
-from holokin.studios import (
-    Law,
-    LawStatus,
-    Origin,
-    Phase,
-    Session,
-    Snapshot,
-    circle_loop,
-    eight_loop,
-    open_session,
-    polygon_loop,
-    reversed_loop,
-    session_of_robot,
-    to_job,
-    write_job,
-)
-
-PANDA = hk.load("panda")
-TASK = hk.pose(PANDA)
-FRAME = 1 / 30
-ROBOT = {"name": "panda"}
-
-
-def panda_laws() -> list[Law]:
-    """The pseudo-inverse, a joint locked and the arm angle: compiled once for all tests."""
-    kinds = {
-        "pseudo-inverse": (hk.moore_penrose(TASK), {"kind": "moore-penrose"}),
-        "lock": (hk.holonomic(TASK, hk.lock("panda_joint3")), {"kind": "lock", "joints": ["panda_joint3"]}),
-        "arm angle": (hk.holonomic(TASK, hk.arm_angle()), {"kind": "arm-angle"}),
-    }
-    return [Law(name, i, rule, TASK, None, keys) for i, (name, (rule, keys)) in enumerate(kinds.items())]
-
-
-LAWS = panda_laws()
-TOOL = PANDA.pose(PANDA_START)
-
-
-def panda(**more: object) -> Session:
-    """A session of three laws on a circle of 0.1 m that begins at the tool."""
-    loop = circle_loop(TOOL[:3, 3] - [0.1, 0, 0], 0.1, near=TOOL[:3, 3], samples=100)
-    origin = Origin(ROBOT, {"kind": "pose", "orientation": "twist"}, Path.cwd())
-    return Session(LAWS, PANDA_START, loop, origin=origin, **more)  # type: ignore[arg-type]
-
-
-def run(session: Session, dt: float = FRAME, most: int = 5000) -> Snapshot:
-    """The loop to its end."""
-    found = session.play()
-    for _ in range(most):
-        found = session.advance(dt)
-        if found.phase is Phase.DONE:
-            return found
-    raise AssertionError("the loop did not end")
-
-
-def shifted(dx: float, dy: float = 0.0, dz: float = 0.0) -> np.ndarray:
-    """The tool pose at the start, moved."""
-    pose = TOOL.copy()
-    pose[:3, 3] += [dx, dy, dz]
-    return pose
+from conftest import PANDA_START
+from holokin.studios import Law, LawStatus, Phase, Session, Snapshot, circle_loop, reversed_loop, to_job
+from sessions import FRAME, LAWS, PANDA, TASK, TOOL, panda, run, shifted
 
 
 def test_the_ghost_of_the_pseudo_inverse_creeps_as_drift_says_and_the_holonomic_one_returns() -> None:
@@ -205,140 +144,6 @@ def test_a_joint_at_its_limit_is_named() -> None:
     assert sentence.startswith("panda_joint7 would pass its limit of 2.89")
 
 
-def test_self_motion_holds_the_tool_and_pinocchio_agrees() -> None:
-    import pinocchio
-
-    model = pinocchio.buildModelFromUrdf(str(urdf("panda.urdf")))
-    data = model.createData()
-
-    def tool(q: np.ndarray) -> np.ndarray:
-        pinocchio.framesForwardKinematics(model, data, np.concatenate([q, np.zeros(model.nq - 7)]))
-        return data.oMf[model.getFrameId("panda_link8")].homogeneous.copy()
-
-    session = panda()
-    slider = session.self_motion("pseudo-inverse")
-    assert slider.low < 0.0 < slider.high and slider.unit == "rad" and slider.value == 0.0
-    before = tool(PANDA_START)
-    for s in (*np.linspace(slider.low, slider.high, 9), 0.0):
-        snap = session.move_self("pseudo-inverse", float(s))
-        q = snap.law("pseudo-inverse").q
-        np.testing.assert_allclose(tool(q), before, atol=1e-9)
-        PANDA.check_limits(q)
-        assert session.self_motion("pseudo-inverse").value == s
-    np.testing.assert_allclose(snap.law("pseudo-inverse").q, PANDA_START, atol=1e-12)
-    length = np.linalg.norm(session.move_self("pseudo-inverse", 0.01).law("pseudo-inverse").q - PANDA_START)
-    assert length == pytest.approx(0.01, rel=1e-3)  # arc length
-    with pytest.raises(hk.HolokinError, match="give a number from"):
-        session.move_self("pseudo-inverse", slider.high + 0.1)
-
-
-def test_the_level_of_an_arm_angle_is_an_elbow_handle_in_degrees() -> None:
-    session = panda()
-    slider = session.level_slider("arm angle")
-    assert slider.unit == "deg" and slider.low < slider.value < slider.high
-    for value in (slider.low + 1.0, slider.high - 1.0):
-        snap = session.move_level("arm angle", value)
-        state = snap.law("arm angle")
-        gap = np.rad2deg(state.level[0]) - value
-        assert abs((gap + 180) % 360 - 180) < 1e-7
-        np.testing.assert_allclose(PANDA.pose(state.q), TOOL, atol=1e-9)
-        np.testing.assert_allclose(snap.law("lock").q, PANDA_START, atol=1e-12)
-        session.drag(shifted(-0.05))
-        session.drag(TOOL)
-        np.testing.assert_allclose(session.snapshot().law("arm angle").q, state.q, atol=1e-9)
-    with pytest.raises(hk.HolokinError, match="leaves"):
-        session.level_slider("pseudo-inverse")
-
-
-def test_a_level_beyond_its_slider_changes_nothing() -> None:
-    session = panda()
-    before = session.snapshot().law("lock").q
-    slider = session.level_slider("lock")
-    with pytest.raises(hk.HolokinError):
-        session.set_level("lock", slider.high + 1.0)
-    np.testing.assert_array_equal(session.snapshot().law("lock").q, before)
-
-
-def test_two_ways_to_one_pose_spread_as_path_spread_says() -> None:
-    session = panda()
-    goal = shifted(-0.1, 0.2, 0.1)
-    found = session.two_ways(goal, samples=100)
-    assert found.points.shape == (2, 100, 3)
-    for law, ways in zip(session.laws, found.ways, strict=True):
-        referee = hk.path_spread(law.strategy, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
-        assert ways.spread == referee.largest and ways.sentence == ""
-        np.testing.assert_allclose(PANDA.pose(ways.a[-1]), goal, atol=1e-6)
-        np.testing.assert_allclose(PANDA.pose(ways.b[-1]), goal, atol=1e-6)
-    assert found.ways[0].spread > 0.01 and max(ways.spread for ways in found.ways[1:]) < 1e-12
-    assert session.snapshot().target == pytest.approx(TOOL[None])
-
-
-def rerun(session: Session) -> dict[str, np.ndarray]:
-    """What `holokin run` of the saved job finds: the drifts of each strategy."""
-    table = tomllib.loads(to_job(session)) | {"verdict": {"samples": 1}}
-    result = run_job("saved", Job.model_validate(table), Path.cwd() / "saved.toml")
-    return {r.name: r.cycles.drift_since_start() for r in result.strategies}
-
-
-@pytest.mark.parametrize("kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
-def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
-    session, p = panda(cycles=2), TOOL[:3, 3]
-    if kind.startswith("circle"):
-        session.set_loop(circle_loop(p + [-0.1, 0.1, 0.05], 0.08, (0.3, 0.1, 1.0), near=p, samples=40))
-        session.set_clockwise(True)
-    elif kind == "clicked polygon":
-        session.set_loop(polygon_loop(p + np.array([[0, 0, 0], [-0.1, 0.1, 0], [-0.2, -0.1, 0.1]]), samples=40))
-    elif kind == "figure eight":
-        session.set_loop(eight_loop(p, 0.2, normal=(0, 1, 0), samples=40))
-    else:
-        session.move_level("arm angle", session.level_slider("arm angle").value - 20.0)
-    session.remove_law("lock" if kind == "another leaf" else "arm angle")
-    end, again = run(session, 0.2), rerun(session)
-    assert set(again) == {state.name for state in end.laws}
-    for state in end.laws:
-        assert state.following and len(state.drift) == 2
-        np.testing.assert_allclose(again[state.name], state.drift_joints, atol=1e-9)
-    assert end.law("pseudo-inverse").drift[-1] > 1e-3
-
-
-def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
-    model = tmp_path / "models" / "panda.urdf"
-    model.parent.mkdir()
-    model.write_text(urdf("panda.urdf").read_text("utf-8"), "utf-8")
-    robot = hk.load(str(model), tip="panda_link8")
-    task, keys = hk.pose(robot), {"kind": "lock", "joints": ["panda_joint3"]}
-    law = Law("lock", 0, hk.holonomic(task, hk.lock("panda_joint3")), task, None, keys)
-    tool = robot.pose(PANDA_START)[:3, 3]
-    origin = Origin({"name": str(model), "tip": "panda_link8"}, {"kind": "pose"}, Path.cwd())
-    session = Session([law], PANDA_START, circle_loop(tool - [0.05, 0, 0], 0.05, near=tool), origin=origin)
-    write_job(session, tmp_path / "saved.toml")
-    assert 'name = "models/panda.urdf"' in (tmp_path / "saved.toml").read_text("utf-8")
-    again = open_session(str(tmp_path / "saved.toml"))
-    assert [law.name for law in again.laws] == [law.name for law in session.laws]
-    np.testing.assert_array_equal(again.home, session.home)
-    with pytest.raises(hk.HolokinError, match="exists already"):
-        write_job(session, tmp_path / "saved.toml")
-
-
-@pytest.mark.parametrize("name", packaged_jobs())
-def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
-    session = open_session(name)
-    first = session.snapshot()
-    assert first.laws and all(state.following for state in first.laws)
-    begun = session.play()
-    assert begun.message == "" and begun.phase is Phase.GATHERING
-    for _ in range(12):
-        begun = session.advance(0.1)
-    assert all(state.following or state.sentence for state in begun.laws)
-    assert len(begun.laws[0].t) > 1
-
-
-def test_a_robot_without_joints_to_spare_is_refused() -> None:
-    arm = hk.load("ur5e")
-    with pytest.raises(hk.HolokinError, match=r"joints to spare .* 0; the studio shows redundant joints"):
-        session_of_robot(arm, task=hk.pose(arm))
-
-
 def test_two_hands_at_once_leave_a_consistent_state() -> None:
     session, stop, problems = panda(), threading.Event(), []
     goals = [shifted(-0.1, 0.1), shifted(-0.05, -0.15, 0.1)]
@@ -402,30 +207,6 @@ def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
     np.testing.assert_array_equal(q, np.column_stack([seen, -seen]))
 
 
-def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
-    session = panda()
-    session.start_work()
-    session.start_cloud("lock", samples=64)
-    for _ in range(600):
-        snap = session.snapshot()
-        cloud = snap.cloud
-        if all(state.judgement for state in snap.laws) and cloud is not None and cloud.state == "done":
-            break
-        time.sleep(0.05)
-    session.close()
-    verdicts = {state.name: state.judgement for state in snap.laws}
-    assert {name: v is not None and v.holonomic for name, v in verdicts.items()} == {
-        "pseudo-inverse": False, "lock": True, "arm angle": True,
-    }  # fmt: skip
-    F = hk.curvature(LAWS[0].strategy, PANDA_START)  # type: ignore[arg-type]
-    assert verdicts["pseudo-inverse"].curvature == pytest.approx(np.linalg.norm(F, axis=0).max())  # type: ignore[union-attr]
-    assert cloud is not None and cloud.done == cloud.total == len(cloud.points) == 64
-    assert 0 < cloud.reached.sum() < 64
-    assert ((cloud.margin >= 0) & (cloud.margin <= 1))[cloud.reached].all() and np.isnan(
-        cloud.margin[~cloud.reached]
-    ).all()
-
-
 def test_a_control_law_of_ones_own_runs_as_simulate_runs_it() -> None:
     rule = hk.controller(hk.moore_penrose(TASK), dt=0.05, gain=2.0)
     session = Session([Law("mine", 0, rule, TASK)], PANDA_START, panda().loop, cycles=2)
@@ -436,23 +217,6 @@ def test_a_control_law_of_ones_own_runs_as_simulate_runs_it() -> None:
     assert session.drag(shifted(-0.05, 0.05)).laws[0].following
     with pytest.raises(hk.HolokinError, match="a job names"):
         to_job(session)
-
-
-def test_another_home_makes_radial_laws_anew() -> None:
-    robot = hk.load("ppr")
-    session = session_of_robot(robot, start=PPR_START)
-    q = session.move_self("pseudo-inverse", 0.3).law("pseudo-inverse").q
-    radial = session.laws[-1]
-    snap = session.set_home(q)
-    assert session.laws[-1].rule is not radial.rule
-    for state in snap.laws:
-        np.testing.assert_allclose(state.q, q, atol=1e-12)
-    assert run_ppr(session).law("radial").drift[0] < 1e-9
-
-
-def run_ppr(session: Session) -> Snapshot:
-    session.set_cycles(1)
-    return run(session)
 
 
 def test_a_law_that_meets_its_end_on_a_loop_stops_there_and_the_others_go_on() -> None:

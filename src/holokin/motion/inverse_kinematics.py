@@ -369,3 +369,8 @@ def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector
     """
     p, R = ik._target(pose)
     return ik._go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
+
+
+def is_native(ik: InverseKinematics) -> bool:
+    """Whether native code answers, which is built if it is not yet there."""
+    return ik._kernel is not None

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import HolokinError
 from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
-from ..motion.inverse_kinematics import way_to
+from ..motion.inverse_kinematics import is_native, way_to
 from ..motion.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
@@ -32,7 +32,7 @@ MOST = 400
 """Steps of one way at most: four metres."""
 
 PIECES = 60
-"""Pieces of one way along a leaf while there is no native code: 0.1 s at most."""
+"""Pieces of one way along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most."""
 
 STRETCHED = 0.03
 """Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
@@ -92,12 +92,12 @@ def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follow
 
     def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
         pose = poses[0] if task.frames == 1 else poses
-        if wait:
+        if wait and is_native(ik):
             try:
                 return ik.near(pose, q), InverseStatus.REACHED
             except HolokinError:
                 return way_to(ik, pose, q)
-        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # in Python, until the compiler is done
+        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
         last, ended = walk(q, straight_way(tool_at(task, q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is WayEnd.REACHED else InverseStatus.LEAF_ENDS

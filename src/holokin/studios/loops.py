@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError
-from ..path import Path, arc, figure_eight, polyline
+from ..path import Path, arc, as_point, figure_eight, polyline
 from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -42,10 +42,7 @@ class Loop(Value):
     @property
     def center(self) -> Vector | None:
         """Center (3,) of a circle."""
-        if not self._round:
-            return None
-        given = list(map(float, self.keys["center"]))
-        return np.array([*given, 0.0][:3])  # of a planar robot a job gives two numbers
+        return as_point(self.keys["center"]) if self._round else None
 
     @property
     def normal(self) -> Vector | None:

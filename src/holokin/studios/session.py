@@ -130,7 +130,7 @@ class Session:
             return self._changed()
 
     def reset(self) -> Snapshot:
-        """All laws back at home, each on its leaf; the loop stops, and what was recorded is forgotten."""
+        """All laws at their home again, each on its leaf; the loop stops, and what was recorded is forgotten."""
         with self._lock:
             self._playing.stop()
             self._target, self._message = frozen(self._home_target()), ""

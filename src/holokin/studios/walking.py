@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import HolokinError, JointLimitError
 from ..motion import ControlLaw, approach, inverse, move_to_leaf
 from ..motion.branch import branch_code
-from ..motion.leaf import leaf_step, leaf_stepper, native_leaf
+from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, native_leaf
 from ..motion.native import NativeFollower
 from ..motion.simulation import step_targets
 from ..motion.velocity import native_velocity, path_rate, velocity_stepper
@@ -22,6 +22,9 @@ from .following import limit_sentence, stopped
 from .laws import Law
 from .loops import Loop
 from .states import LawStatus
+
+PIECES = 200
+"""Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""
 
 Stepper = Callable[[Vector, int], Vector]
 """(posture, step of the plan) -> the posture after it."""
@@ -103,13 +106,19 @@ def walk(law: Law, loop: Loop, begin: Vector, limits: bool, *, build: bool = Fal
     native: NativeFollower | None = None
     if isinstance(law.rule, HolonomicStrategy):
         native = native_leaf(law.rule, plan, begin, limits, load=True, build=build)
-        stepper = leaf_stepper(law.rule, plan, begin)
+        stepper = _leaf_stepper(law.rule, plan, begin)
     elif isinstance(law.rule, Strategy):
         native = native_velocity(law.rule, plan, begin, limits, load=True, build=build)
         stepper = velocity_stepper(law.rule, plan)
     else:
         stepper = _control_stepper(law.rule, plan, begin)
     return Walk(law, plan, begin, limits, native, stepper)
+
+
+def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, begin: Vector) -> Stepper:
+    """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
+    follow, c = leaf_follower(strategy, begin, PIECES), leaf_value(strategy, begin)
+    return lambda q, i: follow(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
 def _control_stepper(rule: ControlLaw, plan: Plan, begin: Vector) -> Stepper:
