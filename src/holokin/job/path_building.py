@@ -77,7 +77,7 @@ def _curve(table: PathTable, tool: Vector, file: FilePath, notes: list[str]) -> 
         turns = None if table.turns_deg is None else np.deg2rad(table.turns_deg)
         return polyline(points, turns=turns, closed=table.closed, speed=speed)
     if kind in ("circle", "arc"):
-        return _arc(table, placed(table.center or []), tool, file)
+        return _arc(table, placed(table.center or []), tool if table.at is None else placed(table.at), file)
     if kind in ("poses", "waypoints"):
         return _through(table, origin, file, notes)
     at = tool if table.at is None and table.frame is None else placed(table.at or [0.0, 0.0, 0.0])
@@ -95,14 +95,15 @@ def _curve(table: PathTable, tool: Vector, file: FilePath, notes: list[str]) -> 
     )  # fmt: skip
 
 
-def _arc(table: PathTable, center: Vector, tool: Vector, file: FilePath) -> Path:
+def _arc(table: PathTable, center: Vector, begin: Vector, file: FilePath) -> Path:
+    """The arc that begins at a point (3,): where the tool is, or `at`."""
     angle = 360.0 if table.angle_deg is None else table.angle_deg
     try:
-        return arc(tool, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
+        return arc(begin, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
     except ArgumentError as problem:
         if problem.what != "normal" or table.relative:
             raise
-        fact = f"is {problem.value}, the tool starts at {_typed(tool)}"
+        fact = f"is {problem.value}, {'the tool' if table.at is None else 'it'} starts at {_typed(begin)}"
         cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
         raise JobError(file, "path.normal", fact, cure) from None
 

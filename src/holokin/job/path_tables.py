@@ -38,7 +38,7 @@ _OF = {
     "clockwise": ("circle", "arc", "spiral"), "points": ("polyline", "spline"), "turns_deg": ("polyline",),
     "closed": ("polyline", "spline", "poses", "waypoints"), "times": ("spline", "poses"), "poses": ("poses",),
     "through": ("poses", "waypoints"), "file": ("waypoints", "svg"), "units": ("waypoints",), "angles": ("waypoints",),
-    "order": ("waypoints",), "pixel": ("svg",), "outline": ("svg",), "at": ("svg", "figure-eight", "raster", "spiral"),
+    "order": ("waypoints",), "pixel": ("svg",), "outline": ("svg",), "at": ("circle", "arc", "svg", "figure-eight", "raster", "spiral"),
     "width": ("figure-eight",), "height": ("figure-eight",), "along": ("figure-eight", "raster", "spiral"),
     "across": ("raster",), "spacing": ("raster", "spiral"), "radius": ("spiral",), "inward": ("spiral",),
     "surface": ("raster", "spiral"), "tool": ("raster", "spiral"),

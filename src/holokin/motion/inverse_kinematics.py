@@ -361,15 +361,11 @@ def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> Inver
     return InverseKinematics(strategy, q0, limits)
 
 
-def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike, native: bool = True) -> tuple[Vector, InverseStatus]:
+def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
     """How far `ik.near(pose, q)` gets: (the posture (n,) to which its way was gone, what became of the pose).
-
-    Args:
-        native: False goes on the virtual machine, so that nothing is compiled.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
     """
     p, R = ik._target(pose)
-    begin = ik.strategy.task.robot.checked(q, "the posture to begin from")
-    return ik._go(p, R, begin) if native else ik._walk(p, R, begin)
+    return ik._go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))

@@ -1,16 +1,18 @@
-"""The studio: a page with laws of one robot side by side, on a tool that is dragged or runs round a loop. Extra `studio`."""
+"""The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop."""
 
 from .laws import Law, default_laws
 from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .opening import open_session, session_of_job, session_of_robot
 from .playback import Motion, Recording, record, record_session
 from .saving import to_job, write_job
+from .server import DEFAULT, Studio
 from .session import Session
 from .sliders import Slider
 from .spreading import LawWays, TwoWays
 from .states import Cloud, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
 
 __all__ = [
+    "DEFAULT",
     "Cloud",
     "Judgement",
     "Law",
@@ -25,6 +27,7 @@ __all__ = [
     "Session",
     "Slider",
     "Snapshot",
+    "Studio",
     "TwoWays",
     "circle_loop",
     "default_laws",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..output.palette import GREY, INK, LIMIT, PALE
+from ..output.palette import INK, PALE
 from ..types import Vector
 from .states import Snapshot
+from .texts import block, marks, plain, quiet, table
 
 if TYPE_CHECKING:
     from .page import Page
@@ -37,9 +37,9 @@ class Charts:
         with self.panel.add_tab("What the joints do"):
             gui = page.server.gui
             gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
-            self.drift = self._plot("cycle", "drift")
+            self.drift = self._plot("cycle", dots=True)
             self.pick = gui.add_dropdown("Joint", names, initial_value=names[self._restless()])
-            self.history = self._plot("time [s]", "joint")
+            self.history = self._plot("time [s]", dots=False)
             gui.add_markdown("**Joints** between their limits, a mark for each law")
             self.bars = gui.add_html("")
 
@@ -71,21 +71,19 @@ class Charts:
             self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
         self.bars.content = self._bars(snap)
 
-    def _plot(self, across: str, up: str) -> Any:
+    def _plot(self, across: str, dots: bool) -> Any:
         from viser import uplot
 
         laws = self.page.session.laws[:MOST]
         series = [uplot.Series(label=across)]
         for law, color in zip(laws, self.page.colors, strict=False):
-            dash = (6, 4) if not law.holonomic else ()
-            one = uplot.Series(label=law.name, stroke=color, width=2, points={"show": across == "cycle"})  # type: ignore[typeddict-item]
-            if dash:
-                one["dash"] = dash  # type: ignore[typeddict-item]
-            series.append(one)
+            dash = [] if law.holonomic else [6, 4]
+            series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=190, legend={"show": False},
-            scales={"x": {"time": False}}, axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
+            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=195, legend={"show": False},
+            scales={"x": {"time": False}}, padding=(14, 16, 0, 0),
+            axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
         )  # fmt: skip
 
     def _restless(self) -> int:
@@ -96,30 +94,21 @@ class Charts:
         return int(np.argmax(np.abs(rest).max(axis=0))) if len(rest) else 0
 
     def _bars(self, snap: Snapshot) -> str:
-        robot, rows = self.page.session.robot, []
+        robot, rows, hints = self.page.session.robot, [], []
         for index, c in enumerate(robot.coordinates):
-            bounded = np.isfinite([c.lower, c.upper]).all()
+            bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
-            marks = "".join(
-                f'<div style="position:absolute;left:calc({_share(law.q[index], low, high):.1f}% - 2px);top:{-1 if i else -3}px;'
-                f'width:4px;height:{14 if i else 18}px;background:{color};border-radius:2px"></div>'
-                for i, (law, color) in enumerate(zip(snap.laws[:MOST], self.page.colors, strict=False))
-            )
-            edge = LIMIT if bounded else PALE
-            rows.append(
-                f'<div style="display:flex;align-items:center;margin:7px 0"><div title="{escape(c.name)}" '
-                f'style="width:96px;overflow:hidden;text-overflow:ellipsis;white-space:nowrap">{escape(c.name)}</div>'
-                f'<div style="position:relative;flex:1;height:12px;background:{PALE};border-left:2px solid {edge};'
-                f'border-right:2px solid {edge}">{marks}</div>'
-                f'<div style="width:56px;text-align:right">{snap.laws[self.page.lead].q[index]:.3f}</div></div>'
-            )
-        unit = f'<div style="color:{GREY}">number: joint of the solid robot [rad or m]; ends: its limits</div>'
-        return f'<div style="font-size:12px;color:{INK};padding:4px 10px">{"".join(rows)}{unit}</div>'
+            values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
+            number = plain(f"{snap.laws[self.page.lead].q[index]:.3f}", right=True)
+            short = c.name if len(c.name) <= 12 else f"...{c.name[-9:]}"
+            rows.append((plain(short), marks(values, self.page.colors, bounded), number))
+            hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
+        return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
 
 
 def _share(value: float, low: float, high: float) -> float:
-    """Where a value is between two others, 0 to 100."""
-    return float(np.clip(100 * (value - low) / (high - low), 0.0, 100.0)) if high > low else 50.0
+    """Where a value is between two others, 0 to 1."""
+    return float(np.clip((value - low) / (high - low), 0.0, 1.0)) if high > low else 0.5
 
 
 def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import HolokinError
 from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
 from ..motion.inverse_kinematics import way_to
+from ..motion.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -30,9 +31,12 @@ CORRECTIONS = 12
 MOST = 400
 """Steps of one way at most: four metres."""
 
-STRETCHED = 0.01
+PIECES = 60
+"""Pieces of one way along a leaf while there is no native code: 0.1 s at most."""
+
+STRETCHED = 0.03
 """Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
-folded, and its law no reason: along rays out of a Panda's workspace they end at 1e-3 and less."""
+folded, and its law no reason: on ways out of a Panda's workspace it was at most 0.02, where it is ready it is 0.1."""
 
 EXACT = 1e-9
 """Error [m or rad] at which a tool is at its target."""
@@ -83,23 +87,36 @@ def follower(law: Law, begin: Vector, limits: bool) -> Follower:
 
 def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follower:
     """The same pose has the same joints, whatever the way of the tool."""
-    ik, one = inverse(strategy, begin, limits), strategy.task.frames == 1
+    ik, task = inverse(strategy, begin, limits), strategy.task
+    level = leaf_value(strategy, begin)
 
-    def follow(q: Vector, poses: Array, wait: bool) -> Move:
-        pose = poses[0] if one else poses
+    def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
+        pose = poses[0] if task.frames == 1 else poses
         if wait:
             try:
-                return Move(ik.near(pose, q), LawStatus.FOLLOWING)
+                return ik.near(pose, q), InverseStatus.REACHED
             except HolokinError:
-                pass
-        last, status = way_to(ik, pose, q, native=wait)
+                return way_to(ik, pose, q)
+        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # in Python, until the compiler is done
+        levels = at, at + strategy.constraint.nearest(level - at)
+        last, ended = walk(q, straight_way(tool_at(task, q), task.target(poses), levels))
+        return last, InverseStatus.REACHED if ended is WayEnd.REACHED else InverseStatus.LEAF_ENDS
+
+    def follow(q: Vector, poses: Array, wait: bool) -> Move:
+        last, status = go(q, poses, wait)
+        if status is InverseStatus.LIMIT or (limits and status is InverseStatus.REACHED and _beyond(task, last)):
+            return Move(q, LawStatus.LIMIT, limit_sentence(task, last))
         if status is InverseStatus.REACHED:
             return Move(last, LawStatus.FOLLOWING)
-        if status is InverseStatus.LIMIT:
-            return Move(q, LawStatus.LIMIT, limit_sentence(strategy.task, last))
-        return Move(q, *stopped(strategy.task, strategy.name, last))
+        return Move(q, *stopped(task, strategy.name, last))
 
     return follow
+
+
+def _beyond(task: Task, q: Vector) -> bool:
+    """Whether a posture (n,) is beyond the joint limits."""
+    robot, slack = task.robot, TOLERANCES.limit
+    return bool(((q < robot.lower - slack) | (q > robot.upper + slack)).any())
 
 
 def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
@@ -111,27 +128,24 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         way, steps = _way(task, q, poses)
-        at, status = q, StepStatus.OK
+        seen, status = [q], StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
-            target = way.at(min(1.0, k / steps)) if k < steps else task.target(poses)
-            at = at + PERIOD * law.step(at, _pose(task, target), still)
+            target = way.at(k / steps) if k < steps else task.target(poses)
+            seen.append(seen[-1] + PERIOD * law.step(seen[-1], _pose(task, target), still))
             status = law.status
             if status >= StepStatus.LIMIT:
                 break
-            if k >= steps and np.abs(error(at, *target)).max() < EXACT:
-                break
-        if status < StepStatus.LIMIT and np.abs(error(at, *task.target(poses))).max() < EXACT:
-            return Move(at, LawStatus.FOLLOWING)
+            if k >= steps and np.abs(error(seen[-1], *target)).max() < EXACT:
+                return Move(seen[-1], LawStatus.FOLLOWING)
         if status is StepStatus.LIMIT:
-            return Move(q, LawStatus.LIMIT, limit_sentence(task, at))
-        return Move(q, *stopped(task, strategy.name, at))
+            return Move(q, LawStatus.LIMIT, limit_sentence(task, seen[-1]))
+        return Move(q, *stopped(task, strategy.name, *seen))
 
     return follow
 
 
 def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     """A control law along the straight way, as `simulate` runs it."""
-    robot, slack = task.robot, TOLERANCES.limit
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         way, steps = _way(task, q, poses)
@@ -150,7 +164,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
             return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
         if at.shape != q.shape or not np.isfinite(at).all():
             return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
-        if limits and ((at < robot.lower - slack) | (at > robot.upper + slack)).any():
+        if limits and _beyond(task, at):
             return Move(q, LawStatus.LIMIT, limit_sentence(task, at))
         off = float(np.abs(task.error_function(at, *task.target(poses))).max())
         if off < DOUBTFUL:
@@ -176,15 +190,15 @@ def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
     return poses[0] if F == 1 else poses
 
 
-def stopped(task: Task, name: str, last: Vector) -> tuple[LawStatus, str]:
-    """Why a law got no farther than a posture (n,): the arm is stretched there, or the law has no value further on."""
-    J, margin = task.jacobian_batch(last[None])
-    s = np.linalg.svd(J[0], compute_uv=False)
-    if margin[0] < 2 * TOLERANCES.representation:
+def stopped(task: Task, name: str, *seen: Vector) -> tuple[LawStatus, str]:
+    """Why a law got no farther: on the postures (n,) of its way the arm is stretched, or the law alone is singular."""
+    J, margin = task.jacobian_batch(np.array(seen))
+    if margin.min() < 2 * TOLERANCES.representation:
         cure = "turn the tool less, or choose a task with another orientation"
         return LawStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
-    if s[-1] < STRETCHED * s[0]:
-        return LawStatus.OUT_OF_REACH, "The arm is stretched or folded: it goes no farther this way; drag it back."
+    s = np.linalg.svd(J[np.isfinite(J).all(axis=(1, 2))], compute_uv=False)
+    if (s[:, -1] / s[:, 0]).min(initial=1.0) < STRETCHED:
+        return LawStatus.OUT_OF_REACH, "The arm is stretched or folded, and reaches no farther this way; drag it back."
     cure = "drag it back, or choose another law or leaf"
     return LawStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
 

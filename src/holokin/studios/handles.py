@@ -53,11 +53,11 @@ class Handles:
 
     def place_loop(self, loop: Loop | None) -> None:
         """The handles of a circle on it; of what is no circle there are none."""
-        center, normal, radius = (None,) * 3 if loop is None else (loop.center, loop.normal, loop.radius)
-        shown = self.loop_wanted and center is not None
-        self._loop.visible = self._radius.visible = shown
-        if loop is None or center is None or normal is None or radius is None:
+        found = circle_of(loop)
+        self._loop.visible = self._radius.visible = self.loop_wanted and found is not None
+        if loop is None or found is None:
             return
+        center, normal, radius = found
         frame = frame_of(normal, loop.path.start[:3] - center)
         if "loop" not in self._held:
             self._loop.position, self._loop.wxyz = center, wxyz_of(frame)
@@ -106,9 +106,12 @@ class Handles:
         self.page.scene.path([], "corners")
 
     def _tool(self, index: int) -> Any:
+        task, flat = self.page.session.task, self.page.session.robot.planar
+        straight = task.orientation is None and task.m <= 3 * task.frames
         handle = self.page.server.scene.add_transform_controls(
-            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False
-        )
+            f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False,
+            active_axes=(True, True, not flat), disable_rotations=straight,
+        )  # fmt: skip
         name = f"tool{index}"
 
         @handle.on_update
@@ -157,18 +160,29 @@ class Handles:
 
     def _set_circle(self, center: Vector, normal: Vector, radius: float | None) -> None:
         old = self.page.session.loop
-        if old is None or old.radius is None:
+        found = circle_of(old)
+        if old is None or found is None:
             return
-        size = old.radius if radius is None else radius
+        size = found[2] if radius is None else radius
         near = self.page.session.snapshot().target[0][:3, 3]
         loop = circle_loop(center, size, normal, near=near, clockwise=old.clockwise, samples=old.samples)
         self.page.session.set_loop(loop)
 
     def _set_radius(self, place: Vector) -> None:
-        old = self.page.session.loop
-        if old is None or old.center is None or old.normal is None:
-            return
-        self._set_circle(old.center, old.normal, max(float(np.linalg.norm(place - old.center)), LEAST))
+        found = circle_of(self.page.session.loop)
+        if found is not None:
+            self._set_circle(found[0], found[1], max(float(np.linalg.norm(place - found[0])), LEAST))
+
+
+def circle_of(loop: Loop | None) -> tuple[Vector, Vector, float] | None:
+    """Centre (3,) [m], normal (3,) and radius [m] of a circle, however its job says it; None of another curve."""
+    if loop is None or loop.kind != "circle" or not loop.path.closed:
+        return None
+    points = loop.points(49)[0, :-1]
+    center = points.mean(axis=0)
+    normal = np.cross(points[0] - center, points[12] - center)  # a quarter of the way round
+    radius = float(np.linalg.norm(points[0] - center))
+    return center, (-1.0 if loop.clockwise else 1.0) * normal / np.linalg.norm(normal), radius
 
 
 def frame_of(normal: Vector, towards: Vector) -> Matrix:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import HolokinError
 from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
+from .handles import circle_of
 from .loops import circle_loop, eight_loop
 
 if TYPE_CHECKING:
@@ -24,15 +25,13 @@ class LoopPanel:
     def __init__(self, page: Page):
         self.page = page
         gui, loop = page.server.gui, page.session.loop
-        center = loop.center if loop is not None and loop.center is not None else self._tool()
-        radius = loop.radius if loop is not None and loop.radius is not None else 0.1
-        normal = loop.normal if loop is not None and loop.normal is not None else np.array([0.0, 0.0, 1.0])
+        center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
         gui.add_markdown("A closed path of the tool. Laws that are not holonomic drift on it.")
         self.dragged = gui.add_checkbox("Drag centre, plane and radius in the scene", False)
         self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"))
-        self.center = gui.add_vector3("Centre [m]", tuple(map(float, center)), step=0.01)
+        self.center = gui.add_vector3("Centre [m]", tuple(float(v) for v in np.round(center, 4)), step=0.01)
         self.radius = gui.add_number("Radius [m]", float(radius), min=0.005, max=10.0, step=0.005)
-        self.normal = gui.add_vector3("Normal of the plane", tuple(map(float, normal)), step=0.05)
+        self.normal = gui.add_vector3("Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05)
         self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
         self.make = gui.add_button("Take this loop")
         gui.add_divider()

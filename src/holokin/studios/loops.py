@@ -42,7 +42,10 @@ class Loop(Value):
     @property
     def center(self) -> Vector | None:
         """Center (3,) of a circle."""
-        return np.array(self.keys["center"], dtype=float) if self._round else None
+        if not self._round:
+            return None
+        given = list(map(float, self.keys["center"]))
+        return np.array([*given, 0.0][:3])  # of a planar robot a job gives two numbers
 
     @property
     def normal(self) -> Vector | None:
@@ -81,6 +84,7 @@ def circle_loop(
     start = c + r * flat / np.linalg.norm(flat)
     path = arc(start, c, -2 * np.pi if clockwise else 2 * np.pi, n, speed=positive("speed", speed))
     keys = {"kind": "circle", "center": c.tolist(), "normal": n.tolist(), "clockwise": clockwise, "speed": float(speed)}
+    keys["at"] = start.tolist()
     return Loop("circle", path, keys, samples, clockwise)
 
 

@@ -31,6 +31,9 @@ from .states import Origin
 TRIED = 4
 """Start postures that are tried for a robot."""
 
+AMONG, DOWN = 300, -0.8
+"""Of so many of the most regular postures those are preferred in which the tool's z axis points down: its z."""
+
 SHARES = (0.15, 0.08, 0.04, 0.02)
 """Radii of the circles that are tried, as shares of how far the tool is from the base: a Panda's first is 0.1 m."""
 
@@ -108,8 +111,8 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
         raise first
     keys = job.path.model_dump(exclude_unset=True, exclude={"samples", "cycles"})
     loop = Loop(job.path.kind, path, _based(keys, path), job.path.samples, bool(job.path.clockwise))
-    told = (table.model_dump(exclude_unset=True, exclude_none=True) for table in (job.robot, job.task))
-    origin = Origin(*told, file.parent.absolute())
+    robot, work = (part.model_dump(exclude_unset=True, exclude_none=True) for part in (job.robot, job.task))
+    origin = Origin(robot, work, file.parent.absolute())
     return Session(laws, start, loop, title=job.title, source=name, cycles=job.path.cycles, origin=origin)
 
 
@@ -129,7 +132,7 @@ def session_of_robot(
 
     Args:
         task: by default the pose, or else the position, or less, so that a joint is to spare.
-        start: by default a regular posture in the middle of the joint limits.
+        start: by default a regular posture in the middle of the joint limits, with the tool down where there is one.
         origin: what a job says of the robot: its [robot]. With a task of your own no job can be written.
 
     Raises:
@@ -137,7 +140,7 @@ def session_of_robot(
     """
     chosen = fitting_task(robot) if task is None else task
     redundant(chosen)
-    starts = regular_starts(chosen)[:TRIED] if start is None else robot.checked(start, "the start posture")[None]
+    starts = _ready(chosen)[:TRIED] if start is None else robot.checked(start, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
     told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
@@ -147,6 +150,14 @@ def session_of_robot(
         if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
             return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told)
     return Session(default_laws(chosen, starts[0]), starts[0], title=robot.name, source=source, origin=told)
+
+
+def _ready(task: Task) -> Matrix:
+    """Regular postures (k, n); of arms in space first those that hold the tool down in front of the base."""
+    starts = regular_starts(task)
+    p, R = task.poses(starts[:AMONG])
+    front = (p[:, 0] > 0) & (R[:, 2, 2] < DOWN)
+    return starts if task.robot.planar or not front.any() else np.vstack([starts[:AMONG][front], starts])
 
 
 def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:

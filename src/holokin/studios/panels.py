@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..job import packaged_jobs
-from ..output.palette import BAD, GREY, INK
 from .loop_panel import LoopPanel
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
-from .states import LawState, Phase, Snapshot
+from .states import Phase, Snapshot
+from .texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 
 if TYPE_CHECKING:
     from .page import Page
@@ -61,13 +60,10 @@ class Panels:
 
     def _head(self) -> str:
         session = self.page.session
-        joints = f"{session.robot.name}: {session.task.n} joints, {session.task.m} of them needed by the tool"
+        joints = f"{session.robot.name}: {session.task.n} joints for {session.task.m} coordinates of the tool"
         shared = "All browsers on this page see and move the same robots."
-        remarks = "".join(f'<div style="color:{BAD}">{escape(text)}</div>' for text in self.page.scene.remarks)
-        return (
-            f'<div style="padding:2px 10px;color:{INK};font-size:13px"><b style="font-size:15px">'
-            f"{escape(session.title)}</b><div>{escape(joints)}</div>"
-            f'<div style="color:{GREY};font-size:12px">{shared}</div>{remarks}</div>'
+        return block(
+            line(session.title, bold=True), line(joints), quiet(shared), *map(warning, self.page.scene.remarks)
         )
 
     def _run(self, gui: Any) -> None:
@@ -79,14 +75,12 @@ class Panels:
             "Speed", min=0.25, max=8.0, step=0.25, initial_value=2.0, hint="Times its own speed"
         )
         cycles = page.session.snapshot().cycles
-        self.cycles = gui.add_number(
-            "Cycles", ENDLESS if cycles is None else cycles, min=0, max=10_000, step=1, hint="0: for ever"
-        )
+        shown = ENDLESS if cycles is None else cycles
+        self.cycles = gui.add_number("Cycles", shown, min=0, max=10_000, step=1, hint="0: for ever")
         self.way = gui.add_dropdown("Way round", ("as drawn", "the other way"))
-        self.solid = gui.add_dropdown(
-            "Solid robot", tuple(law.name for law in page.session.laws), initial_value=page.session.laws[page.lead].name,
-            hint="The law whose robot is drawn solid; the others are ghosts",
-        )  # fmt: skip
+        names = tuple(law.name for law in page.session.laws)
+        solid = "The law whose robot is drawn solid; the others are ghosts"
+        self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
         self.at_start = gui.add_checkbox("Show the start posture, in grey", False)
         page.session.set_speed(self.speed.value)
 
@@ -141,38 +135,21 @@ class Panels:
             self.page.session.play()
 
     def _doing(self, snap: Snapshot) -> str:
-        share = 100 * snap.progress
-        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=share, done=snap.cycle)
+        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=100 * snap.progress, done=snap.cycle)
         faults = [f"{law.name}: {law.sentence}" for law in snap.laws if law.sentence]
         red = self.page.said or snap.message or (faults[0] if faults else "")
-        said = f'<div style="color:{BAD};font-weight:600;margin-top:3px">{escape(red)}</div>' if red else ""
-        line = f'<div style="height:4px;background:#E5E7EB;margin-top:4px"><div style="height:4px;background:#0072B2;width:{share:.0f}%"></div></div>'
-        return f'<div style="padding:2px 10px;font-size:13px;color:{INK}">{escape(text)}{line}{said}</div>'
+        return block(line(text), gauge(snap.progress), warning(red))
 
     def _table(self, snap: Snapshot) -> str:
-        rows = "".join(
-            self._row(law, color, index == self.page.lead)
-            for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False))
-        )
-        return (
-            f'<table style="width:100%;font-size:12.5px;color:{INK};border-spacing:0 3px;padding:0 8px"><tr style="color:{GREY}">'
-            f'<td></td><td>law</td><td style="text-align:right">drift now</td><td style="text-align:right">state</td></tr>{rows}</table>'
-        )
-
-    def _row(self, law: LawState, color: str, lead: bool) -> str:
-        drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{law.drift[-1]:.3g}"
-        state = "follows" if law.following else law.status.value
-        tint = INK if law.following else BAD
-        kind = "holonomic" if law.holonomic else "not holonomic"
-        return (
-            f'<tr title="{escape(law.sentence)}"><td style="width:16px"><div style="width:12px;height:12px;border-radius:3px;'
-            f'background:{color};outline:{"2px solid " + INK if lead else "none"};outline-offset:1px"></div></td>'
-            f'<td><b>{escape(law.name)}</b> <span style="color:{GREY}">{kind}</span></td>'
-            f'<td style="text-align:right">{drift}</td><td style="text-align:right;color:{tint}">{state}</td></tr>'
-        )
-
-
-def put(handle: Any, content: str) -> None:
-    """Set the content of a text, if it is another one: every message costs all browsers time."""
-    if handle.content != content:
-        handle.content = content
+        rows = [
+            ("", plain("law", grey=True), plain("drift", grey=True, right=True), plain("state", grey=True, right=True))
+        ]
+        for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False)):
+            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{law.drift[-1]:.3g}"
+            state = "follows" if law.following else law.status.value
+            kind = "holonomic" if law.holonomic else "not holonomic"
+            rows.append((
+                swatch(color, index == self.page.lead), named(law.name, kind),
+                plain(drift, right=True), plain(state, red=not law.following, right=True),
+            ))  # fmt: skip
+        return block(table(rows, ["", *(law.sentence for law in snap.laws)]))

@@ -88,8 +88,8 @@ def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
         playing.phase = Phase.RUNNING
 
 
-def go(playing: Playing, runs: Iterable[Run], dt: float) -> None:
-    """All laws go on by a time of the loop [s], in whole steps."""
+def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
+    """All laws go on by a time of the loop [s], in whole steps; `wait`: as of a `Follower`, of laws not compiled."""
     steps, length = len(playing.ends), float(playing.ends[-1])
     playing.time += dt
     playing.frames += 1
@@ -104,16 +104,17 @@ def go(playing: Playing, runs: Iterable[Run], dt: float) -> None:
         until = min(steps, first + goal - done)
         for run in runs:
             if run.walk is not None:
-                _steps(playing, run, run.walk, first, until)
+                _steps(playing, run, run.walk, (first, until), wait)
         done += until - first
         playing.cycle, playing.step = divmod(done, steps)
     if done >= last:
         playing.phase = Phase.DONE
 
 
-def _steps(playing: Playing, run: Run, walked: Walk, first: int, until: int) -> None:
+def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wait: bool) -> None:
     """Steps of one law in one cycle, and its drift where the cycle ends."""
-    run.curves, run.state = {}, None
+    first, until = steps
+    run.curves, run.levels, run.state = {}, {}, None
     if run.status is LawStatus.FOLLOWING:
         rows, (run.status, run.sentence) = walked.run(run.q, first, until)
         if len(rows):
@@ -121,6 +122,6 @@ def _steps(playing: Playing, run: Run, walked: Walk, first: int, until: int) -> 
             run.history.add(playing.cycle * playing.ends[-1] + playing.ends[first : first + len(rows)], rows)
         run.whole &= run.status is LawStatus.FOLLOWING
     elif playing.frames % RETRY == 0:
-        run.put(run.follow(run.q, poses_at(walked.plan, until), run.ready))
+        run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
     if until == len(playing.ends) and run.begin is not None:
         run.drifts.append(run.q - run.begin if run.whole else np.full(len(run.q), np.nan))

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from html import escape
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import BAD, GREY, INK, rgb
+from ..output.palette import BLUE, ORANGE, VERMILLION, rgb
+from .sliders import Slider
 from .states import Cloud, LawState, Phase, Snapshot
+from .texts import block, line, plain, put, quiet, swatch, table
 
 if TYPE_CHECKING:
     from .page import Page
 
 TICKS = 1000
 """Places of a slider."""
+
+SINGULAR = 0.01
+"""An rcond below this is written in red."""
+
+SELF, LEVEL = "self-motion", "level"
+"""The two sliders."""
 
 
 class PosturePanel:
@@ -39,16 +47,13 @@ class PosturePanel:
         self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic)
         self.clear = gui.add_button("Take the cloud away", color="gray", disabled=not holonomic)
         self.cloud_text = gui.add_html("")
-        self._ranges: dict[str, Any] = {}
-        self._quiet = False
+        self._ranges: dict[str, Slider | None] = {}
         self._cloud: Cloud | None = None
-        self._fitted: tuple[Any, ...] = ()
+        self._fitted: dict[str, tuple[Any, ...]] = {}
         self._connect()
 
     def draw(self, snap: Snapshot) -> None:
         """Bring texts, sliders and cloud to a snapshot."""
-        from .panels import put
-
         put(self.known, self._known(snap))
         still = snap.phase in (Phase.IDLE, Phase.DONE)
         self.self_motion.disabled = not still
@@ -63,17 +68,17 @@ class PosturePanel:
 
         @self.law.on_update
         def _(_event: Any) -> None:
-            self._fitted = ()
+            self._fitted = {}
 
         @self.self_motion.on_update
         def _(event: Any) -> None:
             if event.client is not None:
-                page.ask(self._slide, "self-motion")
+                page.ask(self._slide, SELF)
 
         @self.level.on_update
         def _(event: Any) -> None:
             if event.client is not None:
-                page.ask(self._lift, "level")
+                page.ask(self._lift, LEVEL)
 
         @self.find.on_click
         def _(_event: Any) -> None:
@@ -84,87 +89,87 @@ class PosturePanel:
             page.ask(lambda: (page.session.cancel_cloud(), page.scene.cloud([], [])))
 
     def _slide(self) -> None:
-        known = self._ranges.get("self-motion")
+        known = self._ranges.get(SELF)
         if known is not None:
             self.page.say("")
             self.page.session.move_self(self.law.value, known.low + self.self_motion.value * (known.high - known.low))
-            self._fitted = self._key(self.page.session.snapshot())
+            self._fitted[SELF] = self._key(self.page.session.snapshot())
 
     def _lift(self) -> None:
-        known = self._ranges.get("level")
+        known = self._ranges.get(LEVEL)
         if known is not None:
             value = known.low + self.level.value * (known.high - known.low)
-            rest = self.page.session.snapshot().law(self.law.value).level[1:]
-            scale = np.pi / 180 if known.unit == "deg" else 1.0
             self.page.say("")
-            self.page.session.set_level(self.law.value, [scale * value, *rest])
-            self._fitted = self._key(self.page.session.snapshot())
+            self.page.session.move_level(self.law.value, value)
+            self._fitted[LEVEL] = self._key(self.page.session.snapshot())
+            self._say_level(replace(known, value=value))
 
     def _key(self, snap: Snapshot) -> tuple[Any, ...]:
         return self.law.value, snap.law(self.law.value).q.tobytes()
 
     def _fit(self, snap: Snapshot) -> None:
-        """Bring the sliders to the posture; to find how far they go costs some milliseconds, so only when it changed."""
+        """Bring the sliders to the posture; only when it changed, since finding how far they go takes time."""
         key = self._key(snap)
-        if key == self._fitted:
-            return
-        self._fitted = key
-        law = snap.law(self.law.value)
-        self._ranges = {}
-        for name, handle in (("self-motion", self.self_motion), ("level", self.level)):
+        for name, handle in ((SELF, self.self_motion), (LEVEL, self.level)):
+            if self._fitted.get(name) == key:
+                continue
+            self._fitted[name] = key
             try:
-                found = self.page.session.self_motion(law.name) if name == "self-motion" else self._level(law)
+                found = self._range(name, snap.law(self.law.value))
             except HolokinError as problem:
                 found = None
-                self.level_text.content = str(problem) if name == "level" else self.level_text.content
-            handle.disabled = found is None or not found.high > found.low
-            if found is not None and found.high > found.low:
-                self._ranges[name] = found
+                if name == LEVEL:
+                    put(self.level_text, f"**Level**: {problem}")
+            if found is not None and not found.high > found.low:
+                found = None
+            self._ranges[name] = found
+            handle.disabled = found is None
+            if found is not None:
                 handle.value = float(np.clip((found.value - found.low) / (found.high - found.low), 0.0, 1.0))
-        known = self._ranges.get("level")
-        if known is not None:
-            what = "Elbow angle" if known.unit == "deg" else "Level g(q)"
-            unit = f" {known.unit}" if known.unit else ""
-            self.level_text.content = f"**{what}**: {known.value:.4g}{unit}, from {known.low:.4g} to {known.high:.4g}. The law keeps the new leaf."
+                if name == LEVEL:
+                    self._say_level(found)
 
-    def _level(self, law: LawState) -> Any:
-        if not law.holonomic:
-            self.level_text.content = f"**Level**: {law.name} has no leaves."
-            return None
-        return self.page.session.level_slider(law.name)
+    def _range(self, name: str, law: LawState) -> Slider | None:
+        if name == SELF:
+            return self.page.session.self_motion(law.name)
+        if law.holonomic:
+            return self.page.session.level_slider(law.name)
+        put(self.level_text, f"**Level**: {law.name} has no leaves.")
+        return None
+
+    def _say_level(self, known: Slider) -> None:
+        what, unit = ("Elbow angle", " deg") if known.unit == "deg" else (f"Level of {known.label}", f" {known.unit}")
+        span = f"{known.value:.4g}{unit}, from {known.low:.4g} ({known.why_low}) to {known.high:.4g} ({known.why_high})"
+        put(self.level_text, f"**{what}**: {span}. The law keeps the new leaf.")
 
     def _known(self, snap: Snapshot) -> str:
-        rows = []
+        rows = [("", *(plain(text, grey=True) for text in ("law", "verdict about the start", "rcond")))]
         for law, color in zip(snap.laws, self.page.colors, strict=False):
             judged = law.judgement
             verdict = "is being judged" if judged is None else "holonomic" if judged.holonomic else "not holonomic"
             bend = "" if judged is None else f", curvature {judged.curvature:.2g}"
-            near = BAD if law.rcond < 0.01 else INK
-            rows.append(
-                f'<tr title="{escape(judged.sentence if judged is not None else "")}"><td><div style="width:12px;height:12px;'
-                f'border-radius:3px;background:{color}"></div></td><td>{escape(law.name)}</td>'
-                f'<td>{verdict}{bend}</td><td style="text-align:right;color:{near}">{law.rcond:.3f}</td></tr>'
-            )
-        head = f'<tr style="color:{GREY}"><td></td><td>law</td><td>verdict about the start</td><td style="text-align:right">rcond</td></tr>'
-        foot = f'<div style="color:{GREY};font-size:12px;padding:0 10px">rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop.</div>'
-        return (
-            f'<table style="width:100%;font-size:12.5px;color:{INK};padding:0 8px">{head}{"".join(rows)}</table>{foot}'
-        )
+            near = plain(f"{law.rcond:.3f}", red=bool(law.rcond < SINGULAR), right=True)
+            rows.append((swatch(color), plain(law.name), plain(f"{verdict}{bend}"), near))
+        hints = ["", *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
+        foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
+        return block(table(rows, hints), quiet(foot))
 
     def _draw_cloud(self, cloud: Cloud | None) -> None:
         if cloud is None:
             self.page.scene.cloud([], [])
-            self.cloud_text.content = ""
+            put(self.cloud_text, "")
             return
         self.page.scene.cloud(cloud.points, margin_colors(cloud))
         share = f"{100 * cloud.reached.mean():.0f} % are reached" if len(cloud.reached) else ""
         text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
-        key = "blue: far from joint limits; orange: near one; red: not reached"
-        self.cloud_text.content = f'<div style="font-size:12.5px;color:{INK};padding:0 10px">{escape(text)}<div style="color:{GREY}">{key}</div></div>'
+        put(
+            self.cloud_text,
+            block(line(text), quiet("Blue: far from joint limits; orange: near one; red: not reached.")),
+        )
 
 
 def margin_colors(cloud: Cloud) -> Any:
-    """A colour (k, 3) for each pose: from orange at a joint limit to blue in the middle; red where it is not reached."""
+    """A colour (k, 3) for each pose: orange at a joint limit, blue in the middle; red where it is not reached."""
     share = np.nan_to_num(np.sqrt(np.clip(cloud.margin, 0.0, 1.0)))[:, None]
-    colors = (1 - share) * np.array(rgb("#E69F00")) + share * np.array(rgb("#0072B2"))
-    return np.where(cloud.reached[:, None], colors, np.array(rgb("#D55E00"))).astype(np.uint8)
+    colors = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
+    return np.where(cloud.reached[:, None], colors, np.array(rgb(VERMILLION))).astype(np.uint8)

@@ -12,7 +12,7 @@ from ..types import Vector, frozen
 from .following import Follower, Move, follower
 from .history import History
 from .laws import Law
-from .sliders import Slider, along, self_motion_curve, self_slider
+from .sliders import Slider, across, along, level_slider, self_motion_curve, self_slider
 from .states import Judgement, LawState, LawStatus
 from .walking import Walk
 
@@ -37,6 +37,7 @@ class Run:
     drifts: list[Vector] = field(default_factory=list)
     judgement: Judgement | None = None
     curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
+    levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
     ready: bool = False  # native code was built, or tried
     state: LawState | None = None
 
@@ -49,7 +50,7 @@ class Run:
     def put(self, move: Move) -> None:
         """Where it stands from now on."""
         self.q, self.status, self.sentence = frozen(move.q), move.status, move.sentence
-        self.curves, self.state = {}, None
+        self.curves, self.levels, self.state = {}, {}, None
 
     def forget(self) -> None:
         """What was recorded of the loop."""
@@ -109,3 +110,20 @@ def slide(run: Run, direction: int, s: float, limits: bool) -> None:
     curve = run.curves[direction][0]
     put_on_leaf(run, along(curve, s), limits)
     run.curves = {direction: (curve, s)}
+
+
+def level_slider_of(run: Run, row: int, limits: bool) -> Slider:
+    """The slider of a row of the level of a law; angles count on through whole turns from when it was asked for."""
+    if row not in run.levels:
+        run.levels[row] = level_slider(run.law, run.q, limits, row)
+    return run.levels[row]
+
+
+def move_across(run: Run, row: int, value: float, limits: bool) -> None:
+    """A law to the leaf of a value of its slider. Raises: as `level_slider`, `across`; JointLimitError."""
+    slider = level_slider_of(run, row, limits)
+    q = across(run.law, run.q, slider, value, row)
+    if limits:
+        run.law.task.robot.check_limits(q)
+    put_on_leaf(run, q, limits)
+    run.levels = {row: replace(slider, value=value)}

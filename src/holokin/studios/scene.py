@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, reach
-from ..types import ArrayLike, Indices, Matrix, Vector
+from ..types import Array, ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
 OPACITY = 0.62
@@ -120,7 +120,7 @@ class Scene:
                 handle.batched_positions, handle.batched_wxyzs = positions[frame], turns[frame]
                 handle.batched_opacities, handle.batched_scales = opacity, (opacity > 0) * self._scales
             for index, label in enumerate(self._labels):
-                label.visible = bool(np.linalg.norm(elbows[index] - elbows[lead]) > 2 * APART)
+                label.visible = bool(np.linalg.norm(elbows[index] - elbows[lead]) > APART)
                 label.position = elbows[index] + [0.0, 0.0, _ABOVE]
 
     def show_start(self, q: ArrayLike | None) -> None:
@@ -219,7 +219,7 @@ class Scene:
         reached = tool[:2] - self.box()[0][:2]
         ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
         side = ahead - np.deg2rad(62.0)
-        up = np.deg2rad(20.0)
+        up = np.deg2rad(72.0 if self.robot.planar else 20.0)
         away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
         far = 1.05 * radius / np.sin(FOV / 2)
         at = middle + aside * 2 * far * np.tan(FOV / 2) * np.array([-np.sin(side), np.cos(side), 0.0])
@@ -236,12 +236,15 @@ class Scene:
         scene = self.server.scene
         scene.configure_default_lights(False)
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(205, 210, 220), intensity=2.1)
+        scene.add_light_hemisphere(
+            "/lights/sky", sky_color=(255, 255, 255), ground_color=(205, 210, 220), intensity=2.1
+        )
         scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
         scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
         scene.add_grid(
             "/floor", size, size, cell_size=0.1, cell_color=_CELL, section_size=0.5, section_color=_SECTION,
             plane_color=_FLOOR, plane_opacity=1.0, shadow_opacity=0.2, fade_distance=6.0 * size,
+            position=(0.0, 0.0, min(0.0, float(self.box()[0][2])) if self.robot.planar else 0.0),
         )  # fmt: skip
 
     def _draw_robot(self) -> None:
@@ -304,8 +307,8 @@ def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
     return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
 
 
-def linear(colors: ArrayLike) -> Indices:
-    """Colours (..., 3), 0 to 255, as the page takes those of points and of ghosts: by their light, not as of a screen."""
+def linear(colors: ArrayLike) -> Array:
+    """Colours (..., 3), 0 to 255, as the page takes those of points and ghosts: by light."""
     share = np.asarray(colors, dtype=float).reshape(-1, 3) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8).reshape(np.shape(colors)[:-1] + (3,))

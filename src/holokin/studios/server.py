@@ -1,10 +1,13 @@
-"""`studio`: opens the page of a job or a robot in the browser."""
+"""`Studio`: serves the page of a job or a robot."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import ipaddress
+import os
+import socket
 import threading
 import time
 import webbrowser
@@ -12,9 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..arguments import typed
 from ..errors import ArgumentError, HolokinError
 from ..robot import Robot
+from .meshes import trimesh_package
 from .opening import open_session, session_of_robot
 from .page import Page
 from .scene import viser_package
@@ -26,8 +29,15 @@ PORT = 8080
 HERE = "127.0.0.1"
 """This machine alone."""
 
+TRIED = 50
+"""Ports that are tried."""
+
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
+
+
+What = str | Path | Robot | Session | None
+"""What can be shown."""
 
 
 class Studio:
@@ -40,15 +50,13 @@ class Studio:
     def __init__(self, session: Session, port: int = PORT, host: str = HERE):
         viser = viser_package()
         self._lock = threading.Lock()
+        free = free_port(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner; ours says more
-            try:
-                self.server = viser.ViserServer(host=host, port=port, verbose=False)
-            except OSError as problem:
-                raise ArgumentError("the host", host, f"name one of this machine ({problem})") from None
+            self.server = viser.ViserServer(host=host, port=free, verbose=False)
         found = self.server.get_port()
         self.url = f"http://{'localhost' if host == HERE else host}:{found}"
         self.notes: list[str] = []
-        if found != port:
+        if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
         if not _loopback(host):
             self.notes.append(f"everyone who reaches this machine at {host} can open and move the page")
@@ -101,39 +109,12 @@ class Studio:
             self.page.say(str(problem))
 
 
-@typed
-def studio(
-    what: str | Path | Robot | Session | None = None,
-    *,
-    port: int = PORT,
-    host: str = HERE,
-    browser: bool = True,
-    wait: bool = True,
-    tell: Callable[[str], Any] = print,
-) -> Studio:
-    """Open a page in the browser: the robot, a loop to drag, and control laws side by side.
-
-    All browsers that open the page share one state. See docs/studio.md.
-
-    Args:
-        what: a job (packaged, or a file), a robot (of the catalogue, a file, or a Robot), or a `studios.Session`; by
-            default the job panda-circle.
-        port: where the page is served; the next free one if it is in use.
-        host: "127.0.0.1" is this machine alone; with another address others can open the page, too.
-        browser: False opens none.
-        wait: serve until Ctrl-C; False returns at once, and `close()` ends it.
-        tell: hears where the page is, a sentence at a time.
-
-    Returns:
-        The studio, with `url` and `close()`.
-
-    Raises:
-        MissingExtraError: viser or trimesh is not installed. ArgumentError: a port or host that cannot be; a robot
-            without a joint to spare. HolokinError: what reading the job or robot raises.
-    """
+def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
+    """Open a page; as `hk.studio` says."""
     if not 0 <= port <= 65535:
         raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
     viser_package()
+    trimesh_package()
     made = Studio(_session(what), port, host)
     for note in made.notes:
         tell(note)
@@ -145,7 +126,30 @@ def studio(
     return made
 
 
-def _session(what: str | Path | Robot | Session | None) -> Session:
+def free_port(host: str, port: int) -> int:
+    """The first port from one on that is free at an address; 0 stays 0, which is any.
+
+    Raises:
+        ArgumentError: the address is none of this machine, or no port is free.
+    """
+    for found in range(port, min(port + TRIED, 65536)):
+        try:
+            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as one:
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                one.bind(place)
+            return found
+        except (socket.gaierror, UnicodeError):
+            break
+        except OSError as problem:
+            if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
+                break
+    else:
+        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+    raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
+
+
+def _session(what: What) -> Session:
     if isinstance(what, Session):
         return what
     if isinstance(what, Robot):

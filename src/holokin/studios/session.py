@@ -22,8 +22,8 @@ from .following import Move, poses_of
 from .laws import Law, rebuilt
 from .loops import Loop, entered, reversed_loop
 from .playing import Playing, begin, gather, go, target_of
-from .runs import Run, new_run, put_on_leaf, slide, slider_of, state_of
-from .sliders import Slider, leaves_of, level_of_slider, level_slider
+from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of, state_of
+from .sliders import Slider, leaves_of
 from .spreading import WIDTH, TwoWays, two_ways
 from .states import Cloud, LawStatus, Origin, Phase, Snapshot
 from .walking import leaf_start
@@ -243,7 +243,7 @@ class Session:
             if self._playing.phase is Phase.GATHERING:
                 gather(self._playing, self._runs.values(), dt)
             elif self._playing.phase is Phase.RUNNING:
-                go(self._playing, self._runs.values(), dt * self._playing.factor)
+                go(self._playing, self._runs.values(), dt * self._playing.factor, self._worker is None)
                 self._aim()
             else:
                 return self.snapshot()
@@ -265,11 +265,9 @@ class Session:
     def self_motion(self, name: str, direction: int = 0) -> Slider:
         """The slider of one law along its self-motion, from where it stands; see `move_self`.
 
-        Args:
-            direction: which self-motion, from 0 to n - m - 1, where several joints are to spare.
+        direction: which one, from 0 to n - m - 1, where several joints are to spare.
 
-        Raises:
-            UnknownNameError; ArgumentError: no such direction. SingularityError: the arm is singular there.
+        Raises: UnknownNameError; ArgumentError: no such direction.
         """
         with self._lock:
             return slider_of(self._run(name), direction, self.limits)
@@ -295,14 +293,14 @@ class Session:
             UnknownNameError; ArgumentError: a law without leaves, or no such row.
         """
         with self._lock:
-            run = self._run(name)
-            return level_slider(run.law, run.q, self.limits, row)
+            return level_slider_of(self._run(name), row, self.limits)
 
     def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
-        """One law goes to the leaf of a value of its slider, in the slider's unit. As `set_level`."""
+        """One law goes to a value of its slider, in the slider's unit, through all between. As `set_level`."""
         with self._lock:
-            run = self._run(name)
-            return self.set_level(name, level_of_slider(run.law, run.q, value, row))
+            move_across(self._run(name), row, value, self.limits)
+            self._playing.stop()
+            return self._changed()
 
     def set_level(self, name: str, level: ArrayLike) -> Snapshot:
         """One holonomic law goes to another leaf g(q) = level (r,), the tool still, and keeps it. The loop stops.

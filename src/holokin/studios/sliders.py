@@ -8,7 +8,7 @@ import numpy as np
 
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError
-from ..motion.leaf import REGULAR, WayEnd, leaf_value, leaf_walk, straight_way, tool_at
+from ..motion.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector
@@ -30,6 +30,8 @@ MOVE = 0.05
 
 STEPS = 400
 """Steps across the leaves each way: 20 rad of joint motion."""
+
+DEGREES = "deg"
 
 ENDINGS = {
     "closed": "it comes back to itself",
@@ -133,7 +135,7 @@ def level_slider(law: Law, q: Vector, limits: bool, row: int = 0) -> Slider:
         ends.append((level[row] + sign * reached, why))
     closed = all(why == "closed" for _, why in ends)
     (low, why_low), (high, why_high) = ends
-    scale, unit = (180 / np.pi, "deg") if angular else (1.0, _unit(law, row))
+    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(law, row))
     label = strategy.constraint.name if len(level) == 1 else f"{strategy.constraint.name}, row {row + 1}"
     return Slider(
         law.name, label, float(level[row] * scale), float(low * scale), float(high * scale), unit, closed,
@@ -141,15 +143,21 @@ def level_slider(law: Law, q: Vector, limits: bool, row: int = 0) -> Slider:
     )  # fmt: skip
 
 
-def level_of_slider(law: Law, q: Vector, value: float, row: int = 0) -> Vector:
-    """The level (r,) that a value of its slider asks for. Raises: ArgumentError: no leaves, or no such row."""
+def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vector:
+    """The posture (n,) at a value of a slider whose value at q (n,) it knows, gone to through all between.
+
+    Raises:
+        ArgumentError: the slider does not go so far. SingularityError, BranchError: the leaves end before.
+    """
     strategy = leaves_of(law)
-    level = leaf_value(strategy, q)
-    if not 0 <= row < len(level):
-        raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
-    level = level.copy()
-    level[row] = np.deg2rad(value) if strategy.constraint.angular[row] else value
-    return level
+    slack = 1e-9 * max(1.0, abs(slider.high - slider.low))
+    if not slider.low - slack <= value <= slider.high + slack:
+        raise ArgumentError("the level", value, f"give a number from {slider.low:.4g} to {slider.high:.4g}")
+    moved = value - slider.value
+    change = np.zeros(law.task.n - law.task.m)
+    change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
+    here, level = tool_at(law.task, q), leaf_value(strategy, q)
+    return leaf_follower(strategy, q)(q, straight_way(here, here, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:
