@@ -53,7 +53,7 @@ ELEVATION = np.deg2rad(18.0)
 RETURNED = 1e-6
 """Largest error [joint unit] of a motion that is said to return: what integration leaves is below it."""
 
-TRIANGLES = 90_000
+TRIANGLES = 60_000
 """Of the robot at most: a megabyte."""
 
 ABOVE = np.array([0.0, 0.0, 0.06])
