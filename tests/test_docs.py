@@ -11,6 +11,7 @@ import pytest
 
 from holokin.job import PAPER, open_job, packaged_jobs, run_job
 from holokin.output.table import row
+from printed import assert_alike
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
@@ -94,7 +95,12 @@ def test_an_example_runs_and_gives_its_number(name: str, tmp_path, monkeypatch, 
     if name == "pink_leaf.py":
         pytest.importorskip("pinocchio", reason="it has no wheels for Windows")
     runpy.run_path(str(ROOT / "examples" / name))
-    assert EXAMPLES[name] in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert EXAMPLES[name] in printed
+    for page in (ROOT / "docs" / "gallery").glob("*.md"):
+        words = page.read_text("utf-8")
+        if f'"examples/{name}"' in words:
+            assert_alike(printed, words.partition("```text\n")[2].partition("```")[0])
 
 
 def test_the_readmes_picture_is_there_and_its_job_can_be_read() -> None:
