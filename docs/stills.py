@@ -23,7 +23,8 @@ SIZE = {"width": 800, "height": 540}
 BAR = 40
 """Height of the player's own bar, which is cut off."""
 
-COLORS = 128
+SHOWN = (640, 400)
+COLORS = 96
 FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
@@ -50,11 +51,13 @@ def main(names: list[str]) -> None:
             slider = page.locator("[role=slider]")
             slider.wait_for(state="attached", timeout=120_000)
             page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+            page.keyboard.press("Space")  # it stands still
             end = float(slider.get_attribute("aria-valuemax")) - 1.5
             page.locator("input").first.fill(f"{end:.1f}")
             page.wait_for_timeout(6000)
             taken = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
-            picture = taken.crop((0, 0, taken.width, taken.height - BAR)).quantize(COLORS, dither=Image.Dither.NONE)
+            whole = taken.crop((0, 0, taken.width, taken.height - BAR)).resize(SHOWN, Image.Resampling.LANCZOS)
+            picture = whole.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
             file = HERE / "gallery" / f"{name}.png"
             picture.save(file, optimize=True)
             print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)

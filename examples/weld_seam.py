@@ -44,7 +44,7 @@ def seam(top: np.ndarray) -> hk.Path:
 
 
 for name, (q0, rule) in cells.items():
-    robot = hk.with_tool(hk.load(name), **torch)
+    robot = hk.with_base_pose(hk.with_tool(hk.load(name), **torch), xyz=[0, 0, 0.5])
     task, start = hk.pose(robot, "axis"), robot.pose(q0)
     path, motions = seam(start[:3, 3]), {}
     for law in (hk.moore_penrose(task, name="pseudo-inverse"), hk.holonomic(task, rule)):
