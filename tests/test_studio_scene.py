@@ -236,3 +236,24 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
     frame = frame_of(normal, tilted.path.start[:3] - center)
     assert frame[:3, :3] @ frame[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
     assert center - radius * frame[:3, 0] == pytest.approx(tilted.path.start[:3])
+
+
+def test_two_ways_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
+    kept: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from holokin.studios import loop_panel
+
+    monkeypatch.setattr(loop_panel, "SHOWN", 0.01)
+    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
+    session, panel = kept[0].session, kept[0].page.panels.loop
+    pose = np.array(session.snapshot().target[0])
+    pose[:3, 3] += [-0.1, 0.15, 0.05]
+    for law, said in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
+        session.drag(pose)
+        panel.law.value = law
+        panel._two_ways()
+        assert said in panel.answer.content, law
+        assert session.snapshot().target[0] == pytest.approx(pose)
+    session.reset()
+    panel._two_ways()
+    assert "drag it somewhere" in kept[0].page.said

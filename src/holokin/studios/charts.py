@@ -22,6 +22,9 @@ KEPT = 400
 
 _EMPTY = np.array([0.0, 1.0])
 
+_SOFT = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": 0.1, "mode": 1}}
+"""Of drifts: from 0 to 0.1, and farther where they go farther."""
+
 
 class Charts:
     """A column of plots at the left of the page."""
@@ -81,8 +84,8 @@ class Charts:
             series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
-            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=195, legend={"show": False},
-            scales={"x": {"time": False}}, padding=(14, 16, 0, 0),
+            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=180, legend={"show": False},
+            scales={"x": {"time": False}, **({"y": {"range": _SOFT}} if dots else {})}, padding=(14, 16, 0, 0),
             axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
         )  # fmt: skip
 

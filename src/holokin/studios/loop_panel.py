@@ -11,12 +11,16 @@ from ..errors import HolokinError
 from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import circle_of
 from .loops import circle_loop, eight_loop
+from .spreading import LawWays
 
 if TYPE_CHECKING:
     from .page import Page
 
 SHOWN = 3.0
 """Seconds in which two ways are shown."""
+
+SAME = 1e-6
+"""Joint difference [rad or m] below which two postures are one: round-off is far below it."""
 
 
 class LoopPanel:
@@ -39,7 +43,9 @@ class LoopPanel:
         self.clicks = gui.add_button("Begin to click", color="gray")
         self.close = gui.add_button("Close the polygon", color="gray", disabled=True)
         gui.add_divider()
-        gui.add_markdown("**Two ways to one pose**: drag the tool somewhere, then see each law go there by two ways.")
+        gui.add_markdown(
+            "**Two ways to one pose**: drag the tool somewhere, then see a law go there from the start by two ways."
+        )
         names = tuple(law.name for law in page.session.laws)
         self.law = gui.add_dropdown("Law", names)
         self.ways = gui.add_button("Go two ways to the tool's place", color="gray")
@@ -90,9 +96,12 @@ class LoopPanel:
 
     def _two_ways(self) -> None:
         """Runs in the thread of the click: the page's own thread goes on, and leaves the robots alone."""
-        page = self.page
+        page, wanted = self.page, self.page.session.snapshot().target
+        if np.allclose(wanted, page.session.reset().target):
+            page.say("The tool is at its start: drag it somewhere, and two ways lead there from the start.")
+            return
         try:
-            found = page.session.two_ways(page.session.snapshot().target)
+            found = page.session.two_ways(wanted)
         except HolokinError as problem:
             page.say(str(problem))
             return
@@ -102,17 +111,22 @@ class LoopPanel:
         if way.sentence:
             self.answer.content = way.sentence
         else:
-            same = "the same joints" if way.spread < 1e-6 else "other joints"
+            same = "the same joints" if way.spread < SAME else "other joints"
             self.answer.content = f"Both ways end at one pose, with **{same}**: {way.spread:.3g} rad or m apart."
-        index = [law.name for law in page.session.laws].index(way.name)
-        count = len(page.session.laws)
-        steps = min(len(way.a), len(way.b))
         with page.own_drawing():
-            for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
-                Q = np.tile(way.a[row], (count, 1))
-                Q[index if index != page.lead else (page.lead + 1) % count] = way.b[row]
-                page.scene.show(Q)
-                time.sleep(0.04)
-            time.sleep(1.5)
+            self._show(way, [law.name for law in page.session.laws].index(way.name))
         for index in range(2):
             page.scene.path([], f"way{index}")
+        page.session.drag(wanted)
+
+    def _show(self, way: LawWays, law: int) -> None:
+        """One way by the solid robot, the other by a ghost, in the law's colour where there is another law."""
+        page, steps = self.page, min(len(way.a), len(way.b))
+        count, lead = len(page.session.laws), page.lead
+        ghost = law if law != lead else (lead + 1) % count
+        for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
+            Q = np.tile(way.a[row], (count, 1))
+            Q[ghost] = way.b[row]
+            page.scene.show(Q)
+            time.sleep(SHOWN / 75)
+        time.sleep(SHOWN / 2)

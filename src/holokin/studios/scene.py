@@ -118,7 +118,8 @@ class Scene:
             for handle, frame, size in zip(self._ghosts, self._joints, self._sizes, strict=True):
                 opacity = seen(positions[frame], turns[frame], lead, size)
                 handle.batched_positions, handle.batched_wxyzs = positions[frame], turns[frame]
-                handle.batched_opacities, handle.batched_scales = opacity, (opacity > 0) * self._scales
+                handle.batched_opacities = opacity.astype(np.float32)
+                handle.batched_scales = ((opacity > 0) * self._scales).astype(np.float32)
             for index, label in enumerate(self._labels):
                 label.visible = bool(np.linalg.norm(elbows[index] - elbows[lead]) > APART)
                 label.position = elbows[index] + [0.0, 0.0, _ABOVE]
@@ -172,7 +173,7 @@ class Scene:
         where = np.asarray(point, dtype=float)
         self.server.scene.add_icosphere(f"/balls/{name}", radius, color=rgb(color), position=where, cast_shadow=False)
 
-    def cloud(self, points: ArrayLike, colors: ArrayLike, size: float = 0.012) -> None:
+    def cloud(self, points: ArrayLike, colors: ArrayLike, size: float = 0.008) -> None:
         """Points (k, 3) [m] with colours (k, 3), 0 to 255; none takes them away."""
         places = np.asarray(points, dtype=np.float32).reshape(-1, 3)
         if not len(places):

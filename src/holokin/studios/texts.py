@@ -47,7 +47,8 @@ def swatch(color: str, framed: bool = False) -> Cell:
 def plain(text: str, red: bool = False, grey: bool = False, right: bool = False) -> Cell:
     """A text in a cell."""
     color = BAD if red else GREY if grey else INK
-    return f'<div style="color:{color};text-align:{"right" if right else "left"}">{escape(text)}</div>'
+    place = "text-align:right;white-space:nowrap" if right else "text-align:left"
+    return f'<div style="color:{color};{place}">{escape(text)}</div>'
 
 
 def named(name: str, note: str = "") -> Cell:
