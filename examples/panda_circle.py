@@ -15,7 +15,7 @@ pseudo_inverse = hk.moore_penrose(task)
 coupled = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))  # g(q) = q1 - q3
 motions = {}
 for name, G in {"pseudo-inverse": pseudo_inverse, "q1 - q3 held": coupled}.items():
-    print(hk.involutivity(G, hk.around(q0, 0.2)))
+    verdict = hk.involutivity(G, hk.around(q0, 0.2))
     found = hk.drift(G, circle, q0, cycles=6, samples=200)
-    print(f"{name}: joint drift after 1, 2, ... cycles [rad]: {found}")
+    print(f"{name}: holonomic: {verdict.holonomic}; joint drift after 1, 2, ... cycles [rad]: {found}")
     motions[name] = found.trajectory

@@ -16,8 +16,8 @@ square = hk.polyline(corner + 0.3 * np.array([[0, 0, 0], [0, 1, 0], [0, 1, -1], 
 
 laws = {
     "pseudo-inverse": hk.moore_penrose(task),
-    "coupled by the twist": hk.strategies.coupled_twist(task, 1.0),
-    "coupled by Euler angles": hk.holonomic(task, hk.coupled(1.0)),
+    "coupled, twist": hk.strategies.coupled_twist(task, 1.0),
+    "coupled, Euler angles": hk.holonomic(task, hk.coupled(1.0)),
 }
 motions = {}
 for name, law in laws.items():

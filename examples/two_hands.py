@@ -30,11 +30,11 @@ angles = hk.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "both arm angles held": hk.holonomic(task, angles)}
 motions = {}
 for name, law in laws.items():
-    found = hk.drift(law, loop, q0, cycles=4, samples=200)
+    found = hk.drift(law, loop, q0, cycles=8, samples=100)
     motions[name] = found.trajectory
     left, right = (task.value_batch(found.trajectory.q)[:, i : i + 3] for i in (0, 6))
     bent = np.ptp(np.linalg.norm(left - right, axis=1))
-    print(f"{name}: {found} rad off after 1, 2, 3 and 4 loops; the hands' distance changes by {bent:.0e} m")
+    print(f"{name}: {found} rad off after 1, 2, ... loops; the hands' distance changes by {bent:.0e} m")
 
 ik = hk.inverse(laws["both arm angles held"], q0)
 poses = task.pose(q0)

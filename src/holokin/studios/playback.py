@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -52,8 +53,8 @@ ELEVATION = np.deg2rad(18.0)
 RETURNED = 1e-6
 """Largest error [joint unit] of a motion that is said to return: what integration leaves is below it."""
 
-TRIANGLES = 40_000
-"""Of the robot at most: half a megabyte."""
+TRIANGLES = 60_000
+"""Of the robot at most: a megabyte."""
 
 ABOVE = np.array([0.0, 0.0, 0.06])
 """How far [m] lines are drawn above the floor in which a planar robot moves."""
@@ -231,7 +232,7 @@ class _Film:
                 server.stop()
 
     def view(self, scene: Scene, Q: Array, loop: Matrix) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at): from where the laws are seen best apart, all of it beside the caption."""
+        """(place of the camera, point it looks at): from where the laws are seen best apart, beside the caption."""
         frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
         pairs = [(body, row[self.lead]) for row in bodies for body in row]
@@ -259,7 +260,7 @@ class _Film:
         found: dict[int, list[tuple[int, str, Matrix]]] = {}
         for law, clip in enumerate(self.clips.values()):
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
-            for cycle, (first, last) in enumerate(zip(ends, ends[1:], strict=False)):
+            for cycle, (first, last) in enumerate(pairwise(ends)):
                 rows: Indices = np.unique(np.linspace(first, last, TRACE + 1).round().astype(int))
                 points = scene.points_of(clip.q[rows])[1] + self.lift
                 for piece, part in enumerate(np.array_split(np.arange(len(rows) - 1), PIECES)):
