@@ -47,6 +47,7 @@ class PosturePanel:
         self.cloud_text = gui.add_html("")
         self._ranges: dict[str, Slider | None] = {}
         self._cloud: Cloud | None = None
+        self._seen: tuple[Any, ...] = ()
         self._fitted: dict[str, tuple[Any, ...]] = {}
         self._connect()
 
@@ -107,7 +108,10 @@ class PosturePanel:
 
     def _fit(self, snap: Snapshot) -> None:
         """Bring the sliders to the posture; only when it changed, since finding how far they go takes time."""
-        key = self._key(snap)
+        key, before = self._key(snap), self._seen
+        self._seen = key
+        if key != before:  # it moves still, and a drag must not wait
+            return
         for name, handle in ((SELF, self.self_motion), (LEVEL, self.level)):
             if self._fitted.get(name) == key:
                 continue
