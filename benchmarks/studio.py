@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 import holokin as hk
-from holokin.studio import Law, Phase, Session, circle_loop, default_laws
+from holokin.studios import Law, Phase, Session, circle_loop, default_laws
 
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 RATE = 30.0

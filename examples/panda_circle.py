@@ -13,6 +13,9 @@ circle = hk.circle(start, center=start - [0.1, 0, 0])
 
 pseudo_inverse = hk.moore_penrose(task)
 coupled = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))  # g(q) = q1 - q3
-for G in (pseudo_inverse, coupled):
-    print(hk.involutivity(G, hk.around(q0, 0.2)))
-    print("joint drift after 1, 2, 3 cycles [rad]:", hk.drift(G, circle, q0, cycles=3))
+motions = {}
+for name, G in {"pseudo-inverse": pseudo_inverse, "q1 - q3 held": coupled}.items():
+    verdict = hk.involutivity(G, hk.around(q0, 0.2))
+    found = hk.drift(G, circle, q0, cycles=6, samples=200)
+    print(f"{name}: holonomic: {verdict.holonomic}; joint drift after 1, 2, ... cycles [rad]: {found}")
+    motions[name] = found.trajectory

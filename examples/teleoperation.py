@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import holokin as hk
+from holokin.studios import Motion
 
-RATE = 100.0  # poses of the hand a second
-robot = hk.load("panda")
+RATE, robot = 100.0, hk.load("panda")  # poses of the hand a second
 ready = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
 task = hk.pose(robot)
 ik = hk.inverse(hk.holonomic(task, hk.lock("panda_joint3")), ready)
@@ -25,8 +25,8 @@ def ours(pose: np.ndarray, q: np.ndarray) -> np.ndarray:
 def damped(pose: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Differential inverse kinematics as in many teleoperation loops: damped least squares, one step a pose."""
     J, error = task.jacobian(q), task.error(q, pose[:3, 3], pose[:3, :3])
-    step = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), error)
-    return q + np.clip(step, -robot.max_velocity / RATE, robot.max_velocity / RATE)
+    dq = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), error)
+    return q + np.clip(dq, -robot.max_velocity / RATE, robot.max_velocity / RATE)
 
 
 def follower(joints: Joints, start: np.ndarray) -> Callable[[np.ndarray, bool], np.ndarray]:
@@ -38,8 +38,8 @@ def follower(joints: Joints, start: np.ndarray) -> Callable[[np.ndarray, bool], 
         if not closed:
             held = None
             return q
-        held = held or (hand.copy(), robot.pose(q))
-        (hand0, tool0), pose = held, np.eye(4)
+        hand0, tool0 = held = held or (hand.copy(), robot.pose(q))
+        pose = np.eye(4)
         pose[:3, 3] = tool0[:3, 3] + hand[:3, 3] - hand0[:3, 3]
         pose[:3, :3] = hand[:3, :3] @ hand0[:3, :3].T @ tool0[:3, :3]
         q = joints(pose, q)
@@ -67,10 +67,13 @@ def hand_stream() -> Iterator[tuple[np.ndarray, bool, str]]:
         yield pose, closed, mark
 
 
-for name, joints in (("ours", ours), ("damped least squares", damped)):
-    follow, at = follower(joints, ready), {}
+motions = {}
+for name, joints in (("damped least squares", damped), ("ours", ours)):
+    follow, q, at = follower(joints, ready), [], {}
     for hand, closed, mark in hand_stream():
-        at[mark] = follow(hand, closed)
-    tool = np.abs(robot.pose(at["after"]) - robot.pose(at["before"])).max()
-    apart = np.abs(at["after"] - at["before"]).max()
+        q.append(follow(hand, closed))
+        at[mark] = len(q) - 1
+    motions[name] = Motion(np.arange(len(q)) / RATE, np.array(q), marks=(at["before"], at["after"]))
+    tool = np.abs(robot.pose(q[at["after"]]) - robot.pose(q[at["before"]])).max()
+    apart = motions[name].errors[0]
     print(f"{name}: tool {tool:.6f} m, joints {apart:.6f} rad apart, below 1e-12: {apart < 1e-12}")

@@ -13,7 +13,7 @@ hands = [tip.name for tip in robot.tips]
 q0 = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
 task = hk.stacked(*(hk.pose(robot, tip=hand) for hand in hands))
 grips = task.pose(q0)[:, :3, 3]  # where the hands hold the tray
-forward, turn, up = np.array([0.06, 0.0, 0.03]), 0.2, np.array([0.0, 0.0, 1.0])
+forward, turn, up = np.array([0.1, 0.0, 0.06]), 0.4, np.array([0.0, 0.0, 1.0])
 middle = grips.mean(axis=0)
 
 
@@ -28,11 +28,13 @@ def carried(grip: np.ndarray) -> hk.Path:
 loop = hk.synchronized(*map(carried, grips))
 angles = hk.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "both arm angles held": hk.holonomic(task, angles)}
+motions = {}
 for name, law in laws.items():
-    found = hk.drift(law, loop, q0, cycles=3, samples=200)
+    found = hk.drift(law, loop, q0, cycles=8, samples=100)
+    motions[name] = found.trajectory
     left, right = (task.value_batch(found.trajectory.q)[:, i : i + 3] for i in (0, 6))
     bent = np.ptp(np.linalg.norm(left - right, axis=1))
-    print(f"{name}: {found} rad off after 1, 2 and 3 loops; the hands' distance changes by {bent:.0e} m")
+    print(f"{name}: {found} rad off after 1, 2, ... loops; the hands' distance changes by {bent:.0e} m")
 
 ik = hk.inverse(laws["both arm angles held"], q0)
 poses = task.pose(q0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from holokin.job import open_job, packaged_jobs
+from printed import assert_alike
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
@@ -48,10 +49,16 @@ EXAMPLES = {
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
     "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "waypoints_to_program.py": "1.102 m of path, 8 corners",
-    "two_hands.py": "pseudo-inverse: 0.00595, 0.01187, 0.01777 rad off",
+    "two_hands.py": "pseudo-inverse: 0.03074, 0.06097, 0.0907",
     "allocation.py": "pseudo-inverse: 0.03966, 0.07726, 0.1243 off",
-    "weld_seam.py": "pseudo-inverse 0.0962 rad off after a seam of 2 m",
+    "weld_seam.py": "irb140: pseudo-inverse 0.09617, 0.1894, 0.2778 rad off",
     "timed_program.py": "arm7: 2.120 s",
+    "elbow_up.py": "the elbow ends up to 114 mm aside",
+    "ur_on_a_rail.py": "the rail is at [0.4   0.77  1.007 1.121 1.168] m",
+    "drill_with_free_spin.py": "joints 3 and 7 held: [0. 0. 0. 0. 0. 0.] rad off",
+    "paper_irb140.py": "coupled, twist: 0.08157, 0.1617, 0.2406",
+    "paper_ppr.py": "pseudo-inverse: 0.1136 off after one round, 1.2679 after ten",
+    "humanoid_arm.py": "leans 29.7 degrees aside: stopped at a joint limit",
     "rail_and_arm.py": "pseudo-inverse: 0.060 rad off",
     "audit_a_log.py": "DRIFTS: 4 cycles, 0.164 rad in the first",
 }
@@ -77,7 +84,12 @@ def test_an_example_runs_and_gives_its_number(name: str, tmp_path, monkeypatch, 
     if name == "pink_leaf.py":
         pytest.importorskip("pinocchio", reason="it has no wheels for Windows")
     runpy.run_path(str(ROOT / "examples" / name))
-    assert EXAMPLES[name] in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert EXAMPLES[name] in printed
+    for page in (ROOT / "docs" / "gallery").glob("*.md"):
+        words = page.read_text("utf-8")
+        if f'"examples/{name}"' in words:
+            assert_alike(printed, words.partition("```text\n")[2].partition("```")[0])
 
 
 def test_the_readmes_picture_is_there_and_its_job_can_be_read() -> None:

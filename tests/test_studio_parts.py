@@ -12,7 +12,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, PPR_START, urdf
 from holokin.job import Job, packaged_jobs, run_job
-from holokin.studio import (
+from holokin.studios import (
     Law,
     Origin,
     Phase,

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.studio import Law, LawStatus, Phase, Session, Snapshot, circle_loop, reversed_loop, to_job
+from holokin.studios import Law, LawStatus, Phase, Session, Snapshot, circle_loop, reversed_loop, to_job
 from sessions import FRAME, LAWS, PANDA, TASK, TOOL, panda, run, shifted
 
 
@@ -195,7 +195,7 @@ def test_a_snapshot_never_changes() -> None:
 
 
 def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
-    from holokin.studio.history import History
+    from holokin.studios.history import History
 
     history = History(2, rows=64)
     t = np.arange(5000.0)

@@ -33,6 +33,11 @@ HEAVY = {
 """Calls that take long where a bad argument is none: one in ten."""
 
 
+def _studio(*given: Any, **named: Any) -> None:
+    """A page that is closed again."""
+    hk.studio(*given, **named, browser=False, wait=False).close()
+
+
 @cache
 def calls() -> dict[str, Call]:
     """Name -> (function, arguments, named arguments), all good."""
@@ -46,6 +51,7 @@ def calls() -> dict[str, Call]:
     t = np.arange(3.0)
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
+        "studio": (_studio, ("no such job",), {"port": 0, "host": "127.0.0.1", "tell": str}),
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
         "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
         "from_mjcf": (hk.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),

@@ -26,6 +26,7 @@ from . import (
 )
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
+from .browsing import studio
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
@@ -199,6 +200,7 @@ __all__ = [
     "stacked",
     "stationary",
     "strategies",
+    "studio",
     "synchronized",
     "through",
     "to_mjcf",

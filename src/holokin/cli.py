@@ -18,6 +18,7 @@ from .exporting import OneJob, exporting
 from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .proving import check_certificate
+from .showing import studio
 from .simulating import simulating
 from .version import __version__
 
@@ -313,6 +314,7 @@ def certify(
 app.add_typer(exporting, name="export")
 app.command("simulate")(simulating(lambda name: _ending.telling(name)))
 app.command()(check)
+app.command()(studio)
 app.command("check-certificate")(check_certificate)
 
 

@@ -20,6 +20,7 @@ from .second_order import hessian_expression
 from .toolbox import from_roboticstoolbox
 from .units import check_metres, doubtful_unit, start_posture
 from .urdf import from_urdf, from_yourdfpy
+from .visuals import Surface, Visual
 
 __all__ = [
     "DENSITY",
@@ -41,8 +42,10 @@ __all__ = [
     "Robot",
     "Servo",
     "Shape",
+    "Surface",
     "Tip",
     "Unread",
+    "Visual",
     "assembled",
     "beside",
     "catalogue",

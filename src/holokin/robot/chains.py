@@ -14,6 +14,7 @@ from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
+from .visuals import Visual
 
 
 def robot_of(
@@ -63,9 +64,9 @@ class _Builder:
                 ends.append(self._add(tip, chain))
             except ArgumentError as problem:  # of a joint's limits
                 raise self.tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
-        bodies, shapes = self._carried_things()
+        bodies, shapes, visuals = self._carried_things()
         tree, coordinates = self.tree, tuple(self.coordinates.values())
-        return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes)
+        return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes, visuals)
 
     def _add(self, tip: str, chain: Sequence[Branch]) -> Tip:
         parent, placement = -1, np.eye(4)
@@ -94,10 +95,11 @@ class _Builder:
         self.index[joint.name] = len(self.joints)
         self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset))
 
-    def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...]]:
-        """Masses and shapes below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+    def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...], tuple[Visual, ...]]:
+        """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
         bodies: list[Body] = []
         shapes: list[LinkShape] = []
+        visuals: list[Visual] = []
         waiting = [(self.root, -1, np.eye(4))]
         below: dict[str, list[Branch]] = {}
         for joint in self.by_name.values():
@@ -112,9 +114,11 @@ class _Builder:
                 bodies.append(Body(index, weight.mass, center, inertia))
             for shape in self.tree.shapes.get(name, ()):
                 shapes.append(replace(shape, joint=index, placement=placement @ shape.placement))
+            for visual in self.tree.visuals.get(name, ()):
+                visuals.append(replace(visual, joint=index, placement=placement @ visual.placement))
             for joint in below.get(name, []):
                 waiting.append((joint.child, *self._carried(joint, index, placement)))
-        return tuple(bodies), tuple(shapes)
+        return tuple(bodies), tuple(shapes), tuple(visuals)
 
     def _carried(self, joint: Branch, parent: int, placement: Matrix) -> tuple[int, Matrix]:
         """(index of the joint that moves a joint's child link, placement there)."""

@@ -13,6 +13,7 @@ from ..symbolic.geometry import rotation_from_rpy
 from ..types import ArrayLike, Matrix, Value, Vector, finite
 from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
+from .visuals import Visual
 
 BASE = "base"
 """What a part stands on when it stands on the ground, in `Part.on`."""
@@ -64,6 +65,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     joints: list[Joint] = []
     bodies: list[Body] = []
     shapes: list[LinkShape] = []
+    visuals: list[Visual] = []
     tips: list[Tip] = []
     carrying: set[str] = set()
     on = BASE
@@ -98,6 +100,9 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             stands = shape.obstacle and index < 0  # what was round a robot is carried, where that rides on another
             label = part.prefix + shape.link
             shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands))
+        for visual in part.robot.visuals:
+            index, T = placed(visual.joint, visual.placement)
+            visuals.append(replace(visual, link=part.prefix + visual.link, joint=index, placement=T))
         ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])
@@ -111,6 +116,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         "; ".join(dict.fromkeys(part.robot.source for part in given if part.robot.source)),
         tuple(bodies),
         tuple(shapes),
+        tuple(visuals),
     )
     return robot if order is None else ordered(robot, order)
 

@@ -18,6 +18,7 @@ from .mjcf_shapes import shapes_of, transform
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
 from .urdf_xml import read_model
+from .visuals import mjcf_visuals
 
 _UNKNOWN = (1.0, 0.01)
 """Mass [kg] and inertia [kg m^2] that MuJoCo gets for a body that has none without its meshes; thrown away again."""
@@ -173,8 +174,8 @@ class _Reader:
             self.branches.append(Branch(f"to {label}", "fixed", parent, label, origin))
         loops = tuple(Loop(text, joints) for text, joints in self._loops() if joints)
         shapes = shapes_of(m, self.enums, self.source, self.bodies, self._names("geom", m.ngeom))
-        branches = tuple(self.branches)
-        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", shapes))
+        branches, visuals = tuple(self.branches), mjcf_visuals(m, self.enums, self.bodies)
+        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", shapes, visuals))
 
     def _body(self, body: int, name: str, follows: Mapping, fixed: Mapping, bent: Mapping) -> None:
         """T_parent_child = T(pos, quat), then for each joint T(anchor) M(q - ref) T(-anchor), as MuJoCo does."""

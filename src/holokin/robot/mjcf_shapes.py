@@ -23,12 +23,13 @@ def shapes_of(
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             body = int(model.geom_bodyid[geom])
             name = bodies[body] if body else geoms[geom]
-            T, shape = transform(model.geom_pos[geom], model.geom_quat[geom]), _shape(model, geom, enums, source)
+            T, shape = transform(model.geom_pos[geom], model.geom_quat[geom]), shape_of(model, geom, enums, source)
             found[bodies[body]] = (*found.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
     return found
 
 
-def _shape(model: Any, geom: int, enums: Any, source: str) -> Shape:
+def shape_of(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
+    """The solid of a geom; of a mesh its hull."""
     kind = enums.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
     size = np.array(model.geom_size[geom], dtype=float)
     if kind == "mesh":

@@ -16,6 +16,7 @@ from ..symbolic.geometry import rotation_about
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
 from .geometry import LinkShape
+from .visuals import Visual
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
@@ -108,7 +109,8 @@ class Kinematics:
 class Robot(Value):
     """A kinematic tree with n independent coordinates. Joints stand in topological order.
 
-    The first tip is the one that `pose`, `jacobian` and tasks use when none is named.
+    The first tip is the one that `pose`, `jacobian` and tasks use when none is named. `shapes` are what may be touched,
+    `visuals` what its links look like.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Robot(Value):
     source: str = ""
     bodies: tuple[Body, ...] = ()
     shapes: tuple[LinkShape, ...] = ()
+    visuals: tuple[Visual, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -11,6 +11,7 @@ from ..errors import RobotFileError, UnknownNameError
 from ..types import Array, Matrix, Value, Vector
 from .geometry import LinkShape
 from .model import FARTHEST, Coordinate
+from .visuals import Visual
 
 MOVING = ("revolute", "prismatic")
 """The kinds of joints that move here; "fixed" ones do not, and all others are refused where a chain needs them."""
@@ -73,7 +74,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links (each with what it weighs, or None), joints, and shapes in the frames of links.
+    """Links (each with what it weighs, or None), joints, and shapes and looks in the frames of links.
 
     Errors name `source`, and call a link by `word`.
     """
@@ -85,6 +86,7 @@ class Tree:
     loops: tuple[Loop, ...] = ()
     word: str = "link"
     shapes: Mapping[str, tuple[LinkShape, ...]] = field(default_factory=dict)
+    visuals: Mapping[str, tuple[Visual, ...]] = field(default_factory=dict)
 
     def problem(self, fact: str, cure: str) -> RobotFileError:
         """The error of what was read."""

@@ -20,6 +20,7 @@ from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
 from .urdf_xml import essentials, read_model
+from .visuals import urdf_visuals
 
 _FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
 """What yourdfpy raises of files that it cannot read."""
@@ -79,10 +80,12 @@ def urdf_tree(path: str | Path) -> Tree:
 
 def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
     """The same of the text of a file. Raises: RobotFileError."""
-    try:
-        return _tree(str(path), _parsed(essentials(text, path, shapes=True)), Path(path).stem, mesh_finder(path))
-    except _FAULTS:
-        pass  # perhaps of a shape, which must not hinder the kinematics
+    for looks in (True, False):
+        try:
+            model = _parsed(essentials(text, path, shapes=True, visuals=looks))
+            return _tree(str(path), model, Path(path).stem, mesh_finder(path))
+        except _FAULTS:
+            pass  # perhaps of what is drawn, or of a shape, neither of which must hinder the kinematics
     content = essentials(text, path)
     try:
         model = _parsed(content)
@@ -128,7 +131,8 @@ def _tree(source: str, model: Any, name: str, find: Finder) -> Tree:
         links[link.name] = _mass(link.inertial)
     joints = tuple(_branch(joint) for joint in model.joints)
     shapes = shapes_of(model.links, source, find)
-    return checked(Tree(source, str(model.name or name), links, joints, shapes=shapes))
+    visuals = urdf_visuals(model, find)
+    return checked(Tree(source, str(model.name or name), links, joints, shapes=shapes, visuals=visuals))
 
 
 def _branch(joint: Any) -> Branch:

@@ -58,13 +58,14 @@ def _packaged(name: Path, file: Path) -> Iterator[Path]:
 def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
     T = np.eye(4) if collision.origin is None else np.asarray(collision.origin, dtype=float)
     try:
-        shape: Shape = _shape(collision.geometry, find) if np.isfinite(T).all() else Unread(source, BROKEN)
+        shape: Shape = shape_of(collision.geometry, find) if np.isfinite(T).all() else Unread(source, BROKEN)
     except HolokinError as problem:
         shape = Unread(source, str(problem).partition(";")[0])
     return LinkShape(link, -1, T if np.isfinite(T).all() else np.eye(4), shape)
 
 
-def _shape(geometry: Any, find: Finder) -> Shape:
+def shape_of(geometry: Any, find: Finder) -> Shape:
+    """The solid of a <geometry>. Raises: HolokinError."""
     if geometry.box is not None:
         return Box(geometry.box.size)
     if geometry.sphere is not None:

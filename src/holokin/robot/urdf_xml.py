@@ -24,6 +24,12 @@ _SHAPES = {
 }  # fmt: skip
 """Those of the shapes of links."""
 
+_VISUALS = {
+    "material", "material/color", *(shape.replace("collision", "visual") for shape in _SHAPES),
+    "link/visual/material", "link/visual/material/color",
+}  # fmt: skip
+"""Those of what links look like, but for textures."""
+
 
 def read_model(path: str | Path) -> bytes:
     """The bytes of a URDF, a xacro or an MJCF file. Raises: RobotFileError."""
@@ -35,13 +41,13 @@ def read_model(path: str | Path) -> bytes:
     return read_whole(Path(path), LONGEST_URDF, refuse)
 
 
-def essentials(data: bytes, path: str | Path, shapes: bool = False) -> bytes:
-    """The XML of a URDF's links, masses and joints alone, and with `shapes` these, in UTF-8; all else is skipped.
+def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: bool = False) -> bytes:
+    """The XML of a URDF's links, masses and joints alone, with `shapes` and `visuals` these too, in UTF-8.
 
-    So the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is no XML to the end it
-    would read what it can, which may be half an arm. Raises: RobotFileError.
+    All else is skipped, so the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is
+    no XML to the end it would read what it can, which may be half an arm. Raises: RobotFileError.
     """
-    wanted = _KEPT | _SHAPES if shapes else _KEPT
+    wanted = _KEPT | (_SHAPES if shapes else set()) | (_VISUALS if visuals else set())
     root: ElementTree.Element | None = None
     tags: list[str] = []
     kept: list[ElementTree.Element] = []

@@ -1,15 +1,18 @@
-"""The studio: several laws of one robot side by side, on a tool that is dragged or runs round a loop."""
+"""The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop."""
 
 from .laws import Law, default_laws
 from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .opening import open_session, session_of_job, session_of_robot
+from .playback import Motion, Recording, record, record_session
 from .saving import to_job, write_job
+from .server import DEFAULT, Studio
 from .session import Session
 from .sliders import Slider
 from .spreading import LawWays, TwoWays
 from .states import Cloud, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
 
 __all__ = [
+    "DEFAULT",
     "Cloud",
     "Judgement",
     "Law",
@@ -17,17 +20,22 @@ __all__ = [
     "LawStatus",
     "LawWays",
     "Loop",
+    "Motion",
     "Origin",
     "Phase",
+    "Recording",
     "Session",
     "Slider",
     "Snapshot",
+    "Studio",
     "TwoWays",
     "circle_loop",
     "default_laws",
     "eight_loop",
     "open_session",
     "polygon_loop",
+    "record",
+    "record_session",
     "reversed_loop",
     "session_of_job",
     "session_of_robot",

@@ -1,0 +1,119 @@
+"""Live plots of a page: drift after each cycle, a joint of all laws over time, and the joints between their limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..output.palette import INK, PALE
+from ..types import Vector
+from .stage import Stage
+from .states import Snapshot
+from .texts import block, marks, plain, quiet, table
+
+MOST = 12
+"""Laws in a plot at most: more lines nobody tells apart."""
+
+KEPT = 400
+"""Points of a line at most."""
+
+_EMPTY = np.array([0.0, 1.0])
+
+_SOFT = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": 0.1, "mode": 1}}
+"""Of drifts: from 0 to 0.1, and farther where they go farther."""
+
+
+class Charts:
+    """A column of plots at the left of the page."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        self.panel = page.server.gui.add_panel()
+        self.panel.dock_left()
+        self.panel.set_width(330)
+        self.joint = 0
+        self._drawn: tuple[Any, ...] = ()
+        names = page.session.robot.joint_names
+        with self.panel.add_tab("What the joints do"):
+            gui = page.server.gui
+            gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
+            self.drift = self._plot("cycle", dots=True)
+            self.pick = gui.add_dropdown("Joint", names, initial_value=names[self._restless()])
+            self.history = self._plot("time [s]", dots=False)
+            gui.add_markdown("**Joints** between their limits, a mark for each law")
+            self.bars = gui.add_html("")
+
+        @self.pick.on_update
+        def _(_event: Any) -> None:
+            self._drawn = ()
+
+    def draw(self, snap: Snapshot) -> None:
+        """Bring plots to a snapshot; those without news are left alone."""
+        laws = snap.laws[:MOST]
+        news = (snap.number, self.pick.value)
+        if news == self._drawn:
+            return
+        self._drawn = news
+        cycles = max((len(law.drift) for law in laws), default=0)
+        if cycles:
+            x = np.arange(cycles + 1.0)
+            lines = [np.concatenate([[0.0], law.drift, np.full(cycles - len(law.drift), np.nan)]) for law in laws]
+            self.drift.data = (x, *lines)
+        else:
+            self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
+        joint = self.page.session.robot.joint_names.index(self.pick.value)
+        longest = max((law.t for law in laws), key=len, default=np.zeros(0))
+        if len(longest) > 1:
+            rows = np.unique(np.linspace(0, len(longest) - 1, KEPT).astype(int))
+            t = longest[rows]
+            self.history.data = (t, *[_at(t, law.t, law.history, joint) for law in laws])
+        else:
+            self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
+        self.bars.content = self._bars(snap)
+
+    def _plot(self, across: str, dots: bool) -> Any:
+        from viser import uplot
+
+        laws = self.page.session.laws[:MOST]
+        series = [uplot.Series(label=across)]
+        for law, color in zip(laws, self.page.colors, strict=False):
+            dash = () if law.holonomic else (6.0, 4.0)
+            series.append(uplot.Series(label=law.name, stroke=color, width=2, dash=dash, points={"show": dots}))
+        axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
+        return self.page.server.gui.add_uplot(
+            (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=180, legend={"show": False},
+            scales={"x": {"time": False}, **({"y": {"range": _SOFT}} if dots else {})}, padding=(14, 16, 0, 0),
+            axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
+        )  # fmt: skip
+
+    def _restless(self) -> int:
+        """The joint that the self-motion moves most."""
+        J = self.page.session.task.jacobian(self.page.session.home)
+        _, s, Vt = np.linalg.svd(J)
+        rest = Vt[int((s > 1e-6 * s[0]).sum()) :]
+        return int(np.argmax(np.abs(rest).max(axis=0))) if len(rest) else 0
+
+    def _bars(self, snap: Snapshot) -> str:
+        robot, rows, hints = self.page.session.robot, [], []
+        for index, c in enumerate(robot.coordinates):
+            bounded = bool(np.isfinite([c.lower, c.upper]).all())
+            low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
+            values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
+            number = plain(f"{snap.laws[self.page.lead].q[index]:.3f}", right=True)
+            short = c.name if len(c.name) <= 12 else f"...{c.name[-9:]}"
+            rows.append((plain(short), marks(values, self.page.colors, bounded), number))
+            hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
+        return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
+
+
+def _share(value: float, low: float, high: float) -> float:
+    """Where a value is between two others, 0 to 1."""
+    return float(np.clip((value - low) / (high - low), 0.0, 1.0)) if high > low else 0.5
+
+
+def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
+    """A joint at instants t, where it is known; else NaN."""
+    if len(known) < 2:
+        return np.full(len(t), np.nan)
+    return np.interp(t, known, history[:, joint], left=np.nan, right=np.nan)

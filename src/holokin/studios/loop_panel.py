@@ -1,0 +1,130 @@
+"""The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two ways to one pose."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from ..errors import HolokinError
+from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
+from .handles import circle_of
+from .loops import circle_loop, eight_loop
+from .spreading import LawWays
+from .stage import Stage
+
+SHOWN = 3.0
+"""Seconds in which two ways are shown."""
+
+SAME = 1e-6
+"""Joint difference [rad or m] below which two postures are one: round-off is far below it."""
+
+
+class LoopPanel:
+    """Its controls; built inside a tab."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui, loop = page.server.gui, page.session.loop
+        center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
+        gui.add_markdown("A closed path of the tool. Laws that are not holonomic drift on it.")
+        self.dragged = gui.add_checkbox("Drag centre, plane and radius in the scene", False)
+        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"))
+        self.center = gui.add_vector3("Centre [m]", tuple(float(v) for v in np.round(center, 4)), step=0.01)
+        self.radius = gui.add_number("Radius [m]", float(radius), min=0.005, max=10.0, step=0.005)
+        self.normal = gui.add_vector3("Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05)
+        self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
+        self.make = gui.add_button("Take this loop")
+        gui.add_divider()
+        gui.add_markdown("**By clicks**: corners on the level of the tool. Look from above.")
+        self.clicks = gui.add_button("Begin to click", color="gray")
+        self.close = gui.add_button("Close the polygon", color="gray", disabled=True)
+        gui.add_divider()
+        gui.add_markdown(
+            "**Two ways to one pose**: drag the tool somewhere, then see a law go there from the start by two ways."
+        )
+        names = tuple(law.name for law in page.session.laws)
+        self.law = gui.add_dropdown("Law", names)
+        self.ways = gui.add_button("Go two ways to the tool's place", color="gray")
+        self.answer = gui.add_markdown("")
+        self._connect()
+
+    def _connect(self) -> None:
+        page = self.page
+
+        @self.dragged.on_update
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.handles.show_loop_handles(self.dragged.value))
+
+        @self.here.on_click
+        def _(_event: Any) -> None:
+            tool = self._tool()
+            self.center.value = tuple(float(v) for v in tool - [self.radius.value, 0.0, 0.0])
+
+        @self.make.on_click
+        def _(_event: Any) -> None:
+            page.ask(self._make)
+
+        @self.clicks.on_click
+        def _(_event: Any) -> None:
+            self.close.disabled = False
+            page.ask(page.handles.start_corners)
+
+        @self.close.on_click
+        def _(_event: Any) -> None:
+            self.close.disabled = True
+            page.ask(page.handles.close_corners)
+
+        @self.ways.on_click
+        def _(_event: Any) -> None:
+            self._two_ways()
+
+    def _tool(self) -> Any:
+        return self.page.session.snapshot().target[0][:3, 3]
+
+    def _make(self) -> None:
+        center, normal, size = np.array(self.center.value), np.array(self.normal.value), float(self.radius.value)
+        if self.shape.value == "circle":
+            loop = circle_loop(center, size, normal, near=self._tool())
+        else:
+            loop = eight_loop(center, 2 * size, None, normal)
+        self.page.say("")
+        self.page.session.set_loop(loop)
+
+    def _two_ways(self) -> None:
+        """Runs in the thread of the click: the page's own thread goes on, and leaves the robots alone."""
+        page, wanted = self.page, self.page.session.snapshot().target
+        if np.allclose(wanted, page.session.reset().target):
+            page.say("The tool is at its start: drag it somewhere, and two ways lead there from the start.")
+            return
+        try:
+            found = page.session.two_ways(wanted)
+        except HolokinError as problem:
+            page.say(str(problem))
+            return
+        way = next(way for way in found.ways if way.name == self.law.value)
+        for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
+            page.scene.path(found.points[index], f"way{index}", color)
+        if way.sentence:
+            self.answer.content = way.sentence
+        else:
+            same = "the same joints" if way.spread < SAME else "other joints"
+            self.answer.content = f"Both ways end at one pose, with **{same}**: {way.spread:.3g} rad or m apart."
+        with page.own_drawing():
+            self._show(way, [law.name for law in page.session.laws].index(way.name))
+        for index in range(2):
+            page.scene.path([], f"way{index}")
+        page.session.drag(wanted)
+
+    def _show(self, way: LawWays, law: int) -> None:
+        """One way by the solid robot, the other by a ghost, in the law's colour where there is another law."""
+        page, steps = self.page, min(len(way.a), len(way.b))
+        count, lead = len(page.session.laws), page.lead
+        ghost = law if law != lead else (lead + 1) % count
+        for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
+            Q = np.tile(way.a[row], (count, 1))
+            Q[ghost] = way.b[row]
+            page.scene.show(Q)
+            time.sleep(SHOWN / 75)
+        time.sleep(SHOWN / 2)

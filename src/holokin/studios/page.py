@@ -1,0 +1,173 @@
+"""`Page`: a session and its scene, panels and handles on a server; one thread does all that changes them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ..errors import HolokinError
+from ..output.palette import law_colors
+from ..types import Matrix
+from .charts import Charts
+from .handles import Handles
+from .panels import Panels
+from .scene import Scene
+from .session import Session
+from .states import Phase, Snapshot
+
+RATE = 30.0
+"""Pictures a second."""
+
+SLOW = 0.2
+"""Seconds between two updates of texts and plots, which nobody reads faster."""
+
+TRACED = 400
+"""Points of the lines that elbows leave behind."""
+
+MANY = 8
+"""Laws above which no traces are drawn."""
+
+Action = Callable[[], Any]
+
+
+class Page:
+    """What all browsers see of a session. One state is shared: whoever drags, drags for all.
+
+    Args:
+        server: a viser.ViserServer.
+        session: what is shown.
+        reopen: called with the name of a job or robot that the page is asked to show instead.
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
+    """
+
+    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None):
+        self.server, self.session, self.reopen = server, session, reopen
+        self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
+        self.paused_drawing = False
+        self.drawn = -1
+        self._loop_drawn, self._slow_at = -1, 0.0
+        self._waiting: dict[object, Action] = {}
+        self._wake = threading.Condition()
+        self._over = False
+        self.said = ""
+        self.colors = law_colors([law.holonomic for law in session.laws])
+        self.scene = Scene(server, session.robot, session.home)
+        self.scene.set_laws([law.name for law in session.laws], self.colors, self.lead)
+        self.handles = Handles(self)
+        self.charts = Charts(self)
+        self.panels = Panels(self)
+        self._look()
+        self.draw(session.snapshot(), slow=True)
+        self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
+
+    def start(self) -> None:
+        """Begin to move."""
+        self._thread.start()
+
+    def ask(self, action: Action, key: object = None) -> None:
+        """Have something done by the page's thread, soon; of several with one key only the last is done.
+
+        What it raises is said in the page.
+        """
+        with self._wake:
+            self._waiting.pop(key, None)
+            self._waiting[key if key is not None else object()] = action
+            self._wake.notify()
+
+    def say(self, sentence: str) -> None:
+        """A sentence for everyone, until the next; an empty one takes it away."""
+        self.said = sentence
+
+    def set_lead(self, index: int) -> None:
+        """Whose robot is drawn solid."""
+        self.lead = self.scene.lead = index
+        self.drawn = -1
+
+    def close(self) -> None:
+        """End the thread; the server stays."""
+        with self._wake:
+            self._over = True
+            self._wake.notify()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout=5.0)
+
+    def draw(self, snap: Snapshot, slow: bool) -> None:
+        """Bring scene, and with `slow` texts and plots, to a snapshot."""
+        if snap.number != self.drawn and not self.paused_drawing:
+            self.drawn = snap.number
+            self.scene.show(np.array([law.q for law in snap.laws]))
+            self.handles.draw(snap)
+        if snap.loop != self._loop_drawn:
+            self._loop_drawn = snap.loop
+            self._draw_loop()
+        if slow:
+            self.panels.draw(snap)
+            self.charts.draw(snap)
+            self._draw_traces(snap)
+
+    @contextmanager
+    def own_drawing(self) -> Iterator[None]:
+        """The page's thread leaves the robots alone, for a while in which somebody else moves them."""
+        self.paused_drawing = True
+        try:
+            yield
+        finally:
+            self.paused_drawing, self.drawn = False, -1
+
+    def _run(self) -> None:
+        before = time.perf_counter()
+        while True:
+            with self._wake:
+                if not self._waiting and not self._over:
+                    self._wake.wait(max(0.0, before + 1 / RATE - time.perf_counter()))
+                if self._over:
+                    return
+                actions, self._waiting = list(self._waiting.values()), {}
+            for action in actions:
+                self._do(action)
+            now = time.perf_counter()
+            if now - before >= 1 / RATE:
+                self._do(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
+                before = now
+            slow = now - self._slow_at >= SLOW
+            self._slow_at = now if slow else self._slow_at
+            self._do(lambda slow=slow: self.draw(self.session.snapshot(), slow))
+
+    def _do(self, action: Action) -> None:
+        """What the user could not know is said; the page goes on whatever happens."""
+        try:
+            action()
+        except HolokinError as problem:
+            self.say(str(problem))
+        except Exception as problem:  # noqa: BLE001  one fault must not end the page of everybody
+            if not self._over:
+                self.say(f"holokin failed where it should not: {type(problem).__name__}: {problem}")
+
+    def _look(self) -> None:
+        loop = self.session.loop
+        points: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
+        self.scene.look_from(*self.scene.view(points))
+
+    def _draw_loop(self) -> None:
+        loop = self.session.loop
+        curves = () if loop is None else loop.points(240)
+        for index in range(self.session.task.frames):
+            self.scene.path(curves[index] if len(curves) else [], f"loop{index or ''}")
+        self.handles.place_loop(loop)
+        for law in range(len(self.session.laws)):
+            self.scene.trace(law, np.zeros((0, 3)), "elbow")
+
+    def _draw_traces(self, snap: Snapshot) -> None:
+        if snap.phase not in (Phase.RUNNING, Phase.DONE) or len(snap.laws) > MANY:
+            return
+        for index, law in enumerate(snap.laws):
+            if len(law.history) > 1:
+                rows = np.unique(np.linspace(0, len(law.history) - 1, TRACED).astype(int))
+                self.scene.trace(index, self.scene.points_of(law.history[rows])[1], "elbow")

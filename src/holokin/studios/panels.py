@@ -1,0 +1,153 @@
+"""The column at the right of the page: what runs, the loop, the laws at the posture, and what goes out of the page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..job import packaged_jobs
+from .loop_panel import LoopPanel
+from .posture_panel import PosturePanel
+from .save_panel import SavePanel
+from .stage import Stage
+from .states import Phase, Snapshot
+from .texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
+
+ENDLESS = 0
+"""Cycles that mean: for ever."""
+
+_DOING = {
+    Phase.IDLE: "Drag the tool, or start the loop.",
+    Phase.GATHERING: "The joints go to where the loop begins.",
+    Phase.RUNNING: "Cycle {cycle}, {share:.0f} %",
+    Phase.PAUSED: "Held in cycle {cycle}, {share:.0f} %",
+    Phase.DONE: "Done: {done} cycles. Which robots are back at their start?",
+}
+
+
+class Panels:
+    """The main panel of a page."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui = page.server.gui
+        gui.set_panel_label("holokin studio")
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(350)
+        self.head = gui.add_html(self._head())
+        self.doing = gui.add_html("")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self._run(gui)
+        with tabs.add_tab("Loop"):
+            self.loop = LoopPanel(page)
+        with tabs.add_tab("Posture"):
+            self.posture = PosturePanel(page)
+        with tabs.add_tab("Save"):
+            self.save = SavePanel(page)
+
+    def draw(self, snap: Snapshot) -> None:
+        """Bring texts to a snapshot."""
+        put(self.doing, self._doing(snap))
+        put(self.table, self._table(snap))
+        self.posture.draw(snap)
+        running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
+        self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
+
+    def _head(self) -> str:
+        session = self.page.session
+        joints = f"{session.robot.name}: {session.task.n} joints for {session.task.m} coordinates of the tool"
+        shared = "All browsers on this page see and move the same robots."
+        return block(
+            line(session.title, bold=True), line(joints), quiet(shared), *map(warning, self.page.scene.remarks)
+        )
+
+    def _run(self, gui: Any) -> None:
+        page = self.page
+        self.table = gui.add_html("")
+        self.start = gui.add_button("Start", color="blue")
+        self.home = gui.add_button("All back to the start posture", color="gray")
+        self.speed = gui.add_slider(
+            "Speed", min=0.25, max=8.0, step=0.25, initial_value=2.0, hint="Times its own speed"
+        )
+        cycles = page.session.snapshot().cycles
+        shown = ENDLESS if cycles is None else cycles
+        self.cycles = gui.add_number("Cycles", shown, min=0, max=10_000, step=1, hint="0: for ever")
+        self.way = gui.add_dropdown("Way round", ("as drawn", "the other way"))
+        names = tuple(law.name for law in page.session.laws)
+        solid = "The law whose robot is drawn solid; the others are ghosts"
+        self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
+        self.at_start = gui.add_checkbox("Show the start posture, in grey", False)
+        page.session.set_speed(self.speed.value)
+
+        @self.start.on_click
+        def _(_event: Any) -> None:
+            page.ask(self._start_or_pause)
+
+        @self.home.on_click
+        def _(_event: Any) -> None:
+            page.ask(lambda: (page.say(""), page.session.reset()))
+
+        @self.speed.on_update
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.session.set_speed(self.speed.value), "speed")
+
+        @self.cycles.on_update
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.session.set_cycles(int(self.cycles.value) or None), "cycles")
+
+        @self.way.on_update
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.session.set_clockwise(self.way.value == "the other way"), "way")
+
+        @self.solid.on_update
+        def _(_event: Any) -> None:
+            names = [law.name for law in page.session.laws]
+            page.ask(lambda: page.set_lead(names.index(self.solid.value)), "solid")
+
+        @self.at_start.on_update
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.scene.show_start(page.session.home if self.at_start.value else None), "start")
+
+        if page.reopen is not None:
+            self._jobs(gui, page.reopen)
+
+    def _jobs(self, gui: Any, reopen: Any) -> None:
+        jobs = tuple(packaged_jobs())
+        chosen = self.page.session.source if self.page.session.source in jobs else jobs[0]
+        self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen)
+        self.open = gui.add_button("Open this job", color="gray")
+
+        @self.open.on_click
+        def _(_event: Any) -> None:
+            reopen(self.job.value)
+
+    def _start_or_pause(self) -> None:
+        self.page.say("")
+        phase = self.page.session.snapshot().phase
+        if phase in (Phase.RUNNING, Phase.GATHERING):
+            self.page.session.pause()
+        else:
+            self.page.session.play()
+
+    def _doing(self, snap: Snapshot) -> str:
+        text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=100 * snap.progress, done=snap.cycle)
+        faults = [f"{law.name}: {law.sentence}" for law in snap.laws if law.sentence]
+        red = self.page.said or snap.message or (faults[0] if faults else "")
+        return block(line(text), gauge(snap.progress), warning(red))
+
+    def _table(self, snap: Snapshot) -> str:
+        rows = [
+            ("", plain("law", grey=True), plain("drift", grey=True, right=True), plain("state", grey=True, right=True))
+        ]
+        for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False)):
+            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{law.drift[-1]:.3g}"
+            state = "follows" if law.following else law.status.value
+            kind = "holonomic" if law.holonomic else "not holonomic"
+            rows.append((
+                swatch(color, index == self.page.lead), named(law.name, kind),
+                plain(drift, right=True), plain(state, red=not law.following, right=True),
+            ))  # fmt: skip
+        return block(table(rows, ["", *(law.sentence for law in snap.laws)]))

@@ -1,0 +1,177 @@
+"""The panel of the posture: how near to singular, what is known of each law, and sliders that keep the tool still."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import HolokinError
+from ..output.palette import BLUE, ORANGE, VERMILLION, rgb
+from .sliders import Slider
+from .stage import Stage
+from .states import Cloud, LawState, Phase, Snapshot
+from .texts import block, line, plain, put, quiet, swatch, table
+
+TICKS = 1000
+"""Places of a slider."""
+
+SINGULAR = 0.01
+"""An rcond below this is written in red."""
+
+SELF, LEVEL = "self-motion", "level"
+"""The two sliders."""
+
+
+class PosturePanel:
+    """Its controls; built inside a tab."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui = page.server.gui
+        names = tuple(law.name for law in page.session.laws)
+        self.known = gui.add_html("")
+        gui.add_divider()
+        self.law = gui.add_dropdown("Sliders of", names, initial_value=names[page.lead])
+        gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
+        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.5)
+        self.level_text = gui.add_markdown("")
+        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.5)
+        gui.add_divider()
+        gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
+        holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
+        self.cover = gui.add_dropdown("Law", holonomic or ("none",))
+        self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic)
+        self.clear = gui.add_button("Take the cloud away", color="gray", disabled=not holonomic)
+        self.cloud_text = gui.add_html("")
+        self._ranges: dict[str, Slider | None] = {}
+        self._cloud: Cloud | None = None
+        self._seen: tuple[Any, ...] = ()
+        self._fitted: dict[str, tuple[Any, ...]] = {}
+        self._connect()
+
+    def draw(self, snap: Snapshot) -> None:
+        """Bring texts, sliders and cloud to a snapshot."""
+        put(self.known, self._known(snap))
+        still = snap.phase in (Phase.IDLE, Phase.DONE)
+        self.self_motion.disabled = not still
+        if still:
+            self._fit(snap)
+        if snap.cloud is not self._cloud:
+            self._cloud = snap.cloud
+            self._draw_cloud(snap.cloud)
+
+    def _connect(self) -> None:
+        page = self.page
+
+        @self.law.on_update
+        def _(_event: Any) -> None:
+            self._fitted = {}
+
+        @self.self_motion.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                page.ask(self._slide, SELF)
+
+        @self.level.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                page.ask(self._lift, LEVEL)
+
+        @self.find.on_click
+        def _(_event: Any) -> None:
+            page.ask(lambda: page.session.start_cloud(self.cover.value))
+
+        @self.clear.on_click
+        def _(_event: Any) -> None:
+            page.ask(lambda: (page.session.cancel_cloud(), page.scene.cloud([], [])))
+
+    def _slide(self) -> None:
+        known = self._ranges.get(SELF)
+        if known is not None:
+            self.page.say("")
+            self.page.session.move_self(self.law.value, known.low + self.self_motion.value * (known.high - known.low))
+            self._fitted[SELF] = self._key(self.page.session.snapshot())
+
+    def _lift(self) -> None:
+        known = self._ranges.get(LEVEL)
+        if known is not None:
+            value = known.low + self.level.value * (known.high - known.low)
+            self.page.say("")
+            self.page.session.move_level(self.law.value, value)
+            self._fitted[LEVEL] = self._key(self.page.session.snapshot())
+            self._say_level(replace(known, value=value))
+
+    def _key(self, snap: Snapshot) -> tuple[Any, ...]:
+        return self.law.value, snap.law(self.law.value).q.tobytes()
+
+    def _fit(self, snap: Snapshot) -> None:
+        """Bring the sliders to the posture; only when it changed, since finding how far they go takes time."""
+        key, before = self._key(snap), self._seen
+        self._seen = key
+        if key != before:  # it moves still, and a drag must not wait
+            return
+        for name, handle in ((SELF, self.self_motion), (LEVEL, self.level)):
+            if self._fitted.get(name) == key:
+                continue
+            self._fitted[name] = key
+            try:
+                found = self._range(name, snap.law(self.law.value))
+            except HolokinError as problem:
+                found = None
+                if name == LEVEL:
+                    put(self.level_text, f"**Level**: {problem}")
+            if found is not None and not found.high > found.low:
+                found = None
+            self._ranges[name] = found
+            handle.disabled = found is None
+            if found is not None:
+                handle.value = float(np.clip((found.value - found.low) / (found.high - found.low), 0.0, 1.0))
+                if name == LEVEL:
+                    self._say_level(found)
+
+    def _range(self, name: str, law: LawState) -> Slider | None:
+        if name == SELF:
+            return self.page.session.self_motion(law.name)
+        if law.holonomic:
+            return self.page.session.level_slider(law.name)
+        put(self.level_text, f"**Level**: {law.name} has no leaves.")
+        return None
+
+    def _say_level(self, known: Slider) -> None:
+        what, unit = ("Elbow angle", " deg") if known.unit == "deg" else (f"Level of {known.label}", f" {known.unit}")
+        span = f"{known.value:.4g}{unit}, from {known.low:.4g} ({known.why_low}) to {known.high:.4g} ({known.why_high})"
+        put(self.level_text, f"**{what}**: {span}. The law keeps the new leaf.")
+
+    def _known(self, snap: Snapshot) -> str:
+        rows = [("", *(plain(text, grey=True) for text in ("law", "verdict about the start", "rcond")))]
+        for law, color in zip(snap.laws, self.page.colors, strict=False):
+            judged = law.judgement
+            verdict = "is being judged" if judged is None else "holonomic" if judged.holonomic else "not holonomic"
+            bend = "" if judged is None else f", curvature {judged.curvature:.2g}"
+            near = plain(f"{law.rcond:.3f}", red=bool(law.rcond < SINGULAR), right=True)
+            rows.append((swatch(color), plain(law.name), plain(f"{verdict}{bend}"), near))
+        hints = ["", *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
+        foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
+        return block(table(rows, hints), quiet(foot))
+
+    def _draw_cloud(self, cloud: Cloud | None) -> None:
+        if cloud is None:
+            self.page.scene.cloud([], [])
+            put(self.cloud_text, "")
+            return
+        self.page.scene.cloud(cloud.points, margin_colors(cloud))
+        share = f"{100 * cloud.reached.mean():.0f} % are reached" if len(cloud.reached) else ""
+        text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
+        put(
+            self.cloud_text,
+            block(line(text), quiet("Blue: far from joint limits; orange: near one; red: not reached.")),
+        )
+
+
+def margin_colors(cloud: Cloud) -> Any:
+    """A colour (k, 3) for each pose: orange at a joint limit, blue in the middle; red where it is not reached."""
+    share = np.nan_to_num(np.sqrt(np.clip(cloud.margin, 0.0, 1.0)))[:, None]
+    colors = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
+    return np.where(cloud.reached[:, None], colors, np.array(rgb(VERMILLION))).astype(np.uint8)

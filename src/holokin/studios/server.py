@@ -1,0 +1,165 @@
+"""`Studio`: serves the page of a job or a robot."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import ipaddress
+import os
+import socket
+import threading
+import time
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import ArgumentError, HolokinError
+from ..robot import Robot
+from .meshes import trimesh_package
+from .opening import open_session, session_of_robot
+from .page import Page
+from .scene import viser_package
+from .session import Session
+
+PORT = 8080
+"""Where the page is, unless it is in use."""
+
+HERE = "127.0.0.1"
+"""This machine alone."""
+
+TRIED = 50
+"""Ports that are tried."""
+
+DEFAULT = "panda-circle"
+"""The job that is shown when nothing is asked for."""
+
+
+What = str | Path | Robot | Session | None
+"""What can be shown."""
+
+
+class Studio:
+    """A page that is served until `close`. `hk.studio` makes one.
+
+    Attributes:
+        url: where the page is. notes: what is to be said of it: another port than asked for, a host that others reach.
+    """
+
+    def __init__(self, session: Session, port: int = PORT, host: str = HERE):
+        viser = viser_package()
+        self._lock = threading.Lock()
+        free = free_port(host, port)
+        with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner; ours says more
+            self.server = viser.ViserServer(host=host, port=free, verbose=False)
+        found = self.server.get_port()
+        self.url = f"http://{'localhost' if host == HERE else host}:{found}"
+        self.notes: list[str] = []
+        if port and found != port:
+            self.notes.append(f"port {port} is in use: the page is at port {found}")
+        if not _loopback(host):
+            self.notes.append(f"everyone who reaches this machine at {host} can open and move the page")
+        self.page = self._shown(session)
+
+    @property
+    def session(self) -> Session:
+        """What the page shows now."""
+        return self.page.session
+
+    def open(self, name: str) -> None:
+        """Show another job or robot instead. Raises: what `open_session` raises, and the page stays as it is."""
+        session = open_session(name)
+        with self._lock:
+            before = self.page
+            before.close()
+            before.session.close()
+            self.server.scene.reset()
+            self.server.gui.reset()
+            self.page = self._shown(session)
+
+    def close(self) -> None:
+        """End page and server."""
+        self.page.close()
+        self.page.session.close()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def wait(self) -> None:
+        """Until Ctrl-C, which ends the page."""
+        try:
+            while True:
+                time.sleep(0.5)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.close()
+
+    def _shown(self, session: Session) -> Page:
+        page = Page(self.server, session, self._reopen)
+        session.start_work()
+        page.start()
+        return page
+
+    def _reopen(self, name: str) -> None:
+        """Asked for in the page: what is wrong is said there."""
+        try:
+            self.open(name)
+        except HolokinError as problem:
+            self.page.say(str(problem))
+
+
+def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
+    """Open a page; as `hk.studio` says."""
+    if not 0 <= port <= 65535:
+        raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
+    viser_package()
+    trimesh_package()
+    made = Studio(_session(what), port, host)
+    for note in made.notes:
+        tell(note)
+    tell(f"the studio is at {made.url}; Ctrl-C ends it" if wait else f"the studio is at {made.url}")
+    if browser:
+        webbrowser.open(made.url)
+    if wait:
+        made.wait()
+    return made
+
+
+def free_port(host: str, port: int) -> int:
+    """The first port from one on that is free at an address; 0 stays 0, which is any.
+
+    Raises:
+        ArgumentError: the address is none of this machine, or no port is free.
+    """
+    found = port
+    for found in range(port, min(port + TRIED, 65536)):
+        try:
+            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as one:
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                one.bind(place)
+            return found
+        except (socket.gaierror, UnicodeError):
+            break
+        except OSError as problem:
+            if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
+                break
+    else:
+        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+    raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
+
+
+def _session(what: What) -> Session:
+    if isinstance(what, Session):
+        return what
+    if isinstance(what, Robot):
+        return session_of_robot(what, source=what.name)
+    return open_session(str(what or DEFAULT))
+
+
+def _loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

@@ -1,0 +1,46 @@
+"""`Stage`: what handles, plots and panels know of the page that they belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
+
+from .scene import Scene
+from .session import Session
+
+
+class Stage(Protocol):
+    """See `Page`, which is the only one.
+
+    Attributes:
+        server: of viser. session, scene: what is shown, and where. lead: the law whose robot is solid.
+        colors: of the laws (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
+        drawn: the number of the snapshot that is drawn, -1 to draw it again. handles: of the scene.
+    """
+
+    server: Any
+    session: Session
+    scene: Scene
+    lead: int
+    colors: tuple[str, ...]
+    said: str
+    reopen: Callable[[str], None] | None
+    drawn: int
+    handles: Any
+
+    def ask(self, action: Callable[[], Any], key: object = None) -> None:
+        """Have something done by the page's thread; of several with one key only the last is done."""
+        ...
+
+    def say(self, sentence: str) -> None:
+        """A sentence for everyone, until the next."""
+        ...
+
+    def set_lead(self, index: int) -> None:
+        """Whose robot is drawn solid."""
+        ...
+
+    def own_drawing(self) -> AbstractContextManager[None]:
+        """The page's thread leaves the robots alone."""
+        ...
