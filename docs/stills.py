@@ -24,7 +24,7 @@ BAR = 40
 """Height of the player's own bar, which is cut off."""
 
 SHOWN = (640, 400)
-COLORS = 96
+COLORS = 240
 FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 

@@ -28,5 +28,5 @@ for name, law in laws.items():
         motions[name] = stopped.trajectory
     motion = motions[name]
     after = np.abs(motion.drift_since_start()).max(axis=1).round(3)
-    lean = np.rad2deg(motion.q[-1, 1])
+    lean = np.rad2deg(abs(motion.q[-1, 1]))
     print(f"{name}: {motion.cycles} circles, {after} rad off; leans {lean:.1f} degrees aside: {motion.status.cause}")
