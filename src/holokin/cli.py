@@ -19,6 +19,7 @@ from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, T
 from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .proving import check_certificate
 from .simulating import simulating
+from .survey_commands import surveying
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -307,6 +308,7 @@ def certify(
 
 
 app.add_typer(exporting, name="export")
+app.add_typer(surveying, name="survey")
 app.command("simulate")(simulating(lambda name: _ending.telling(name)))
 app.command()(check)
 app.command("check-certificate")(check_certificate)

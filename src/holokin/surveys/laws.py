@@ -162,7 +162,7 @@ OF_A_JOB = tuple(model for kind, model in KINDS.items() if model is not Fitted)
 if TYPE_CHECKING:
     AnyLaw = StrategyTable | LawTable
 else:
-    AnyLaw = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]  # noqa: UP007
+    AnyLaw = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]
 
 
 def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> dict[str, AnyLaw]:

@@ -24,6 +24,7 @@ from ..errors import (
 from ..job import Job
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
+from ..job.strategies import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..path import Path
@@ -122,14 +123,25 @@ def path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     return found | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
 
 
-def job_table(case: Case, laws: dict[str, Any], folder: FilePath) -> dict[str, Any]:
-    """The job that repeats a case; its strategy is that of the law, or of what the law is of."""
+def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     robot = {key: value for key, value in case.robot.items() if key != "sha256"}
     return {
         "title": f"case {case.id}: {case.law} on {case.names['robot']}",
         "robot": robot, "task": case.task, "start": {"q": start_of(case, folder).tolist()},
-        "path": path_table(case, folder), "strategies": {case.law: laws},
+        "path": path_table(case, folder), "strategies": strategies,
     }  # fmt: skip
+
+
+def repeating_job(case: Case, cases: Cases) -> dict[str, Any]:
+    """The job that repeats a case; of a control law, which jobs do not run, one of the pseudo-inverse on its loop.
+
+    Raises:
+        HolokinError: there is no robot, task or start of the case.
+    """
+    task = _task(json.dumps([case.robot, case.task], sort_keys=True), cases.folder)
+    law = resolved(cases.table.laws, case.law, task, start_of(case, cases.folder))[case.law]
+    table = law.model_dump(exclude_unset=True) if isinstance(law, StrategyTable) else {"kind": "moore-penrose"}
+    return _job(case, {case.law: table}, cases.folder)
 
 
 def run_case(case: Case, cases: Cases) -> Row:
@@ -187,7 +199,7 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 
 
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
-    table = job_table(case, {"kind": "moore-penrose"}, folder) | {"strategies": {"any": {"kind": "moore-penrose"}}}
+    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder)
     return build_paths(Job.model_validate(table), task, q0, folder / "survey.toml")[0]  # type: ignore[return-value]
 
 

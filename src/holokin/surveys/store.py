@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import SurveyError, WriteError
+from ..errors import SurveyError, UnknownNameError, WriteError
 from ..version import __version__
 from .running import METRICS, Row
 from .tables import SurveyTable
@@ -39,7 +39,9 @@ class Store:
 
     @classmethod
     @contextmanager
-    def opened(cls, file: Path, table: SurveyTable | None, *, resume: bool = False) -> Iterator[Store]:
+    def opened(
+        cls, file: Path, table: SurveyTable | None, folder: Path = Path(), *, resume: bool = False
+    ) -> Iterator[Store]:
         """A results file, made for a survey where it is not there; for reading alone without a table.
 
         Raises:
@@ -58,22 +60,25 @@ class Store:
                 db.execute("PRAGMA journal_mode = WAL")
                 store = cls(file, db)
                 if new and table is not None:
-                    store._make(table)
+                    store._make(table, folder)
                 store._check(table)
             yield store
         finally:
             if db is not None:
                 db.close()
 
-    def _make(self, table: SurveyTable) -> None:
+    def _make(self, table: SurveyTable, folder: Path) -> None:
         kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
         kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
         columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in COLUMNS)
         with self._db:
-            self._db.execute("CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, content TEXT)")
+            self._db.execute(
+                "CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)"
+            )
             self._db.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
             content = json.dumps(table.model_dump(mode="json", exclude_unset=True))
-            self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?)", (FORM, fingerprint(table), __version__, content))
+            facts = (FORM, fingerprint(table), __version__, str(folder), content)
+            self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
 
     def _check(self, table: SurveyTable | None) -> None:
         try:
@@ -110,6 +115,19 @@ class Store:
         cursor = self._db.execute(f"SELECT {', '.join(COLUMNS)} FROM cases ORDER BY number")
         for values in cursor:
             yield dict(zip(COLUMNS, values, strict=True))
+
+    def number_of(self, case: str) -> int:
+        """The number of a case by its id, or by its number. Raises: UnknownNameError."""
+        found = self._db.execute("SELECT number FROM cases WHERE id = ?", (case,)).fetchone()
+        if found is None and case.isdecimal():
+            found = self._db.execute("SELECT number FROM cases WHERE number = ?", (int(case),)).fetchone()
+        if found is None:
+            raise UnknownNameError("case", case, [])
+        return int(found[0])
+
+    def folder(self) -> Path:
+        """From which files of robots counted."""
+        return Path(self._db.execute("SELECT folder FROM survey").fetchone()[0])
 
     def content(self) -> SurveyTable:
         """The survey that the results are of."""

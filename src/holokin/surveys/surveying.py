@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from .cases import Cases
+from .cluster import Cluster
 from .engine import Here, Pool, batched
 from .store import Store
 from .tables import SurveyTable
@@ -51,12 +52,13 @@ def run_survey(
     """
     cases = Cases(table, folder.absolute())
     total = len(cases)
-    with Store.opened(out, table, resume=resume) as store:
+    with Store.opened(out, table, cases.folder, resume=resume) as store:
         known = store.done()
         left = (case.number for case in cases if case.id not in known)
         began, done, faults = time.monotonic(), min(len(known), total), 0
         resumed = done
         engine = _engine(table, cases.folder, workers, scheduler)
+        say(Progress(done, total, faults, 0.0, resumed))
         for rows in engine.run(batched(left, _size(total, table, workers))):
             store.add(rows)
             done += len(rows)
@@ -65,7 +67,9 @@ def run_survey(
         return Progress(done, total, faults, time.monotonic() - began, resumed)
 
 
-def _engine(table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None) -> Here | Pool:
+def _engine(table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None) -> Here | Pool | Cluster:
+    if scheduler is not None:
+        return Cluster(table, folder, scheduler)
     if workers == 0:
         return Here(table, folder)
     return Pool(table, folder, workers or os.cpu_count() or 1)
