@@ -76,11 +76,7 @@ class Cases(Value):
                 found.append(_told(entry.model_dump(exclude_unset=True), self.folder))
                 continue
             if entry.lower().endswith(SUFFIXES):
-                absolute = FilePath(entry).is_absolute()
-                root = FilePath(FilePath(entry).anchor) if absolute else self.folder
-                names = [
-                    str(f) for f in sorted(root.glob(str(FilePath(entry).relative_to(root)) if absolute else entry))
-                ]
+                names = _files(entry, self.folder)
                 if not names and not any(c in entry for c in "*?["):
                     names = [entry]  # its cases say that there is no such file
             elif any(c in entry for c in "*?["):
@@ -161,3 +157,11 @@ def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     if not name.lower().endswith(SUFFIXES) or not file.is_file():
         return robot
     return robot | {"sha256": hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+
+
+def _files(pattern: str, folder: FilePath) -> list[str]:
+    """The files of a pattern, sorted; names that count from the folder stay so, wherever the survey is run."""
+    given = FilePath(pattern)
+    if given.is_absolute():
+        return [f.as_posix() for f in sorted(FilePath(given.anchor).glob(str(given.relative_to(given.anchor))))]
+    return [f.relative_to(folder).as_posix() for f in sorted(folder.glob(pattern))]

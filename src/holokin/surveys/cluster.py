@@ -33,7 +33,7 @@ class Cluster:
             MissingExtraError. SchedulerError: it cannot be reached, or was lost.
         """
         with _client(self.scheduler) as (client, distributed):
-            flow, lost = distributed.as_completed(), deque()
+            flow, lost = distributed.as_completed(loop=client.loop), deque()
             running: dict[Any, Batch] = {}
             left = True
             while left or running:

@@ -61,8 +61,10 @@ class Store:
                 store = cls(file, db)
                 if new and table is not None:
                     store._make(table, folder)
-                store._check(table)
+            store._check(table)
             yield store
+        except sqlite3.DatabaseError as problem:
+            raise SurveyError(file, f"is no results file of a survey ({problem})", "give another file") from None
         finally:
             if db is not None:
                 db.close()
@@ -81,10 +83,7 @@ class Store:
             self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
 
     def _check(self, table: SurveyTable | None) -> None:
-        try:
-            found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
-        except sqlite3.DatabaseError:
-            raise SurveyError(self.file, "is no results file of a survey", "give another file") from None
+        found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
         if found is None or found[0] != FORM:
             raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
         if table is not None and found[1] != fingerprint(table):
