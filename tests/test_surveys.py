@@ -32,7 +32,9 @@ PLANAR: dict[str, Any] = {
     "title": "planar arms",
     "robots": ["planar-3r"],
     "starts": {"regular": 1, "random": 1},
-    "loops": {"circle": {"kind": "circle", "size": (0.05, 0.3), "count": 3}, "eight": {"kind": "figure-eight", "size": 0.2}},
+    "loops": {
+        "circle": {"kind": "circle", "size": (0.05, 0.3), "count": 3}, "eight": {"kind": "figure-eight", "size": 0.2},
+    },
     "laws": {"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}},
     "cycles": 2,
     "samples": 40,
@@ -131,7 +133,7 @@ def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
 
 FAULTS = {
     "throws": ("fault", "ZeroDivisionError"),
-    "hangs": ("fault", "took longer than 1 s"),
+    "hangs": ("fault", "took longer than 6 s"),
     "sleeps_in_c": ("fault", "its process died, or hung in native code"),
     "dies": ("fault", "its process died"),
     "crashes": ("fault", "its process died"),
@@ -143,16 +145,16 @@ def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.syspath_prepend(str(HERE))
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # a compiler may take longer than the second that a case has here
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # a compiler may take longer than a case has here
     bad = {name: {"kind": "import", "function": f"survey_laws:{name}"} for name in FAULTS}
     table = planar(
         laws={"pinv": {"kind": "moore-penrose"}, **bad, "lock": {"kind": "best-lock"}}, starts={"regular": 1},
-        loops={"circle": {"kind": "circle", "size": 0.1}}, time_limit=1.0, samples=10,
+        loops={"circle": {"kind": "circle", "size": 0.1}}, time_limit=6.0, samples=10,
     )  # fmt: skip
     out = tmp_path / "bad.sqlite"
     done = run_survey(table, tmp_path, out, workers=2)
     rows = {str(row["law"]): row for row in rows_of(out)}
-    assert done.done == done.total == len(rows) == 7 and done.faults == 5
+    assert done.done == done.total == len(rows) == 7 and done.faults == 5, {k: r["reason"] for k, r in rows.items()}
     assert rows["pinv"]["status"] == rows["lock"]["status"] == "complete"
     for law, (status, reason) in FAULTS.items():
         assert rows[law]["status"] == status and reason in str(rows[law]["reason"]), rows[law]

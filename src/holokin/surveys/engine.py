@@ -10,14 +10,17 @@ import signal
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from .cases import Cases
+from .objects import keep, sendable
 from .running import Row, fault, run_case
 from .tables import SurveyTable
 
@@ -86,8 +89,9 @@ def run_batch(table: str, folder: str, batch: Batch, hard: bool) -> list[Row]:
     return rows
 
 
-def _begin_worker() -> None:
+def _begin_worker(objects: Mapping[str, Any]) -> None:
     """Ctrl-C is for the process that asked, and no worker outlives it."""
+    keep(objects)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -116,16 +120,18 @@ class Here:
 class Pool:
     """The processes of this machine."""
 
-    def __init__(self, table: SurveyTable, folder: Path, workers: int) -> None:
+    def __init__(
+        self, table: SurveyTable, folder: Path, workers: int, objects: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
         self.text, self.folder, self.workers = table.model_dump_json(exclude_unset=True), str(folder), workers
-        self.cases = Cases(table, folder)
+        self.cases, self.objects = Cases(table, folder), dict(objects)
 
     def run(self, batches: Iterator[Batch]) -> Iterator[list[Row]]:
         """The rows of each batch, as they are done. A batch whose process died is done again, case by case."""
         waiting: deque[Batch] = deque()
         while True:
             lost: list[Batch] = []
-            with _processes(self.workers) as executor:
+            with self._processes(self.workers) as executor:
                 running: dict[Future[list[Row]], Batch] = {}
                 try:
                     while True:
@@ -152,7 +158,7 @@ class Pool:
         """Each case alone: the one that its process does not survive becomes a row."""
         left = deque(batch)
         while left:
-            with _processes(1) as executor:
+            with self._processes(1) as executor:
                 try:
                     while left:
                         rows = self._submitted(executor, (left[0],)).result()
@@ -161,23 +167,24 @@ class Pool:
                 except BrokenProcessPool:
                     yield [fault(self.cases.case(left.popleft()), "its process died, or hung in native code")]
 
+    @contextmanager
+    def _processes(self, count: int) -> Iterator[ProcessPoolExecutor]:
+        """Fresh processes, which are gone at the end, whatever they are at."""
+        start = "spawn" if sendable(self.objects) else "fork"
+        context = multiprocessing.get_context(start)
+        objects = self.objects if start == "spawn" else {}  # what is forked has them already
+        executor = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker, initargs=(objects,))
+        try:
+            yield executor
+        finally:
+            at_work = list((getattr(executor, "_processes", None) or {}).values())
+            executor.shutdown(wait=False, cancel_futures=True)
+            for process in at_work:
+                with suppress(OSError, ValueError):
+                    process.terminate()
+
     def _submitted(self, executor: ProcessPoolExecutor, batch: Batch) -> Future[list[Row]]:
         return executor.submit(run_batch, self.text, self.folder, batch, True)
-
-
-@contextmanager
-def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Fresh processes, which are gone at the end, whatever they are at."""
-    context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
-    try:
-        yield executor
-    finally:
-        at_work = list((getattr(executor, "_processes", None) or {}).values())
-        executor.shutdown(wait=False, cancel_futures=True)
-        for process in at_work:
-            with suppress(OSError, ValueError):
-                process.terminate()
 
 
 def batched(numbers: Iterable[int], size: int) -> Iterator[Batch]:

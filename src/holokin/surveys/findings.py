@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import MissingExtraError
 from ..types import Array, Flags, Value, Vector
 from .running import METRICS
 
@@ -39,6 +40,13 @@ class Findings(Value):
 
     def __len__(self) -> int:
         return len(self.columns["status"])
+
+    def __str__(self) -> str:
+        head, rows = self.table()
+        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+        return "\n".join(
+            "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+        )
 
     @cached_property
     def laws(self) -> list[str]:
@@ -81,6 +89,14 @@ class Findings(Value):
             k.append(cycle + 1)
             share.append(alive)
         return np.array(k[: most + 1]), np.array(share[: most + 1]), int(known.sum())
+
+    def frame(self) -> Any:
+        """The rows as a pandas DataFrame. Raises: MissingExtraError: pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise MissingExtraError("pandas", "survey") from None
+        return pandas.DataFrame(self.columns)
 
     def worst(self, count: int = 10) -> list[dict[str, Any]]:
         """The rows with the largest drift of a cycle; then those that stopped after the fewest cycles."""

@@ -6,6 +6,7 @@ A new kind is one more class here: `kind` and its keys, and `law`.
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -31,6 +32,7 @@ from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
 from ..task import Task
 from ..types import Vector
+from .objects import given
 
 Gain = Annotated[float, Field(ge=0, le=1e6)]
 
@@ -156,7 +158,21 @@ class Own(LawTable):
         return made if isinstance(made, Strategy) else as_control_law(made)
 
 
-OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Pink, Mink, Placo, Own)
+class Given(LawTable):
+    """One that `hk.survey` was given: a function of the task, or of the task and the start posture."""
+
+    kind: Literal["given"]
+    key: str
+
+    def law(self, task: Task, start: Vector, name: str) -> Any:
+        """What the function returns."""
+        function = given(self.key)
+        wanted = len(inspect.signature(function).parameters)
+        made = function(task, start) if wanted > 1 else function(task)
+        return made if isinstance(made, Strategy) else as_control_law(made)
+
+
+OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Pink, Mink, Placo, Own, Given)
 OF_A_JOB = tuple(model for kind, model in KINDS.items() if model is not Fitted)
 
 if TYPE_CHECKING:
@@ -177,7 +193,7 @@ def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -
 
 def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     """Whether what is built depends on the start posture, and not on the task alone."""
-    return any(isinstance(law, (Radial, Own)) for law in laws.values())
+    return any(isinstance(law, (Radial, Own, Given)) for law in laws.values())
 
 
 def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> Strategy | ControlLaw:

@@ -21,6 +21,13 @@ WORST = 10
 """Cases that are shown with a job that repeats them."""
 
 
+_TERMS = (
+    "Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 percent. Returns: cases "
+    "whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same "
+    "postures. Cases that did not end a cycle have no drift."
+)
+
+
 def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
     """Write the page. Raises: WriteError."""
     cases = Cases(survey, folder)
@@ -33,9 +40,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
         "<h2>By law</h2>",
         html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
-        "<p class='small'>Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 "
-        "percent. Returns: cases whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same postures. "
-        "Cases that did not end a cycle have no drift.</p>",
+        f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
         drawn(lambda: drift_figure(found), "Of each law the share of cases whose drift of a cycle is below a value."),
         drawn(

@@ -38,6 +38,7 @@ from ..types import Vector
 from .cases import Case, Cases
 from .laws import built, of_the_start, resolved
 from .loops import drawn
+from .objects import OBJECT, given, given_path
 from .tables import LoopTable
 
 KEPT_LAWS = 64
@@ -85,9 +86,11 @@ def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
 
 @lru_cache(maxsize=8)
 def _robot(table: str, folder: FilePath) -> Robot:
-    given = json.loads(table)
-    given.pop("sha256", None)
-    return robot_of_job(RobotTable.model_validate(given), folder / "survey.toml")
+    content = json.loads(table)
+    content.pop("sha256", None)
+    if str(content.get("name", "")).startswith(OBJECT):
+        return given(content["name"])
+    return robot_of_job(RobotTable.model_validate(content), folder / "survey.toml")
 
 
 @lru_cache(maxsize=16)
@@ -199,6 +202,8 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 
 
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
+    if case.loop["table"]["kind"] == "given":
+        return given_path(case.loop["table"]["key"], task.pose(q0))
     table = _job(case, {"any": {"kind": "moore-penrose"}}, folder)
     return build_paths(Job.model_validate(table), task, q0, folder / "survey.toml")[0]  # type: ignore[return-value]
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .cases import Cases
 from .cluster import Cluster
 from .engine import Here, Pool, batched
+from .objects import forks, keep, sendable
 from .store import Store
 from .tables import SurveyTable
 
@@ -39,12 +41,13 @@ class Progress:
 
 def run_survey(
     table: SurveyTable, folder: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    resume: bool = False, say: Say = lambda _progress: None,
+    resume: bool = False, objects: Mapping[str, Any] | None = None, say: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
     Args:
         folder: from which files of robots count. out: the results file.
+        objects: what the survey names by keys: see `survey`.
         workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
 
     Raises:
@@ -57,7 +60,7 @@ def run_survey(
         left = (case.number for case in cases if case.id not in known)
         began, done, faults = time.monotonic(), min(len(known), total), 0
         resumed = done
-        engine = _engine(table, cases.folder, workers, scheduler)
+        engine = _engine(table, cases.folder, workers, scheduler, objects or {})
         say(Progress(done, total, faults, 0.0, resumed))
         for rows in engine.run(batched(left, _size(total, table, workers))):
             store.add(rows)
@@ -67,12 +70,15 @@ def run_survey(
         return Progress(done, total, faults, time.monotonic() - began, resumed)
 
 
-def _engine(table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None) -> Here | Pool | Cluster:
+def _engine(
+    table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
+) -> Here | Pool | Cluster:
+    keep(objects)
     if scheduler is not None:
         return Cluster(table, folder, scheduler)
-    if workers == 0:
+    if workers == 0 or not (sendable(objects) or forks()):
         return Here(table, folder)
-    return Pool(table, folder, workers or os.cpu_count() or 1)
+    return Pool(table, folder, workers or os.cpu_count() or 1, objects)
 
 
 def _size(total: int, table: SurveyTable, workers: int | None) -> int:

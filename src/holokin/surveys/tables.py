@@ -49,7 +49,8 @@ class LoopTable(Table):
     `size` is the largest extent in metres; `share` says it as a share of the arm's length instead.
     """
 
-    kind: Literal["circle", "square", "figure-eight", "raster", "smooth"]
+    kind: Literal["circle", "square", "figure-eight", "raster", "smooth", "given"]
+    key: str | None = None
     size: Positive | tuple[Positive, Positive] | None = None
     share: Share | tuple[Share, Share] | None = None
     plane: Plane | Row = "random"
@@ -59,7 +60,9 @@ class LoopTable(Table):
 
     @model_validator(mode="after")
     def _one_size(self) -> LoopTable:
-        if (self.size is None) == (self.share is None):
+        if self.kind != "given" and self.key is not None:
+            raise ValueError(f"a {self.kind} does not use key; leave it out")
+        if self.kind != "given" and (self.size is None) == (self.share is None):
             raise ValueError("size and share both say how large it is; give one of them")
         for key in ("size", "share", "speed"):
             value = getattr(self, key)
