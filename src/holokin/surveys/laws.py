@@ -167,8 +167,10 @@ class Given(LawTable):
     def law(self, task: Task, start: Vector, name: str) -> Any:
         """What the function returns."""
         function = given(self.key)
-        wanted = len(inspect.signature(function).parameters)
-        made = function(task, start) if wanted > 1 else function(task)
+        parameters = inspect.signature(function).parameters.values()
+        places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        needed = [p for p in parameters if p.kind in places and p.default is p.empty]
+        made = function(task, start) if len(needed) > 1 else function(task)
         return made if isinstance(made, Strategy) else as_control_law(made)
 
 
