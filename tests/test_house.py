@@ -47,7 +47,7 @@ LAYERS = [
     {"job"},
     {"studio"},
     {"surveys"},
-    {"outcome"},
+    {"outcome", "surveying"},
     {"exporting", "inspecting", "survey_commands"},
     {"simulating"},
     {"exporting", "proving"},

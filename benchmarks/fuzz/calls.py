@@ -276,6 +276,10 @@ def calls() -> dict[str, Call]:
         "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
         "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
         "LeafFunction.check": (k["leaf"].check, (q,), {}),
+        "survey": (
+            hk.survey, (["planar-3r"], {"mp": hk.moore_penrose}, {"loop": {"kind": "circle", "size": 0.1}}),
+            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0},
+        ),
     }  # fmt: skip
     return found | path_calls()
 

@@ -41,7 +41,7 @@ Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The .sqlite fi
 def run_one(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A survey (.toml).")],
     out: Annotated[Path | None, typer.Option(help="The results file; by default out/<survey>.sqlite.")] = None,
-    workers: Annotated[int | None, typer.Option(min=0, max=1024, help="Processes; by default one a processor.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; by default one a processor.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler instead, as tcp://host:8786.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
 ) -> None:

@@ -7,7 +7,6 @@ import faulthandler
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
@@ -52,7 +51,7 @@ def _limited(seconds: float, hard: bool) -> Iterator[None]:
     timer.daemon = True
     timer.start()
     if hard:
-        faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=sys.__stderr__)
+        faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=2)
     try:
         yield
     finally:

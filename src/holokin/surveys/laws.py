@@ -188,7 +188,7 @@ def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -
     table = laws[name]
     found = resolved(laws, table.of, task, start) if isinstance(table, ClosedLoop) else {}
     if isinstance(table, BestLock):
-        joints = [task.robot.joint_names[i] for i in locked_joints(task, start)]
+        joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, start)]
         table = Lock(kind="lock", joints=joints)
     return found | {name: table}
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import ArgumentError
 from .cases import Cases
 from .cluster import Cluster
 from .engine import Here, Pool, batched
@@ -18,6 +19,9 @@ from .tables import SurveyTable
 
 BATCH = 8
 """Cases of a batch, at most: sending one to a process takes a millisecond."""
+
+MOST_WORKERS = 1024
+"""Processes on one machine."""
 
 Say = Callable[["Progress"], None]
 
@@ -74,6 +78,8 @@ def _engine(
     table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
 ) -> Here | Pool | Cluster:
     keep(objects)
+    if workers is not None and not 0 <= workers <= MOST_WORKERS:
+        raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
     if scheduler is not None:
         return Cluster(table, folder, scheduler)
     if workers == 0 or not (sendable(objects) or forks()):

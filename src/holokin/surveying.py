@@ -5,18 +5,15 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from ..arguments import typed
-from ..errors import ArgumentError
-from ..progress import progress
-from ..robot import Robot
-from .findings import Findings
-from .objects import OBJECT
-from .reading import survey_of
-from .store import Store
-from .surveying import run_survey
-from .tables import LoopTable
+from .arguments import typed
+from .errors import ArgumentError
+from .progress import progress
+from .robot import Robot
+
+if TYPE_CHECKING:
+    from .surveys import Findings
 
 Kind = Mapping[str, Any]
 
@@ -59,6 +56,9 @@ def survey(
     Raises:
         JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.
     """
+    from .surveys import Findings, Store, run_survey, survey_of
+    from .surveys.objects import OBJECT
+
     objects: dict[str, Any] = {}
     names: list[str] = []
     for k, robot in enumerate(robots):
@@ -93,8 +93,6 @@ def survey(
 
 def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
     """A table, as it is given; an object by its key."""
-    if isinstance(thing, LoopTable):
-        return thing.model_dump(exclude_unset=True)
     if isinstance(thing, Mapping):
         return dict(thing)
     if key.startswith("law:") and not isinstance(thing, Callable):
