@@ -224,7 +224,9 @@ def calls() -> dict[str, Call]:
             "spin": 0.5}),
         "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
         "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
-        "read_workspace": (hk.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one}),
+        "read_workspace": (
+            hk.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one},
+        ),
         "coverage": (hk.coverage, (held, q, k["space"]), {
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
         "design": (hk.design, (task, k["space"], q), {
@@ -282,6 +284,10 @@ def calls() -> dict[str, Call]:
         "LeafFunction.gradient": (k["leaf"].gradient, (q,), {}),
         "LeafFunction.disagreement": (k["leaf"].disagreement, (q, q + 0.01), {}),
         "LeafFunction.check": (k["leaf"].check, (q,), {}),
+        "survey": (
+            hk.survey, (["planar-3r"], {"mp": hk.moore_penrose}, {"loop": {"kind": "circle", "size": 0.1}}),
+            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0},
+        ),
     }  # fmt: skip
     return found | path_calls()
 

@@ -90,6 +90,7 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
+from .surveying import survey
 from .synchronized_paths import synchronized, through
 from .task import Task
 from .task_kinds import stacked
@@ -201,6 +202,7 @@ __all__ = [
     "stationary",
     "strategies",
     "studio",
+    "survey",
     "synchronized",
     "through",
     "to_mjcf",

@@ -8,7 +8,7 @@ from copy import deepcopy
 from functools import cache, wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from types import NoneType, UnionType
+from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -30,7 +30,8 @@ def typed(function: F) -> F:
     prepared: tuple[dict[str, Any], dict[str, Test], list[tuple[str, Test | None]]] | None = None
 
     def prepare() -> tuple[dict[str, Any], dict[str, Test], list[tuple[str, Test | None]]]:
-        wanted = get_type_hints(function)
+        arguments = {name: kind for name, kind in function.__annotations__.items() if name != "return"}
+        wanted = get_type_hints(SimpleNamespace(__annotations__=arguments), function.__globals__)
         tests = {name: test for name, kind in wanted.items() if (test := _test(kind)) is not None}
         return wanted, tests, [(name, tests.get(name)) for name in names]
 

@@ -20,6 +20,7 @@ from .outcome import Ending, finish, prepare_streams, show, show_rich
 from .proving import check_certificate
 from .showing import studio
 from .simulating import simulating
+from .survey_commands import surveying
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -312,6 +313,7 @@ def certify(
 
 
 app.add_typer(exporting, name="export")
+app.add_typer(surveying, name="survey")
 app.command("simulate")(simulating(lambda name: _ending.telling(name)))
 app.command()(check)
 app.command()(studio)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property, partial
 from pathlib import Path as FilePath
@@ -54,6 +54,10 @@ class Measures:
 
 def _known(values: Matrix) -> Matrix:
     return values
+
+
+def _first(measure: Callable[[], Matrix], count: int) -> Matrix:
+    return measure()[:count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +124,14 @@ class Trajectory(Value):
     def drift_since_start(self) -> Matrix:
         """Joint drift after 1, 2, ... cycles (cycles, n): q at the end of each minus the start posture."""
         return self.q[list(self.marks[1:])] - self.q[0]
+
+    def until(self, count: int) -> Trajectory:
+        """The first samples of it, and the cycles that end among them."""
+        measured = {f.name: partial(_first, getattr(self.measures, f.name), count) for f in fields(Measures)}
+        return replace(
+            self, t=self.t[:count], q=self.q[:count], measures=Measures(**measured),
+            marks=tuple(k for k in self.marks if k < count), corners=tuple(k for k in self.corners if k < count),
+        )  # fmt: skip
 
     def turns(self) -> Indices:
         """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): what `whole_turns` of the drift says."""

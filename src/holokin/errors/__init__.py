@@ -24,6 +24,7 @@ from .given import (
     RecordingError,
     RobotFileError,
     ShapeError,
+    SurveyError,
     TaskTooLargeError,
     UnknownNameError,
 )
@@ -53,6 +54,7 @@ from .system import (
     MissingExtraError,
     NativeError,
     PickleError,
+    SchedulerError,
     WriteError,
 )
 
@@ -90,10 +92,12 @@ __all__ = [
     "RecordingError",
     "RobotFileError",
     "RoundOffError",
+    "SchedulerError",
     "ShapeError",
     "SingularityError",
     "SingularityKind",
     "StartError",
+    "SurveyError",
     "TaskTooLargeError",
     "TrackingError",
     "UnknownNameError",

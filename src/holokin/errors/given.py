@@ -56,6 +56,14 @@ class RecordingError(HolokinError):
         super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
+class SurveyError(HolokinError):
+    """A survey that cannot be run, or whose results cannot be read."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
+
+
 class CertificateError(HolokinError):
     """A file that is no certificate."""
 

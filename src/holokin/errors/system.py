@@ -30,6 +30,14 @@ class MissingExtraError(HolokinError):
         super().__init__(f"this needs {package}; install it with: pip install 'holokin[{extra}]'")
 
 
+class SchedulerError(HolokinError):
+    """A scheduler of a cluster that cannot be reached, or was lost; rows that were kept stay."""
+
+    def __init__(self, scheduler: str, fact: str) -> None:
+        self.scheduler, self.fact = scheduler, fact
+        super().__init__(f"the scheduler {brief(scheduler)} {brief(fact)}; check its address, and go on with --resume")
+
+
 class WriteError(HolokinError):
     """A file that the system does not let us write; what stood there before is as it was."""
 

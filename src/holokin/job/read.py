@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,7 +26,7 @@ from .schema import (
     VerdictTable,
     WorkspaceTable,
 )
-from .strategies import KINDS, StrategyTable
+from .strategies import KINDS
 from .table import Table
 from .task_tables import TaskTable
 
@@ -59,9 +60,36 @@ _CURES = {
 }
 
 
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Form(Generic[Model]):
+    """What a kind of file holds: its model, the table of things that have a `kind`, and those kinds."""
+
+    model: type[Model]
+    named: str
+    kinds: Mapping[str, type[BaseModel]]
+    tables: Mapping[str, type[BaseModel]]
+    where: str = "check the path"
+    more: str = "check its spelling: {}"
+    example: str = "add it"
+
+    def read(self, path: Path) -> Model:
+        """A file of this form. Raises: JobError naming file, key, value and cure."""
+        return self.checked(path, _table(path, self.where))
+
+    def checked(self, path: Path, table: dict[str, Any]) -> Model:
+        """The content of a file. Raises: JobError."""
+        try:
+            return self.model.model_validate(table)
+        except ValidationError as problem:
+            raise _named(path, problem, table, self) from None
+
+
 def read_job(path: Path) -> Job:
     """A job from a TOML file. Raises: JobError naming file, key, value and cure."""
-    return _checked(path, _table(path, "check the path; `holokin jobs` lists the packaged ones"), Job)
+    return _JOB.read(path)
 
 
 def read_workspace_table(path: Path) -> WorkspaceTable:
@@ -69,14 +97,11 @@ def read_workspace_table(path: Path) -> WorkspaceTable:
     table = _table(path, "check the path")
     if "workspace" not in table:
         raise JobError(path, "workspace", "is missing", "add a table [workspace], as of a job file")
-    return _checked(path, {"workspace": table["workspace"]}, _Workspace).workspace
+    return _WORKSPACE.checked(path, {"workspace": table["workspace"]}).workspace
 
 
 class _Workspace(Table):
     workspace: WorkspaceTable
-
-
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def _table(path: Path, where: str) -> dict[str, Any]:
@@ -86,35 +111,27 @@ def _table(path: Path, where: str) -> dict[str, Any]:
     return read_toml(path, refuse)
 
 
-def _checked(path: Path, table: dict[str, Any], model: type[Model]) -> Model:
-    try:
-        return model.model_validate(table)
-    except ValidationError as problem:
-        raise _named(path, problem, table) from None
-
-
 def dotted(key: Key) -> str:
     """A key as TOML writes it: a name that is no plain word in quotes."""
     return ".".join(part if re.fullmatch(r"[\w-]+", part) else shown(part, 100) for part in key)
 
 
-def _named(path: Path, problem: ValidationError, table: dict[str, Any]) -> JobError:
+def _named(path: Path, problem: ValidationError, table: dict[str, Any], form: Form[Any]) -> JobError:
     """The first fault of the file, as a sentence. A value that may be of several types has a fault for each."""
-    faults = [_located(fault, table) for fault in problem.errors()]
+    faults = [_located(fault, table, form) for fault in problem.errors()]
     faults.sort(key=lambda found: found[1]["type"] == "missing")  # a misspelt key tells more than the one it leaves out
     first = faults[0][0]
     parts, fault = max((f for f in faults if f[0][: len(first)] == first), key=lambda f: len(f[0]))
-    key, kind = dotted(parts), _kind_at(parts, table)
+    key, kind = dotted(parts), _kind_at(parts, table, form)
     if fault["type"] == "missing":
         if kind:
             return JobError(path, dotted(parts[:2]), f"kind = {kind!r} needs {parts[2]}", "add it")
-        return JobError(path, key, "is missing", "add it; `holokin new` writes a complete example")
+        return JobError(path, key, "is missing", form.example)
     if fault["type"] == "extra_forbidden":
-        if kind and any(parts[2] in model.model_fields for model in KINDS.values()):
+        if kind and any(parts[2] in model.model_fields for model in form.kinds.values()):
             return JobError(path, dotted(parts[:2]), f"kind = {kind!r} does not use {parts[2]}", "leave it out")
-        nearest = closest(parts[-1], _known_keys(parts, kind))
-        cure = f"check its spelling: {nearest}; `holokin new` writes a complete example"
-        return JobError(path, key, "is an unknown key", cure)
+        nearest = closest(parts[-1], _known_keys(parts, kind, form))
+        return JobError(path, key, "is an unknown key", form.more.format(nearest))
     value = fault.get("input", table)
     if isinstance(value, float) and not isfinite(value):
         return JobError(path, key, f"is {value}", "give a finite number")
@@ -144,34 +161,34 @@ def _context(fault: Mapping[str, Any], word: str) -> str:
     return str(fault.get("ctx", {}).get(word, ""))
 
 
-def _located(fault: Any, table: dict[str, Any]) -> tuple[Key, dict[str, Any]]:
-    """(key, fault) of what pydantic found: without the kinds that it puts into the keys of strategies."""
+def _located(fault: Any, table: dict[str, Any], form: Form[Any]) -> tuple[Key, dict[str, Any]]:
+    """(key, fault) of what pydantic found: without the kinds that it puts into the keys of what has one."""
     loc, fault = fault["loc"], dict(fault)
-    if loc[:1] == ("strategies",) and len(loc) > 2:
+    if loc[:1] == (form.named,) and len(loc) > 2:
         loc = loc[:2] + loc[3:]
     if fault["type"].startswith("union_tag"):
         loc = (*loc, "kind")
         named = "kind" in fault["input"]
-        facts = {"expected": ", ".join(map(repr, KINDS))}
+        facts = {"expected": ", ".join(map(repr, form.kinds))}
         fault |= {"type": "literal_error", "ctx": facts} if named else {"type": "missing"}
         fault["input"] = fault["input"].get("kind")
     return _key(loc, table), fault
 
 
-def _kind_at(key: Key, table: dict[str, Any]) -> str:
-    """The kind of the strategy that a key is of; empty for other tables, and where it is the kind that is wrong."""
-    if len(key) < 3 or key[0] != "strategies" or key[2] == "kind":
+def _kind_at(key: Key, table: dict[str, Any], form: Form[Any]) -> str:
+    """The kind of what a key is of; empty for other tables, and where it is the kind that is wrong."""
+    if len(key) < 3 or key[0] != form.named or key[2] == "kind":
         return ""
-    return str(table["strategies"][key[1]]["kind"])
+    return str(table[form.named][key[1]]["kind"])
 
 
-def _known_keys(key: Key, kind: str) -> list[str]:
-    """The keys that stand beside a key; of a strategy those of its kind."""
+def _known_keys(key: Key, kind: str, form: Form[Any]) -> list[str]:
+    """The keys that stand beside a key; of what has a kind those of its kind."""
     top, *rest = key
     if not rest:
-        return list(Job.model_fields)
-    if top == "strategies":
-        return list((KINDS[kind] if kind else StrategyTable).model_fields)
+        return list(form.model.model_fields)
+    if top == form.named:
+        return list(form.kinds[kind].model_fields) if kind else ["kind"]
     if top == "path" and len(rest) > 1:
         return list(FrameTable.model_fields)
     if top == "robot" and len(rest) > 1:
@@ -179,7 +196,7 @@ def _known_keys(key: Key, kind: str) -> list[str]:
         return list((PartTable if last == "parts" else FrameTable).model_fields)
     if top == "checks" and len(rest) > 1:
         return list(ObstacleTable.model_fields)
-    return list(_TABLES["bound" if len(rest) > 2 else top].model_fields)
+    return list(form.tables["bound" if len(rest) > 2 else top].model_fields)
 
 
 def _key(loc: tuple[int | str, ...], table: Any) -> Key:
@@ -190,3 +207,11 @@ def _key(loc: tuple[int | str, ...], table: Any) -> Key:
             parts.append(str(part))
             table = table.get(part) if isinstance(table, dict) else table[int(part)]
     return tuple(parts)
+
+
+_WRITES = "`holokin new` writes a complete example"
+_JOB = Form(
+    Job, "strategies", KINDS, _TABLES, "check the path; `holokin jobs` lists the packaged ones",
+    f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}",
+)  # fmt: skip
+_WORKSPACE = Form(_Workspace, "", {}, _TABLES)

@@ -56,6 +56,7 @@ def follow(
     cycles: int = 1,
     method: str | None = None,
     limits: bool = True,
+    native: bool = False,
 ) -> Trajectory:
     """Follow a path from a start posture.
 
@@ -66,6 +67,8 @@ def follow(
             [f(q) - x; g(q) - c] = 0 at every sample, for a `HolonomicStrategy`. By default "leaf" for those,
             else "velocity".
         limits: stop at joint limits; False ignores them.
+        native: build native code at once, a second's work, for a strategy that will follow many short paths; else it
+            is built where a path has many steps.
 
     The orientation targets are the path's turns applied to its own rotation at the start, or, where it has none, to the
     tool's orientation at q0; positions are the path's.
@@ -87,7 +90,7 @@ def follow(
     strategy(start)
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     check_start(task, start, *plan.first)
-    return _walk(strategy, leaf, plan, start, int(cycles), limits)
+    return _walk(strategy, leaf, plan, start, int(cycles), limits, native)
 
 
 def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy | None:
@@ -103,8 +106,9 @@ def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy 
 
 
 def _walk(
-    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool
-) -> Trajectory:
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool,
+    native: bool,
+) -> Trajectory:  # fmt: skip
     method = "velocity" if leaf is None else "leaf"
     stepper = velocity_stepper(strategy, plan) if leaf is None else leaf_stepper(leaf, plan, q)
     robot = strategy.task.robot
@@ -118,15 +122,15 @@ def _walk(
         postures.flags.writeable = False  # the trajectory keeps them as they are
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
-    sources = {"load": total >= CACHED_FROM, "build": total >= NATIVE_FROM}
+    sources = {"load": native or total >= CACHED_FROM, "build": native or total >= NATIVE_FROM}
     if leaf is None:
         fast = native_velocity(strategy, plan, q, limits, **sources)
     else:
         fast = native_leaf(leaf, plan, q, limits, **sources)
-    native = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
+    steps = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
-            for done, q in native:  # noqa: B007  q goes on below
+            for done, q in steps:  # noqa: B007  q goes on below
                 report(done)
             for step in range(done, total):
                 q = stepper(q, step % plan.steps)

@@ -1,0 +1,101 @@
+"""`survey`: the same from Python, with robots, laws and paths as objects."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, Literal
+
+from .arguments import typed
+from .errors import ArgumentError
+from .progress import progress
+from .robot import Robot
+
+if TYPE_CHECKING:
+    from .surveys import Findings
+
+Kind = Mapping[str, Any]
+
+
+@typed
+def survey(
+    robots: Sequence[str | Robot],
+    laws: Mapping[str, Any],
+    loops: Mapping[str, Any],
+    *,
+    tasks: Mapping[str, Kind] | Literal["position", "pose"] = "position",
+    starts: Kind | None = None,
+    cycles: int = 10,
+    samples: int = 200,
+    limits: bool = True,
+    cases: int | None = None,
+    seed: int = 0,
+    time_limit: float = 60.0,
+    workers: int | None = None,
+    out: str | FilePath | None = None,
+    resume: bool = False,
+) -> Findings:
+    """Send every robot, with every law, round every loop; what fails is a row, too.
+
+    Args:
+        robots: names of the catalogue (also patterns, as "ur*"), files, or robots.
+        laws: name -> a function of the task, or of the task and the start posture (n,), which gives a strategy or a
+            control law, as `hk.moore_penrose`; or a table as of a survey file.
+        loops: name -> a table as of a survey file; a closed path, which is moved to begin at the tool; or a function of
+            the tool pose (4, 4) that gives a path.
+        tasks: name -> a table [task] as of a job; or one word for one of them.
+        starts: as [starts] of a survey file; by default one regular posture.
+        cycles, samples, limits, cases, seed, time_limit: as of a survey file.
+        workers: processes, by default one for each processor; 0 for this one.
+        out: a results file to keep. resume: go on with what it holds.
+
+    Returns:
+        A row for each case: `.frame()` for pandas, `.table()` by law, `.columns`.
+
+    Raises:
+        JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.
+    """
+    from .surveys import Findings, Store, run_survey, survey_of
+    from .surveys.objects import OBJECT
+
+    objects: dict[str, Any] = {}
+    names: list[str] = []
+    for k, robot in enumerate(robots):
+        if isinstance(robot, Robot):
+            names.append(
+                f"{OBJECT}{robot.name}" if f"{OBJECT}{robot.name}" not in objects else f"{OBJECT}{robot.name}-{k}"
+            )
+            objects[names[-1]] = robot
+        else:
+            names.append(robot)
+    content = {
+        "title": "survey", "seed": seed, "robots": names,
+        "tasks": {tasks: {"kind": tasks}} if isinstance(tasks, str) else {k: dict(v) for k, v in tasks.items()},
+        "loops": {name: _named(f"loop:{name}", loop, objects) for name, loop in loops.items()},
+        "laws": {name: _named(f"law:{name}", law, objects) for name, law in laws.items()},
+        "cycles": cycles, "samples": samples, "limits": limits, "time_limit": float(time_limit),
+    }  # fmt: skip
+    if starts is not None:
+        content["starts"] = dict(starts)
+    if cases is not None:
+        content["cases"] = cases
+    table = survey_of(content, "survey")
+    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1_000_000) as report:
+        file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
+        run_survey(
+            table, FilePath(), file, workers=workers, resume=resume, objects=objects,
+            say=lambda p: report(int(1_000_000 * p.done / max(p.total, 1))),
+        )  # fmt: skip
+        with Store.opened(file, None) as store:
+            return Findings.of(store.rows())
+
+
+def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
+    """A table, as it is given; an object by its key."""
+    if isinstance(thing, Mapping):
+        return dict(thing)
+    if key.startswith("law:") and not isinstance(thing, Callable):
+        raise ArgumentError(key.replace(":", " "), thing, "give a function of the task, or a table as of a survey file")
+    objects[key] = thing
+    return {"kind": "given", "key": key}

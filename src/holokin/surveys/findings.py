@@ -1,0 +1,127 @@
+"""What a survey found: its rows as columns, shares and quantiles by law, the worst cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import MissingExtraError
+from ..types import Array, Flags, Value, Vector
+from .running import METRICS
+
+STATUS_ORDER = ("complete", "limit", "out of reach", "singular", "branch", "lost", "fault")
+RETURNS = 1e-6
+"""Drift of a cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(Value):
+    """Rows of a survey, column by column; NaN where there is no number."""
+
+    columns: dict[str, Array]
+
+    @classmethod
+    def of(cls, rows: Iterable[dict[str, Any]]) -> Findings:
+        """Those of a results file, or of a run."""
+        listed = list(rows)
+        names = list(listed[0]) if listed else ["law", "status", *METRICS]
+        numbers = {*METRICS, "seconds"}
+        found = {
+            name: np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
+            if name in numbers
+            else np.array([row[name] for row in listed], dtype=object)
+            for name in names
+        }
+        return cls(found)
+
+    def __len__(self) -> int:
+        return len(self.columns["status"])
+
+    def __str__(self) -> str:
+        head, rows = self.table()
+        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+        return "\n".join(
+            "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
+        )
+
+    @cached_property
+    def laws(self) -> list[str]:
+        """In the order of the cases."""
+        return list(dict.fromkeys(self.columns["law"].tolist()))
+
+    def of_law(self, law: str) -> Findings:
+        """The rows of a law."""
+        return self.where(self.columns["law"] == law)
+
+    def where(self, chosen: Flags) -> Findings:
+        """Some of the rows."""
+        return Findings({name: values[chosen] for name, values in self.columns.items()})
+
+    def known(self, metric: str) -> Vector:
+        """The values of a metric, where there are."""
+        values = self.columns[metric]
+        return values[np.isfinite(values)]
+
+    def shares(self) -> dict[str, float]:
+        """Status -> share of the rows."""
+        count = max(len(self), 1)
+        return {s: float(np.sum(self.columns["status"] == s)) / count for s in STATUS_ORDER}
+
+    def survival(self) -> tuple[Vector, Vector, int]:
+        """(k, share of cases that met no joint limit within k cycles, cases): the estimate of Kaplan and Meier.
+
+        A case that ends for another reason is counted up to there. [KM58]
+        """
+        cycles, status = self.columns["cycles"], self.columns["status"]
+        known = np.isfinite(cycles)
+        cycles, hit = cycles[known], status[known] == "limit"
+        most = int(cycles.max(initial=0.0))
+        k, share, alive = [0], [1.0], 1.0
+        for cycle in range(most + 1):
+            at_risk = int(np.sum(cycles >= cycle))
+            stopped = int(np.sum(hit & (cycles == cycle)))
+            if at_risk and stopped:
+                alive *= 1 - stopped / at_risk
+            k.append(cycle + 1)
+            share.append(alive)
+        return np.array(k[: most + 1]), np.array(share[: most + 1]), int(known.sum())
+
+    def frame(self) -> Any:
+        """The rows as a pandas DataFrame. Raises: MissingExtraError: pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise MissingExtraError("pandas", "survey") from None
+        return pandas.DataFrame(self.columns)
+
+    def worst(self, count: int = 10) -> list[dict[str, Any]]:
+        """The rows with the largest drift of a cycle; then those that stopped after the fewest cycles."""
+        drift = np.nan_to_num(self.columns["drift_mean"], nan=0.0)
+        cycles = np.nan_to_num(self.columns["cycles"], nan=-1.0)
+        order = np.lexsort((cycles, -drift))[:count]
+        return [{name: values[i] for name, values in self.columns.items()} for i in order]
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """(titles, a row for each law): how often, how far, what it costs."""
+        head = ["law", "cases", "complete", "limit", "other", "returns", "drift a cycle", "95 %", "cost"]
+        rows = []
+        for law in self.laws:
+            found = self.of_law(law)
+            shares, drift, cost = found.shares(), found.known("drift_mean"), found.known("cost")
+            other = 1 - shares["complete"] - shares["limit"]
+            rows.append([
+                law, f"{len(found):,}", f"{shares['complete']:.1%}", f"{shares['limit']:.1%}", f"{other:.1%}",
+                f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
+                _digits(np.median(drift)) if drift.size else "",
+                _digits(np.quantile(drift, 0.95)) if drift.size else "",
+                f"{np.median(cost):.2f}" if cost.size else "",
+            ])  # fmt: skip
+        return head, rows
+
+
+def _digits(value: Any) -> str:
+    return "0" if value < 1e-12 else f"{value:.2g}"

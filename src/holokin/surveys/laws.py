@@ -1,0 +1,209 @@
+"""[laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and your own.
+
+A new kind is one more class here: `kind` and its keys, and `law`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+
+from pydantic import Field
+
+from .. import constraints
+from ..designing import locked_joints
+from ..errors import ArgumentError
+from ..job.strategies import KINDS, Fitted, Lock, Radial, StrategyTable
+from ..job.table import Few, Length, Positive, Table
+from ..laws import (
+    PostureTask,
+    closed_loop,
+    damped,
+    gradient_projection,
+    mink_law,
+    pink_law,
+    placo_law,
+    repetitive_motion,
+)
+from ..laws.textbook import GAIN
+from ..motion import ControlLaw, as_control_law
+from ..strategies import Strategy
+from ..task import Task
+from ..types import Vector
+from .objects import given
+
+Gain = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class LawTable(Table):
+    """A control law: it is run by `simulate`, with steps as long as those of the strategies."""
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """The control law of a task, from a start posture (n,). Raises: HolokinError."""
+        raise NotImplementedError
+
+
+class BestLock(LawTable):
+    """The joints that determine the self-motion best at the start posture stay where they are, as of `lock`."""
+
+    kind: Literal["best-lock"]
+
+
+class ClosedLoop(LawTable):
+    """A strategy of the survey with feedback of the tool's error."""
+
+    kind: Literal["closed-loop"]
+    of: str
+    gain: Gain = GAIN
+
+
+class Damped(LawTable):
+    """Damped least squares."""
+
+    kind: Literal["damped"]
+    damping: Positive = 0.05
+    gain: Gain = GAIN
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `damped`."""
+        return damped(task, self.damping, self.gain, name=name)
+
+
+class GradientProjection(LawTable):
+    """Gradient projection on the start posture, or on a cost."""
+
+    kind: Literal["gradient-projection"]
+    cost: Literal["start", "centring", "manipulability"] = "start"
+    weight: Gain = 1.0
+    gain: Gain = GAIN
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `gradient_projection`; of the start posture as `repetitive_motion`, which is the same."""
+        if self.cost == "start":
+            return repetitive_motion(task, self.weight, self.gain, name=name)
+        cost = constraints.centring_cost() if self.cost == "centring" else constraints.manipulability_cost()
+        return gradient_projection(task, cost, self.weight, self.gain, name=name)
+
+
+class _Library(LawTable):
+    """A library's inverse kinematics: a frame task on the robot's first tip, with a posture task if it costs."""
+
+    posture_cost: Gain = 1e-3
+    posture_gain: Gain = 1.0
+    preferred: Annotated[list[Length], Few] | None = None
+
+    @property
+    def posture(self) -> PostureTask:
+        """The posture task; without `preferred` it prefers the start."""
+        return PostureTask(
+            self.posture_cost, self.posture_gain, None if self.preferred is None else tuple(self.preferred)
+        )
+
+    def _pose_only(self, task: Task) -> None:
+        if task.orientation != "twist" or task.m != (3 if task.robot.planar else 6):
+            raise ArgumentError(
+                "the task", task.name, "pink, mink and placo follow whole poses here: use kind = 'pose'"
+            )
+
+
+class Pink(_Library):
+    """pink's solve_ik."""
+
+    kind: Literal["pink"]
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `pink_law`."""
+        self._pose_only(task)
+        return pink_law(task.robot, self.posture, name=name)
+
+
+class Mink(_Library):
+    """mink's solve_ik."""
+
+    kind: Literal["mink"]
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `mink_law`."""
+        self._pose_only(task)
+        return mink_law(task.robot, self.posture, name=name)
+
+
+class Placo(_Library):
+    """placo's kinematics solver."""
+
+    kind: Literal["placo"]
+
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `placo_law`."""
+        self._pose_only(task)
+        return placo_law(task.robot, self.posture, name=name)
+
+
+class Own(LawTable):
+    """Your own: "module:function", which takes (task, start posture) and returns a strategy or a control law."""
+
+    kind: Literal["import"]
+    function: Annotated[str, Field(pattern=r"^[\w.]+:\w+$")]
+
+    def law(self, task: Task, start: Vector, name: str) -> Any:
+        """What the function returns. Raises: ArgumentError: it cannot be imported, or threw."""
+        module, _, function = self.function.partition(":")
+        try:
+            found = getattr(importlib.import_module(module), function)
+        except (ImportError, AttributeError) as problem:
+            raise ArgumentError("the law", self.function, f"it cannot be imported ({problem})") from None
+        made = found(task, start)
+        return made if isinstance(made, Strategy) else as_control_law(made)
+
+
+class Given(LawTable):
+    """One that `hk.survey` was given: a function of the task, or of the task and the start posture."""
+
+    kind: Literal["given"]
+    key: str
+
+    def law(self, task: Task, start: Vector, name: str) -> Any:
+        """What the function returns."""
+        function = given(self.key)
+        parameters = inspect.signature(function).parameters.values()
+        places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        needed = [p for p in parameters if p.kind in places and p.default is p.empty]
+        made = function(task, start) if len(needed) > 1 else function(task)
+        return made if isinstance(made, Strategy) else as_control_law(made)
+
+
+OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Pink, Mink, Placo, Own, Given)
+OF_A_JOB = tuple(model for kind, model in KINDS.items() if model is not Fitted)
+
+if TYPE_CHECKING:
+    AnyLaw = StrategyTable | LawTable
+else:
+    AnyLaw = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]
+
+
+def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> dict[str, AnyLaw]:
+    """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
+    table = laws[name]
+    found = resolved(laws, table.of, task, start) if isinstance(table, ClosedLoop) else {}
+    if isinstance(table, BestLock):
+        joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, start)]
+        table = Lock(kind="lock", joints=joints)
+    return found | {name: table}
+
+
+def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
+    """Whether what is built depends on the start posture, and not on the task alone."""
+    return any(isinstance(law, (Radial, Own, Given)) for law in laws.values())
+
+
+def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> Strategy | ControlLaw:
+    """The law of a name. Raises: HolokinError."""
+    table = laws[name]
+    if isinstance(table, ClosedLoop):
+        of = built(laws, table.of, task, start)
+        if not isinstance(of, Strategy):
+            raise ArgumentError("of", table.of, "it is a control law already: name a strategy")
+        return closed_loop(of, table.gain, name=name)
+    return table.build(task, start, name) if isinstance(table, StrategyTable) else table.law(task, start, name)

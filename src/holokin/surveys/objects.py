@@ -1,0 +1,55 @@
+"""Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import ArgumentError
+from ..path import Path
+from ..types import Matrix
+
+OBJECT = "given:"
+"""Before the name of a robot that is an object."""
+
+_objects: dict[str, Any] = {}
+
+
+def keep(objects: Mapping[str, Any]) -> None:
+    """Those of the survey that this process does now."""
+    _objects.update(objects)
+
+
+def given(key: str) -> Any:
+    """The object of a key. Raises: ArgumentError."""
+    if key not in _objects:
+        raise ArgumentError("key", key, "it is of a survey in Python: a survey file cannot name it")
+    return _objects[key]
+
+
+def given_path(key: str, tool: Matrix) -> Path:
+    """A path that begins at the tool pose (4, 4): one that is moved there, or that a function makes of the pose."""
+    found = given(key)
+    if not isinstance(found, Path):
+        return found(tool)
+    moved = np.eye(4)
+    moved[:3, 3] = tool[:3, 3] - found.start
+    return found.in_frame(moved)
+
+
+def sendable(objects: Mapping[str, Any]) -> bool:
+    """Whether other processes can be sent them."""
+    try:
+        pickle.dumps(dict(objects))
+    except Exception:  # noqa: BLE001  pickle raises what the objects raise
+        return False
+    return True
+
+
+def forks() -> bool:
+    """Whether a process can have them without being sent them."""
+    return "fork" in multiprocessing.get_all_start_methods()

@@ -1,0 +1,79 @@
+"""`holokin survey report`: one self-contained page of a results file."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from ..errors import HolokinError
+from ..files import replacing
+from ..job.writing import table, toml
+from ..output.page import drawn, html_table, page
+from ..version import __version__
+from .cases import Cases
+from .figures import boxes_figure, drift_figure, status_figure, survival_figure
+from .findings import Findings
+from .running import METRICS, repeating_job
+from .tables import SurveyTable
+
+WORST = 10
+"""Cases that are shown with a job that repeats them."""
+
+
+_TERMS = (
+    "Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 percent. Returns: cases "
+    "whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same "
+    "postures. Cases that did not end a cycle have no drift."
+)
+
+
+def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
+    """Write the page. Raises: WriteError."""
+    cases = Cases(survey, folder)
+    head, rows = found.table()
+    parts = [
+        f"<h1>{escape(survey.title)}</h1>",
+        f"<p>{escape(' '.join(survey.about.split()))}</p>",
+        f"<p class='small'>{len(found):,} of {len(cases):,} cases; {len(cases.robots)} robots, "
+        f"{len(survey.tasks)} tasks, {len(survey.loops)} kinds of loop, {len(survey.laws)} laws; "
+        f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
+        "<h2>By law</h2>",
+        html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
+        f"<p class='small'>{escape(_TERMS)}</p>",
+        "<h2>Figures</h2>",
+        drawn(lambda: drift_figure(found), "Of each law the share of cases whose drift of a cycle is below a value."),
+        drawn(
+            lambda: survival_figure(found),
+            "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
+            "Meier: a case that ends for another reason counts up to there).",
+        ),
+        drawn(lambda: status_figure(found), "How the cases of each law ended."),
+        drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
+        f"<h2>The {min(WORST, len(found))} worst cases</h2>",
+        *(_worst(row, cases) for row in found.worst(WORST)),
+    ]
+    with replacing(file) as part:
+        part.write_text(page(survey.title, parts), "utf-8")
+
+
+def _worst(row: dict[str, Any], cases: Cases) -> str:
+    told = [f"{name} {row[name]:.3g}" for name in METRICS if row[name] == row[name]]
+    words = f"{row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
+    job = repeated(cases, int(row["number"]))
+    return (
+        f"<details><summary>{escape(words)}; {escape(', '.join(told[:4]))}</summary>"
+        f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
+    )
+
+
+def repeated(cases: Cases, number: int) -> str:
+    """A job file that repeats a case; of a control law, which jobs do not run, that of its loop and start."""
+    try:
+        job = repeating_job(cases.case(number), cases)
+    except HolokinError as problem:
+        return f"# no job repeats it: {problem}"
+    title = f"title = {toml(job['title'])}\n"
+    tables = [table(name, job[name]) for name in ("robot", "task", "start", "path") if job[name]]
+    laws = [table(f"strategies.{toml(name)}", keys) for name, keys in job["strategies"].items()]
+    return "\n".join([title, *tables, *laws])

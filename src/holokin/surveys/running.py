@@ -1,0 +1,263 @@
+"""One case of a survey: a law goes round a loop, and what happened becomes a row."""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..designing import regular_starts
+from ..errors import (
+    ArgumentError,
+    HolokinError,
+    JointLimitError,
+    PathError,
+    SingularityError,
+)
+from ..job import Job
+from ..job.robot_tables import RobotTable, robot_of_job
+from ..job.several_paths import build_paths
+from ..job.strategies import StrategyTable
+from ..job.task_tables import TaskTable
+from ..motion import ControlLaw, follow, simulate
+from ..path import Path
+from ..robot import Robot
+from ..robot.units import longest_reach
+from ..strategies import Strategy
+from ..task import Task
+from ..tolerances import TOLERANCES
+from ..trajectory import Status, Trajectory
+from ..types import Vector
+from .cases import Case, Cases
+from .laws import built, of_the_start, resolved
+from .loops import drawn
+from .objects import OBJECT, given, given_path
+from .tables import LoopTable
+
+KEPT_LAWS = 64
+"""Laws whose functions a process keeps: some tens of megabytes."""
+
+REGULAR_FROM = 16
+"""Random starts that are tried for one that is not singular."""
+
+STATUSES = {
+    Status.COMPLETE: "complete", Status.LIMIT: "limit", Status.OUT_OF_REACH: "out of reach",
+    Status.SINGULAR: "singular", Status.BRANCH: "branch", Status.LOST: "lost", Status.FAULT: "fault",
+}  # fmt: skip
+
+METRICS = {
+    "cycles": "complete cycles before it stopped",
+    "drift": "largest joint error after the first cycle [rad, m]",
+    "drift_mean": "the same, mean over its cycles",
+    "drift_total": "largest joint error between the start and the end of its last cycle [rad, m]",
+    "tracking": "largest error of the tool's position [m]",
+    "sigma": "smallest singular value of J on its way",
+    "margin": "smallest distance of a joint to its limits, as a share of its range",
+    "joint_path": "length of the joints' path in the first cycle [rad, m]",
+    "cost": "the same as a multiple of the least: of the pseudo-inverse at the same postures",
+    "peak_speed": "largest joint speed as a share of its limit",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case."""
+
+    id: str
+    number: int
+    names: dict[str, str]
+    status: str
+    reason: str
+    metrics: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
+    """The row of a case that could not be run."""
+    return Row(case.id, case.number, case.names, "fault", reason, {}, seconds)
+
+
+@lru_cache(maxsize=8)
+def _robot(table: str, folder: FilePath) -> Robot:
+    content = json.loads(table)
+    content.pop("sha256", None)
+    if str(content.get("name", "")).startswith(OBJECT):
+        return given(content["name"])
+    return robot_of_job(RobotTable.model_validate(content), folder / "survey.toml")
+
+
+@lru_cache(maxsize=16)
+def _starts(robot: str, task: str, folder: FilePath) -> np.ndarray:
+    arm = _robot(robot, folder)
+    middle = np.clip(0.0, arm.lower, arm.upper)
+    return regular_starts(TaskTable.model_validate_json(task).tasks(arm, middle)[0])
+
+
+def start_of(case: Case, folder: FilePath) -> Vector:
+    """The start posture (n,). Raises: ArgumentError: there is none of this kind."""
+    robot, task = json.dumps(case.robot, sort_keys=True), json.dumps(case.task, sort_keys=True)
+    arm, index = _robot(robot, folder), case.start["index"]
+    if case.start["kind"] == "regular":
+        found = _starts(robot, task, folder)
+        if index >= len(found):
+            raise ArgumentError("regular", index + 1, f"{arm.name} has {len(found)} such start postures")
+        return found[index]
+    rng = np.random.default_rng([case.start["seed"], zlib.crc32(robot.encode()), index])
+    lower, upper = (np.clip(b, -np.pi, np.pi) for b in (arm.lower, arm.upper))
+    margin = case.start["margin"]
+    return np.round(lower + (upper - lower) * rng.uniform(margin, 1 - margin, arm.n), 4)
+
+
+def path_table(case: Case, folder: FilePath) -> dict[str, Any]:
+    """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
+    arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
+    told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
+    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(told.encode()), case.loop["index"]])
+    length = longest_reach(arm)
+    table = LoopTable.model_validate(case.loop["table"])
+    found = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
+    return found | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
+
+
+def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
+    robot = {key: value for key, value in case.robot.items() if key != "sha256"}
+    return {
+        "title": f"case {case.id}: {case.law} on {case.names['robot']}",
+        "robot": robot, "task": case.task, "start": {"q": start_of(case, folder).tolist()},
+        "path": path_table(case, folder), "strategies": strategies,
+    }  # fmt: skip
+
+
+def repeating_job(case: Case, cases: Cases) -> dict[str, Any]:
+    """The job that repeats a case; of a control law, which jobs do not run, one of the pseudo-inverse on its loop.
+
+    Raises:
+        HolokinError: there is no robot, task or start of the case.
+    """
+    task = _task(json.dumps([case.robot, case.task], sort_keys=True), cases.folder)
+    law = resolved(cases.table.laws, case.law, task, start_of(case, cases.folder))[case.law]
+    table = law.model_dump(exclude_unset=True) if isinstance(law, StrategyTable) else {"kind": "moore-penrose"}
+    return _job(case, {case.law: table}, cases.folder)
+
+
+def run_case(case: Case, cases: Cases) -> Row:
+    """A case from its start to the end of its loop or to where it stops. What fails is said in the row."""
+    began = time.perf_counter()
+    try:
+        walk, law, task = _walk(case, cases)
+    except HolokinError as problem:
+        cause = problem.__cause__ or problem
+        status = "singular" if isinstance(cause, SingularityError) else "fault"
+        status = "limit" if isinstance(cause, JointLimitError) else status
+        return Row(case.id, case.number, case.names, status, str(problem), {}, time.perf_counter() - began)
+    walk, reason, cause = walk
+    metrics = _metrics(walk, law, task)
+    status = STATUSES[walk.status if cause is None else cause]
+    return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
+
+
+def _walk(case: Case, cases: Cases) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
+    folder, rest = cases.folder, case.rest
+    q0 = start_of(case, folder)
+    told = json.dumps([case.robot, case.task], sort_keys=True)
+    task = _task(told, folder)
+    path = _path(case, task, q0, folder)
+    laws = resolved(cases.table.laws, case.law, task, q0)
+    key = [told, *(f"{name}: {law!r}" for name, law in laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
+    law = _law(str(key), lambda: built(laws, case.law, task, q0))
+    return _run(law, task, path, q0, rest), law, task
+
+
+@lru_cache(maxsize=16)
+def _task(told: str, folder: FilePath) -> Task:
+    robot, task = json.loads(told)
+    arm = _robot(json.dumps(robot, sort_keys=True), folder)
+    middle = np.clip(0.0, arm.lower, arm.upper)
+    found = TaskTable.model_validate(task).tasks(arm, middle)[0]
+    if found.n <= found.m:
+        fact = f"{found.n} joints for {found.m} rows"
+        raise ArgumentError(f"the task {found.name!r}", fact, "no joint is redundant: choose a task of fewer rows")
+    return found
+
+
+_laws: dict[str, Strategy | ControlLaw] = {}
+
+
+def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | ControlLaw:
+    """A law, kept while it is among the last ones that were asked for."""
+    found = _laws.pop(key, None)
+    if found is None:
+        found = make()
+    _laws[key] = found
+    while len(_laws) > KEPT_LAWS:
+        del _laws[next(iter(_laws))]
+    return found
+
+
+def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
+    if case.loop["table"]["kind"] == "given":
+        return given_path(case.loop["table"]["key"], task.pose(q0))
+    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder)
+    return build_paths(Job.model_validate(table), task, q0, folder / "survey.toml")[0]  # type: ignore[return-value]
+
+
+def _run(
+    law: Strategy | ControlLaw, task: Task, path: Path, q0: Vector, rest: dict[str, Any]
+) -> tuple[Trajectory, str, Status | None]:
+    """(what the joints did, why it stopped, how it ended where the record does not know)."""
+    try:
+        if isinstance(law, Strategy):
+            walk = follow(
+                law, path, q0, samples=rest["samples"], cycles=rest["cycles"], limits=rest["limits"], native=True
+            )
+            return walk, "", None
+        walk = simulate(law, task, path, q0, dt=path.duration / rest["samples"], cycles=rest["cycles"])
+    except PathError as problem:
+        if problem.trajectory is None:
+            raise
+        return problem.trajectory, str(problem), None
+    robot = task.robot
+    beyond = (walk.q < robot.lower - TOLERANCES.limit) | (walk.q > robot.upper + TOLERANCES.limit)
+    if rest["limits"] and beyond.any():
+        k = int(np.argmax(beyond.any(axis=1)))
+        joint = robot.joint_names[int(np.argmax(beyond[k]))]
+        return walk.until(k), f"went beyond a limit of {joint!r}, which nothing stopped", Status.LIMIT
+    return walk, "", None
+
+
+def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
+    robot = task.robot
+    found = dict.fromkeys(METRICS, float("nan")) | {"cycles": float(walk.cycles)}
+    if walk.cycles:
+        each = np.abs(walk.drift()).max(axis=1)
+        found |= {
+            "drift": float(each[0]), "drift_mean": float(each.mean()),
+            "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
+        }  # fmt: skip
+    once = slice(0, walk.marks[1] + 1 if walk.cycles else len(walk))
+    q, dq = walk.q[once], walk.dq[once]
+    span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
+    room = np.minimum(walk.q - robot.lower, robot.upper - walk.q) / span
+    if np.isfinite(span).any():
+        found["margin"] = float(room[:, np.isfinite(span)].min())
+    if len(q) > 1:
+        J, _ = task.jacobian_batch(q)
+        least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, dq)
+        size = float(np.sqrt(np.sum(least**2)))
+        found |= {
+            "joint_path": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
+            "cost": float(np.sqrt(np.sum(dq**2))) / size if size > 0 else float("nan"),
+            "sigma": float(np.linalg.svd(J, compute_uv=False)[:, -1].min()),
+        }  # fmt: skip
+        fast = robot.max_velocity[np.isfinite(robot.max_velocity)]
+        if fast.size:
+            found["peak_speed"] = float((np.abs(dq) / robot.max_velocity).max())
+    found["tracking"] = walk.tracking_error("m")
+    return found

@@ -1,0 +1,143 @@
+"""The rows of a survey in an SQLite file: whole rows or none, each once, whatever is killed and when.
+
+SQLite of the standard library, and not Parquet: a row that is committed survives `kill -9`, a case has one row by its
+key, one file holds it all while it grows, and pandas reads it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import SurveyError, UnknownNameError, WriteError
+from ..version import __version__
+from .running import METRICS, Row
+from .tables import SurveyTable
+
+NAMES = ("robot", "task", "loop", "law")
+COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)
+FORM = 1
+"""Of the file; a later form is another number."""
+
+
+def fingerprint(table: SurveyTable) -> str:
+    """A hash of what a survey asks; not of its title, of how many cases, or of how long one may take."""
+    content = table.model_dump(mode="json", exclude={"title", "about", "cases", "time_limit"})
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+class Store:
+    """An open results file. Only the process that opened it writes."""
+
+    def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
+        self.file = file
+        self._db = connection
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, file: Path, table: SurveyTable | None, folder: Path = Path(), *, resume: bool = False
+    ) -> Iterator[Store]:
+        """A results file, made for a survey where it is not there; for reading alone without a table.
+
+        Raises:
+            SurveyError: it is there already and resume is False; it is of another survey, or no results file.
+            WriteError: the system refuses it.
+        """
+        new = not file.exists()
+        if table is None and new:
+            raise SurveyError(file, "there is no such file", "run the survey first")
+        if table is not None and not new and not resume:
+            raise SurveyError(file, "holds results already", "say --resume to go on, or delete it")
+        db: sqlite3.Connection | None = None
+        try:
+            with _system(file):
+                db = sqlite3.connect(file, timeout=10.0)
+                db.execute("PRAGMA journal_mode = WAL")
+                store = cls(file, db)
+                if new and table is not None:
+                    store._make(table, folder)
+            store._check(table)
+            yield store
+        except sqlite3.DatabaseError as problem:
+            raise SurveyError(file, f"is no results file of a survey ({problem})", "give another file") from None
+        finally:
+            if db is not None:
+                db.close()
+
+    def _make(self, table: SurveyTable, folder: Path) -> None:
+        kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
+        kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
+        columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in COLUMNS)
+        with self._db:
+            self._db.execute(
+                "CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)"
+            )
+            self._db.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+            content = json.dumps(table.model_dump(mode="json", exclude_unset=True))
+            facts = (FORM, fingerprint(table), __version__, str(folder), content)
+            self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
+
+    def _check(self, table: SurveyTable | None) -> None:
+        found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
+        if found is None or found[0] != FORM:
+            raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
+        if table is not None and found[1] != fingerprint(table):
+            raise SurveyError(self.file, "holds the results of another survey", "give another file with --out")
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Keep rows: all of them or none. One that is there already stays as it is. Raises: WriteError."""
+        marks = ", ".join("?" * len(COLUMNS))
+        values = [
+            [
+                row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
+                *(row.metrics.get(metric) for metric in METRICS),
+            ]
+            for row in rows
+        ]  # fmt: skip
+        with _system(self.file), self._db:
+            self._db.executemany(f"INSERT OR IGNORE INTO cases VALUES ({marks})", values)
+
+    def done(self) -> set[str]:
+        """The ids of the cases that have a row."""
+        return {found for (found,) in self._db.execute("SELECT id FROM cases")}
+
+    def __len__(self) -> int:
+        return int(self._db.execute("SELECT COUNT(*) FROM cases").fetchone()[0])
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """All rows, by the number of the case: column -> value."""
+        cursor = self._db.execute(f"SELECT {', '.join(COLUMNS)} FROM cases ORDER BY number")
+        for values in cursor:
+            yield dict(zip(COLUMNS, values, strict=True))
+
+    def number_of(self, case: str) -> int:
+        """The number of a case by its id, or by its number. Raises: UnknownNameError."""
+        found = self._db.execute("SELECT number FROM cases WHERE id = ?", (case,)).fetchone()
+        if found is None and case.isdecimal():
+            found = self._db.execute("SELECT number FROM cases WHERE number = ?", (int(case),)).fetchone()
+        if found is None:
+            raise UnknownNameError("case", case, [])
+        return int(found[0])
+
+    def folder(self) -> Path:
+        """From which files of robots counted."""
+        return Path(self._db.execute("SELECT folder FROM survey").fetchone()[0])
+
+    def content(self) -> SurveyTable:
+        """The survey that the results are of."""
+        (found,) = self._db.execute("SELECT content FROM survey").fetchone()
+        return SurveyTable.model_validate_json(found)
+
+
+@contextmanager
+def _system(file: Path) -> Iterator[None]:
+    """What the system refuses becomes a typed error; rows that are written stay."""
+    try:
+        yield
+    except sqlite3.OperationalError as problem:
+        raise WriteError(file, OSError(str(problem))) from problem

@@ -1,0 +1,93 @@
+"""A survey from its file to its results: what is done already is left out, what comes is kept at once."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import ArgumentError
+from .cases import Cases
+from .cluster import Cluster
+from .engine import Here, Pool, batched
+from .objects import forks, keep, sendable
+from .store import Store
+from .tables import SurveyTable
+
+BATCH = 8
+"""Cases of a batch, at most: sending one to a process takes a millisecond."""
+
+MOST_WORKERS = 1024
+"""Processes on one machine."""
+
+Say = Callable[["Progress"], None]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a survey is."""
+
+    done: int
+    total: int
+    faults: int
+    seconds: float
+    resumed: int
+
+    @property
+    def remaining(self) -> float:
+        """Seconds to the end [s] at the speed so far; NaN before the first row."""
+        new = self.done - self.resumed
+        return self.seconds / new * (self.total - self.done) if new else float("nan")
+
+
+def run_survey(
+    table: SurveyTable, folder: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None,
+    resume: bool = False, objects: Mapping[str, Any] | None = None, say: Say = lambda _progress: None,
+) -> Progress:  # fmt: skip
+    """Do the cases of a survey that have no row yet; rows are kept as they come.
+
+    Args:
+        folder: from which files of robots count. out: the results file.
+        objects: what the survey names by keys: see `survey`.
+        workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
+
+    Raises:
+        SurveyError, WriteError: of the results file. UnknownNameError: of a robot.
+    """
+    cases = Cases(table, folder.absolute())
+    total = len(cases)
+    with Store.opened(out, table, cases.folder, resume=resume) as store:
+        known = store.done()
+        left = (case.number for case in cases if case.id not in known)
+        began, done, faults = time.monotonic(), min(len(known), total), 0
+        resumed = done
+        engine = _engine(table, cases.folder, workers, scheduler, objects or {})
+        say(Progress(done, total, faults, 0.0, resumed))
+        for rows in engine.run(batched(left, _size(total, table, workers))):
+            store.add(rows)
+            done += len(rows)
+            faults += sum(row.status == "fault" for row in rows)
+            say(Progress(done, total, faults, time.monotonic() - began, resumed))
+        return Progress(done, total, faults, time.monotonic() - began, resumed)
+
+
+def _engine(
+    table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
+) -> Here | Pool | Cluster:
+    keep(objects)
+    if workers is not None and not 0 <= workers <= MOST_WORKERS:
+        raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
+    if scheduler is not None:
+        return Cluster(table, folder, scheduler)
+    if workers == 0 or not (sendable(objects) or forks()):
+        return Here(table, folder)
+    return Pool(table, folder, workers or os.cpu_count() or 1, objects)
+
+
+def _size(total: int, table: SurveyTable, workers: int | None) -> int:
+    """Cases of a batch: all laws of some loops, so that a process builds each once."""
+    laws = len(table.laws)
+    return max(1, min(laws * max(1, BATCH // laws), total // (4 * (workers or 1)) or 1))

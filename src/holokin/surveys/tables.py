@@ -1,0 +1,119 @@
+"""The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and how many cases."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from ..errors import brief, closest
+from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
+from ..job.robot_tables import RobotTable
+from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
+from ..job.table import Positive, Table
+from ..job.task_tables import TaskTable
+from .laws import AnyLaw, ClosedLoop
+
+MOST_CASES = 100_000_000
+"""Cases of a survey: a thousand processor cores do as many in a day, at a tenth of a second each."""
+
+MOST_OF_A_KIND = 1_000_000
+"""Starts or loops of one kind."""
+
+Share = Annotated[float, Field(gt=0, le=1)]
+Plane = Literal["xy", "yz", "xz", "random"]
+Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f]+$")]
+
+
+class StartsTable(Table):
+    """[starts]: how many start postures of each kind a robot gets.
+
+    `regular` ones are well inside the limits and far from singular, always the same; `random` ones are even within the
+    limits but for `margin`, a share of each joint's range.
+    """
+
+    regular: Annotated[int, Field(ge=0, le=100)] = 1
+    random: Annotated[int, Field(ge=0, le=MOST_OF_A_KIND)] = 0
+    margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.1
+
+    @model_validator(mode="after")
+    def _some(self) -> StartsTable:
+        if self.regular + self.random == 0:
+            raise ValueError("it asks for no start posture; give regular or random")
+        return self
+
+
+class LoopTable(Table):
+    """[loops.NAME]: closed tool paths that begin at the tool's start; a range [a, b] is drawn from evenly.
+
+    `size` is the largest extent in metres; `share` says it as a share of the arm's length instead.
+    """
+
+    kind: Literal["circle", "square", "figure-eight", "raster", "smooth", "given"]
+    key: str | None = None
+    size: Positive | tuple[Positive, Positive] | None = None
+    share: Share | tuple[Share, Share] | None = None
+    plane: Plane | Row = "random"
+    way: Literal["counter-clockwise", "clockwise", "random"] = "random"
+    speed: Positive | tuple[Positive, Positive] = 0.1
+    count: Annotated[int, Field(ge=1, le=MOST_OF_A_KIND)] = 1
+
+    @model_validator(mode="after")
+    def _one_size(self) -> LoopTable:
+        if self.kind != "given" and self.key is not None:
+            raise ValueError(f"a {self.kind} does not use key; leave it out")
+        if self.kind != "given" and (self.size is None) == (self.share is None):
+            raise ValueError("size and share both say how large it is; give one of them")
+        for key in ("size", "share", "speed"):
+            value = getattr(self, key)
+            if isinstance(value, tuple) and value[0] > value[1]:
+                raise ValueError(f"{key} = {list(value)} is no range; give the smaller number first")
+        return self
+
+
+class SurveyTable(Table):
+    """A whole survey file."""
+
+    title: Annotated[str, Field(max_length=LONGEST_TITLE)]
+    about: Annotated[str, Field(max_length=LONGEST_ABOUT)] = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    robots: Annotated[list[str | RobotTable], Field(min_length=1, max_length=10_000)]
+    tasks: Annotated[dict[Name, TaskTable], Field(min_length=1)] = Field(default={"position": TaskTable()})
+    starts: StartsTable = StartsTable()
+    loops: Annotated[dict[Name, LoopTable], Field(min_length=1)]
+    laws: Annotated[dict[Name, AnyLaw], Field(min_length=1)]
+    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 10
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200
+    limits: bool = True
+    cases: Annotated[int, Field(ge=1, le=MOST_CASES)] | None = None
+    time_limit: Annotated[float, Field(gt=0, le=86_400)] = 60.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ranges(cls, given: Any) -> Any:
+        """TOML has lists; a range is a pair."""
+        if not isinstance(given, dict) or not isinstance(given.get("loops"), dict):
+            return given
+        loops = {
+            name: {k: tuple(v) if k in ("size", "share", "speed") and isinstance(v, list) else v for k, v in t.items()}
+            if isinstance(t, dict)
+            else t
+            for name, t in given["loops"].items()
+        }
+        return given | {"loops": loops}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SurveyTable:
+        if self.samples * self.cycles > MOST_STEPS:
+            fact = f"{self.samples:,} samples in {self.cycles:,} cycles are more than {MOST_STEPS:,} steps a case"
+            raise ValueError(f"{fact}; give fewer samples or cycles")
+        for name, table in self.tasks.items():
+            if isinstance(table.orientation, list):
+                raise ValueError(f"tasks.{brief(name, 60)}.orientation: is a list; give each its own task")
+        for name, law in self.laws.items():
+            if isinstance(law, ClosedLoop):
+                others = [other for other, its in self.laws.items() if not isinstance(its, ClosedLoop)]
+                if law.of not in others:
+                    fact = f"laws.{brief(name, 60)}.of: {brief(law.of, 100)} is no other law of this survey"
+                    raise ValueError(f"{fact}; {closest(law.of, others)}")
+        return self

@@ -1,0 +1,53 @@
+"""Laws that a survey imports in the tests: one that throws, one that hangs, two that take their process with them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+from typing import Any
+
+import numpy as np
+
+import holokin as hk
+from holokin.motion import ControlLaw
+
+
+def _acting(act: Any) -> Any:
+    def made(task: hk.Task, _start: np.ndarray) -> ControlLaw:
+        def begin(_q0: np.ndarray) -> Any:
+            def step(q: np.ndarray, _pose: Any, _twist: Any, _dt: float) -> np.ndarray:
+                act()
+                return np.zeros(task.n)
+
+            return step
+
+        return ControlLaw("own", begin)
+
+    return made
+
+
+def _throw() -> None:
+    raise ZeroDivisionError("no")
+
+
+def _spin() -> None:
+    while True:
+        pass
+
+
+def _crash() -> None:
+    ctypes.string_at(0)
+
+
+throws = _acting(_throw)
+hangs = _acting(_spin)
+sleeps_in_c = _acting(lambda: ctypes.CDLL(None).sleep(1000))
+dies = _acting(lambda: os._exit(7))
+crashes = _acting(_crash)
+slow = _acting(lambda: time.sleep(0.02))
+
+
+def pseudo_inverse(task: hk.Task, _start: np.ndarray) -> hk.Strategy:
+    """As the survey's own kind."""
+    return hk.moore_penrose(task)

@@ -1,0 +1,387 @@
+"""Surveys: a case is one row whatever happens to it, and to those who run it."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import Command
+from holokin.errors import HolokinError, JobError, SchedulerError, SurveyError, WriteError
+from holokin.job import Job, run_job
+from holokin.surveys import Findings, Store, SurveyTable, read_survey, repeated, run_survey, survey_of
+from holokin.surveys.cases import Cases
+from holokin.surveys.engine import Pool, batched
+from holokin.surveys.running import run_case
+
+HERE = Path(__file__).parent
+
+PLANAR: dict[str, Any] = {
+    "title": "planar arms",
+    "robots": ["planar-3r"],
+    "starts": {"regular": 1, "random": 1},
+    "loops": {
+        "circle": {"kind": "circle", "size": (0.05, 0.3), "count": 3}, "eight": {"kind": "figure-eight", "size": 0.2},
+    },
+    "laws": {"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}},
+    "cycles": 2,
+    "samples": 40,
+}  # fmt: skip
+
+
+def planar(**changes: Any) -> SurveyTable:
+    return survey_of(PLANAR | changes, "planar.toml")
+
+
+def rows_of(file: Path) -> list[dict[str, object]]:
+    """All rows but for the seconds they took."""
+    with Store.opened(file, None) as store:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in store.rows()]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("survey") / "planar.sqlite"
+    run_survey(planar(), file.parent, file, workers=0)
+    return file
+
+
+def test_every_case_has_one_row_and_the_laws_do_what_they_are_known_for(undisturbed: Path) -> None:
+    with Store.opened(undisturbed, None) as store:
+        found = Findings.of(store.rows())
+    assert len(found) == len(Cases(planar(), Path())) == 2 * (3 + 1) * 2
+    assert set(found.columns["id"]) == {case.id for case in Cases(planar(), Path())}
+    lock, pinv = found.of_law("lock"), found.of_law("pinv")
+    assert lock.known("drift_mean").max() < 1e-12
+    circles = pinv.where(pinv.columns["loop"] == "circle").known("drift_mean")
+    assert circles.min() > 1e-5
+    assert pinv.known("cost") == pytest.approx(1.0, abs=1e-3)
+    assert lock.known("cost").min() > 0.999
+
+
+def test_the_drift_of_a_case_is_that_of_the_job_that_repeats_it(undisturbed: Path) -> None:
+    cases = Cases(planar(), undisturbed.parent)
+    with Store.opened(undisturbed, None) as store:
+        rows = list(store.rows())
+    for number in (0, 1, 6):
+        job = Job.model_validate(tomllib.loads(repeated(cases, number)))
+        result = run_job("case", job, undisturbed).strategies[0]
+        row = rows[number]
+        assert result.metrics["drift_mean"] == pytest.approx(row["drift_mean"], rel=1e-9, abs=1e-13)
+        assert result.metrics["tracking"] == pytest.approx(row["tracking"], rel=1e-6, abs=1e-12)
+
+
+def test_a_case_is_told_by_what_it_is_and_not_by_its_place() -> None:
+    first = {case.id: case for case in Cases(planar(), Path())}
+    more = planar(loops=PLANAR["loops"] | {"square": {"kind": "square", "size": 0.1}}, title="others", cases=40)
+    again = {case.id for case in Cases(more, Path())}
+    assert set(first) <= again and len(first) == 16
+    assert not set(first) & {case.id for case in Cases(planar(samples=41), Path())}
+    assert not set(first) & {case.id for case in Cases(planar(seed=1), Path())}
+
+
+def test_a_robot_file_that_changed_makes_other_cases(tmp_path: Path) -> None:
+    file = tmp_path / "arm.toml"
+    text = (Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml").read_text()
+    ids = []
+    for written in (text, text + "\n# another\n"):
+        file.write_text(written)
+        ids.append({case.id for case in Cases(planar(robots=["arm.toml"]), tmp_path)})
+    assert not ids[0] & ids[1]
+
+
+def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
+    loops = {
+        kind: {"kind": kind, "size": 0.2, "count": 4}
+        for kind in ("circle", "square", "figure-eight", "raster", "smooth")
+    }
+    table = planar(robots=["panda"], loops=loops, laws={"pinv": {"kind": "moore-penrose"}}, cycles=1, samples=200)
+    cases = Cases(table, Path())
+    from holokin.surveys import running
+
+    sizes: dict[str, list[float]] = {}
+    normals = []
+    for case in cases:
+        if case.start["kind"] == "random":
+            continue
+        arm = hk.load("panda")
+        tool = arm.pose(running.start_of(case, Path()))[:3, 3]
+        task = hk.position(arm)
+        path = running._path(case, task, running.start_of(case, Path()), Path())
+        points = path.at(np.linspace(0, path.duration, 400)).position
+        assert path.closed and np.abs(points[0] - tool).max() < 1e-9
+        sizes.setdefault(case.names["loop"], []).append(
+            float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+        )
+        normals.append(np.linalg.svd(points - points.mean(axis=0))[2][2])
+    for kind, found in sizes.items():
+        assert found == pytest.approx([0.2] * 4, rel=0.12), kind
+    assert np.linalg.matrix_rank(np.array(normals), tol=0.2) == 3
+
+
+FAULTS = {
+    "throws": ("fault", "ZeroDivisionError"),
+    "hangs": ("fault", "took longer than 6 s"),
+    "sleeps_in_c": ("fault", "its process died, or hung in native code"),
+    "dies": ("fault", "its process died"),
+    "crashes": ("fault", "its process died"),
+}
+
+
+def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # a compiler may take longer than a case has here
+    bad = {name: {"kind": "import", "function": f"survey_laws:{name}"} for name in FAULTS}
+    table = planar(
+        laws={"pinv": {"kind": "moore-penrose"}, **bad, "lock": {"kind": "best-lock"}}, starts={"regular": 1},
+        loops={"circle": {"kind": "circle", "size": 0.1}}, time_limit=6.0, samples=10,
+    )  # fmt: skip
+    out = tmp_path / "bad.sqlite"
+    done = run_survey(table, tmp_path, out, workers=2)
+    rows = {str(row["law"]): row for row in rows_of(out)}
+    assert done.done == done.total == len(rows) == 7 and done.faults == 5, {k: r["reason"] for k, r in rows.items()}
+    assert rows["pinv"]["status"] == rows["lock"]["status"] == "complete"
+    for law, (status, reason) in FAULTS.items():
+        assert rows[law]["status"] == status and reason in str(rows[law]["reason"]), rows[law]
+
+
+def test_a_robot_that_does_not_load_is_a_reason_in_its_rows(tmp_path: Path) -> None:
+    (tmp_path / "bad.urdf").write_text("<robot")
+    out = tmp_path / "r.sqlite"
+    table = planar(robots=["bad.urdf", "none.urdf", "planar-3r", {"name": "ur5e", "tip": "nowhere"}])
+    run_survey(table, tmp_path, out, workers=0)
+    reasons = {str(row["robot"]): str(row["reason"]) for row in rows_of(out)}
+    assert reasons["planar-3r"] == ""
+    assert "bad.urdf" in reasons["bad.urdf"] and "no such file" in reasons["none.urdf"] and "nowhere" in reasons["ur5e"]
+
+
+def test_resuming_does_only_what_is_missing(undisturbed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "part.sqlite"
+    out.write_bytes(undisturbed.read_bytes())
+    with sqlite3.connect(out) as db:
+        db.execute("DELETE FROM cases WHERE number % 3 = 1")
+        left = db.execute("SELECT COUNT(*) FROM cases").fetchone()[0]
+    with pytest.raises(SurveyError, match="--resume"):
+        run_survey(planar(), tmp_path, out, workers=0)
+    done = run_survey(planar(), tmp_path, out, workers=0, resume=True)
+    assert (done.resumed, done.done, done.total) == (left, 16, 16)
+    assert rows_of(out) == rows_of(undisturbed)
+
+
+def test_results_of_another_survey_are_refused(undisturbed: Path, tmp_path: Path) -> None:
+    for changed in ({"cycles": 3}, {"seed": 5}, {"robots": ["panda"]}):
+        with pytest.raises(SurveyError, match="another survey"):
+            run_survey(planar(**changed), tmp_path, undisturbed, workers=0, resume=True)
+    other = tmp_path / "other.sqlite"
+    other.write_text("no database at all, but long enough to be read as one by mistake " * 20)
+    with pytest.raises(HolokinError):
+        run_survey(planar(), tmp_path, other, workers=0, resume=True)
+
+
+def test_a_full_disk_stops_the_survey_and_keeps_what_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SQLite says the same where a file may have no more pages as where the disk has no more room."""
+    out = tmp_path / "full.sqlite"
+    opened = sqlite3.connect
+
+    def small(*args: Any, **kwargs: Any) -> sqlite3.Connection:
+        db = opened(*args, **kwargs)
+        db.execute("PRAGMA max_page_count = 7")
+        return db
+
+    table = planar(loops={"circle": {"kind": "circle", "size": 0.1, "count": 60}})
+    monkeypatch.setattr("holokin.surveys.store.sqlite3.connect", small)
+    with pytest.raises(WriteError, match="full"):
+        run_survey(table, tmp_path, out, workers=0)
+    monkeypatch.undo()
+    kept = len(rows_of(out))
+    assert 0 < kept < 240
+    assert run_survey(table, tmp_path, out, workers=0, resume=True).resumed == kept
+    assert len(rows_of(out)) == 240
+
+
+def _started(arguments: list[str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "holokin", "survey", *arguments], stderr=subprocess.DEVNULL)
+
+
+def _children(pid: int) -> list[int]:
+    text = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True).stdout
+    return [int(line) for line in text.split()]
+
+
+SLOW = """
+title = "killed"
+robots = ["planar-3r"]
+cycles = 1
+samples = 20
+[starts]
+regular = 2
+[loops.circle]
+kind = "circle"
+size = [0.05, 0.2]
+count = 12
+[laws.pinv]
+kind = "moore-penrose"
+[laws.slow]
+kind = "import"
+function = "survey_laws:slow"
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kill -9 is of POSIX")
+def test_killing_the_coordinator_or_a_worker_loses_no_row_and_doubles_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kills = int(os.environ.get("HOLOKIN_KILLS", "4"))
+    monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.syspath_prepend(str(HERE))
+    file, out, whole = tmp_path / "killed.toml", tmp_path / "k.sqlite", tmp_path / "w.sqlite"
+    file.write_text(SLOW)
+    run_survey(read_survey(file), tmp_path, whole, workers=0)
+    chance, before = random.Random(3), 0
+    for k in range(kills):
+        process = _started([str(file), "--out", str(out), "--workers", "2", "--resume"])
+        time.sleep(chance.uniform(1.5, 5.0))
+        workers = [pid for pid in _children(process.pid) if process.poll() is None]
+        of_worker = k % 2 and len(workers) > 1
+        with_signal = workers[-1] if of_worker else process.pid
+        with suppress(ProcessLookupError):
+            os.kill(with_signal, signal.SIGKILL)
+        if not of_worker:
+            process.wait()
+            for pid in workers:  # none outlives the coordinator
+                for _ in range(100):
+                    if not Path(f"/proc/{pid}").exists() or "zombie" in Path(f"/proc/{pid}/status").read_text():
+                        break
+                    time.sleep(0.05)
+                else:
+                    pytest.fail(f"worker {pid} outlives the coordinator")
+        else:
+            time.sleep(chance.uniform(0.2, 2.0))
+            process.kill()
+            process.wait()
+        if out.exists():
+            try:
+                now = len(rows_of(out))
+            except SurveyError:  # killed before the first write
+                out.unlink()
+                now = 0
+            assert now >= before
+            before = now
+    run_survey(read_survey(file), tmp_path, out, workers=2, resume=True)
+    assert rows_of(out) == rows_of(whole)
+
+
+def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    began = time.monotonic()
+    with pytest.raises(SchedulerError, match="cannot be reached"):
+        run_survey(planar(), tmp_path, tmp_path / "c.sqlite", scheduler="tcp://127.0.0.1:9")
+    assert time.monotonic() - began < 10
+
+
+def test_a_cluster_finds_what_one_process_finds(undisturbed: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    out = tmp_path / "cluster.sqlite"
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        run_survey(planar(), undisturbed.parent, out, scheduler=cluster.scheduler_address)
+    assert rows_of(out) == rows_of(undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"laws": {"a": {"kind": "moore-penros"}}}, "[laws.a.kind] is 'moore-penros'; did you mean 'moore-penrose'"),
+        ({"laws": {"a": {"kind": "lock", "joint": ["q1"]}}}, "[laws.a.joint] is an unknown key"),
+        ({"laws": {"a": {"kind": "closed-loop", "of": "b"}}}, "laws.a.of"),
+        ({"loops": {"c": {"kind": "circle"}}}, "size and share both say how large it is"),
+        ({"loops": {"c": {"kind": "circle", "size": (0.2, 0.1)}}}, "no range"),
+        ({"starts": {"regular": 0}}, "asks for no start posture"),
+        ({"samples": 100_000, "cycles": 100}, "give fewer samples or cycles"),
+        ({"robots": []}, "at least 1"),
+        ({"unknown": 1}, "[unknown] is an unknown key"),
+    ],
+)
+def test_a_survey_that_makes_no_sense_is_refused_in_a_sentence(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(JobError) as caught:
+        planar(**change)
+    assert words in str(caught.value)
+
+
+def test_a_pattern_that_fits_no_robot_is_refused(tmp_path: Path) -> None:
+    for name in ("nothing-*", "nothing/*.urdf"):
+        with pytest.raises(HolokinError, match="nothing"):
+            run_survey(planar(robots=[name]), tmp_path, tmp_path / "n.sqlite", workers=0)
+
+
+def test_cases_in_total_are_spread_evenly() -> None:
+    table = planar(robots=["planar-3r", "panda", "iiwa14"], cases=120)
+    cases = list(Cases(table, Path()))
+    assert len(cases) == 120 and len({case.id for case in cases}) == 120
+    for name in ("planar-3r", "panda", "iiwa14"):
+        assert sum(case.names["robot"] == name for case in cases) == 40
+    assert [case.number for case in cases] == list(range(120))
+
+
+def test_the_survival_of_arms_is_the_estimate_of_kaplan_and_meier() -> None:
+    """Freireich's trial of 6-MP, 1963, as in Kaplan-Meier lessons: 21 patients, 9 relapses."""
+    weeks = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]
+    relapse = [1, 1, 1, 0, 1, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0]
+    found = Findings({
+        "cycles": np.array(weeks, dtype=float),
+        "status": np.array(["limit" if r else "complete" for r in relapse], dtype=object),
+    })  # fmt: skip
+    k, share, count = found.survival()
+    at = dict(zip(k.tolist(), share.tolist(), strict=True))
+    assert count == 21
+    published = {7: 0.857, 8: 0.807, 11: 0.753, 14: 0.690, 17: 0.627, 23: 0.538, 24: 0.448}
+    for week, value in published.items():
+        assert at[week] == pytest.approx(value, abs=6e-4)
+
+
+def test_the_command_line_runs_reports_and_repeats(holokin: Command, tmp_path: Path) -> None:
+    file, out = tmp_path / "s.toml", tmp_path / "s.sqlite"
+    file.write_text(SLOW.partition("[laws.slow]")[0])
+    ran = holokin("survey", file, "--out", out, "--workers", "1")
+    assert ran.code == 0 and "24 cases" in ran.out
+    again = holokin("survey", file, "--out", out, "--workers", "1")
+    assert again.code == 2 and "--resume" in again.err
+    told = holokin("survey", "report", out)
+    assert told.code == 0 and "pinv" in told.out
+    page = out.with_suffix(".html").read_text()
+    assert page.count("<figure>") == 4 and page.count("<details>") == 10 and "killed" in page
+    with Store.opened(out, None) as store:
+        row = next(iter(store.rows()))
+    case = holokin("survey", "case", out, row["id"])
+    (tmp_path / "case.toml").write_text(case.out)
+    run = holokin("run", tmp_path / "case.toml", "--out", tmp_path / "out")
+    assert run.code == 0, run.err
+    assert holokin("survey", "case", out, "nothing").code == 2
+
+
+def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
+    table = planar(starts={"regular": 1})
+    cases = Cases(table, tmp_path)
+    rows = [row for rows in Pool(table, tmp_path, 2).run(batched(range(len(cases)), 3)) for row in rows]
+    assert sorted(row.number for row in rows) == list(range(len(cases)))
+    alone = run_case(cases.case(2), cases)
+    (same,) = [row for row in rows if row.number == 2]
+    assert same.metrics == pytest.approx(alone.metrics, nan_ok=True)
