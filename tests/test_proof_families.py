@@ -11,7 +11,7 @@ from holokin import constraints as C
 from holokin.errors import ArgumentError
 from holokin.proof import certify, equation, follow_certified
 from holokin.proof.walking import walked
-from test_proof import near_panda, roots_are_where_they_should_be
+from roots import near_panda, roots_are_where_they_should_be
 
 HANDS = ("left_flange", "right_flange")
 YUMI = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])

@@ -24,7 +24,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, ShapeError
 from ..files import replacing
 from ..output.palette import law_colors
-from ..output.plots import best_azimuth
+from ..output.scene import best_view
 from ..robot import Robot
 from ..trajectory import Status
 from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
@@ -237,7 +237,11 @@ class _Film:
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
         pairs = [(body, row[self.lead]) for row in bodies for body in row]
         up = np.deg2rad(78.0) if self.robot.planar else ELEVATION
-        side = -np.pi / 2 if self.robot.planar else np.deg2rad(best_azimuth(pairs))
+        side = (
+            -np.pi / 2
+            if self.robot.planar
+            else np.deg2rad(best_view([body for body, _ in pairs], [loop], pairs).azimuth)
+        )
         gap = sum((one - other).sum(axis=0) for one, other in pairs)
         ahead = np.array([np.cos(side), np.sin(side), 0.0])
         if not self.robot.planar and ahead @ gap < -1e-9:  # the ghosts in front of the robot, not behind it

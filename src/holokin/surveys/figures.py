@@ -6,18 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from ..output.plots import INK, PALETTE
+from ..output.palette import COLORS, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, color_of
 from ..output.words import on_figure
 from .findings import STATUS_ORDER, Findings
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
 
-STATUS_COLORS = ("#009E73", "#CC79A7", "#E69F00", "#D55E00", "#F0E442", "#56B4E9", "#8A919C")
-
-
-def _color(index: int) -> str:
-    return PALETTE[index % len(PALETTE)]
+STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, SKY, GREY)
 
 
 def _figure(height: float) -> tuple[Any, Any]:
@@ -35,8 +31,8 @@ def drift_figure(found: Findings) -> Any:
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
             axes.step(
-                np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0), where="post", color=_color(i),
-                linewidth=2.0, linestyle=("-", "--", "-.", ":")[i // len(PALETTE) % 4], label=on_figure(law),
+                np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0), where="post", color=color_of(i),
+                linewidth=2.0, linestyle=("-", "--", "-.", ":")[i // len(COLORS) % 4], label=on_figure(law),
             )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST, 4.0)
@@ -55,8 +51,8 @@ def survival_figure(found: Findings) -> Any:
         cycles, share, count = found.of_law(law).survival()
         if count:
             axes.step(
-                cycles, share, where="post", color=_color(i), linewidth=2.0, label=on_figure(law),
-                linestyle=("-", "--", "-.", ":")[i // len(PALETTE) % 4],
+                cycles, share, where="post", color=color_of(i), linewidth=2.0, label=on_figure(law),
+                linestyle=("-", "--", "-.", ":")[i // len(COLORS) % 4],
             )  # fmt: skip
     axes.set_ylim(0, 1.02)
     axes.set_xlim(left=0)
@@ -106,7 +102,7 @@ def boxes_figure(found: Findings) -> Any:
             patch_artist=True, widths=0.6, medianprops={"color": INK, "linewidth": 1.8},
         )  # fmt: skip
         for i, box in enumerate(boxes["boxes"]):
-            box.set_facecolor(_color(i))
+            box.set_facecolor(color_of(i))
             box.set_alpha(0.6)
         ax.set_xlabel(words)
     axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
