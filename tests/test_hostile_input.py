@@ -245,7 +245,7 @@ def test_odd_names_are_shown_as_they_are_and_break_no_figure(holokin: Command, t
     assert "_[/red]" in outcome.out
     folder = out / "[b]"
     pictures = list(folder.glob("*.svg"))
-    assert len(pictures) == 3
+    assert len(pictures) == 4  # the robot, the ranges, and the ways of each strategy
     for picture in pictures:
         minidom.parse(str(picture))
         assert len(picture.name.encode()) < 255

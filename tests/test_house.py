@@ -41,6 +41,7 @@ LAYERS = [
     {"laws"},
     {"physics"},
     {"proof"},
+    {"following"},
     {"recording"},
     {"checking"},
     {"auditing"},
@@ -178,9 +179,11 @@ def test_every_public_name_has_a_docstring_with_substance() -> None:
 
 
 def outer_definitions(node: ast.AST) -> Iterator[ast.FunctionDef | ast.ClassDef]:
-    """Functions and classes that stand in no function."""
+    """Functions and classes that stand in no function; of an overloaded function the one that is called."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef) and not any(
+            isinstance(d, ast.Name) and d.id == "overload" for d in child.decorator_list
+        ):
             yield child
         if not isinstance(child, ast.FunctionDef | ast.expr):
             yield from outer_definitions(child)

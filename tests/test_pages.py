@@ -120,6 +120,8 @@ def test_every_command_on_the_pages_exists_with_its_options(holokin: Command, mo
     for line in lines:
         words = line.split()[1:]
         command = words[:2] if words[0] == "export" else words[:1]
+        if words[0] == "survey":
+            command = words[:2] if words[1] in ("report", "case") else ["survey", "run"]
         help_text = holokin(*command, "--help").out
         assert "Usage" in help_text, line
         for option in re.findall(r"(?<= )--[a-z-]+", line):

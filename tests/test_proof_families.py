@@ -115,3 +115,14 @@ def test_a_walk_towards_a_singular_posture_ends_after_few_steps() -> None:
     postures, _, where = walked(hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]])), path, q, 256)
     end = float(np.linalg.norm(robot.pose(postures[-1])[:3, 3]))
     assert where and len(postures) < 257 and end <= reach and reach - end < path.length / 128
+
+
+def test_follow_certified_returns_its_proof_and_the_samples_of_follow(panda: hk.Robot) -> None:
+    """A law without leaves, or followed by velocity, has none."""
+    G, path = hk.holonomic(hk.pose(panda), hk.lock(2)), near_panda(panda)
+    walk, proof = hk.follow(G, path, PANDA_START, samples=20, certified=True)
+    assert proof.whole and np.abs(walk.q - hk.follow(G, path, PANDA_START, samples=20).q).max() < 1e-10
+    with pytest.raises(ArgumentError, match="leave it out"):
+        hk.follow(G, path, PANDA_START, method="velocity", certified=True)
+    with pytest.raises(ArgumentError, match="strategy to certify"):
+        hk.follow(hk.moore_penrose(hk.pose(panda)), path, PANDA_START, certified=True)

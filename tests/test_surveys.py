@@ -80,7 +80,7 @@ def test_the_drift_of_a_case_is_that_of_the_job_that_repeats_it(undisturbed: Pat
         result = run_job("case", job, undisturbed).strategies[0]
         row = rows[number]
         assert result.metrics["drift_mean"] == pytest.approx(row["drift_mean"], rel=1e-9, abs=1e-13)
-        assert result.metrics["tracking"] == pytest.approx(row["tracking"], rel=1e-6, abs=1e-12)
+        assert result.cycles.tracking_error("m") == pytest.approx(row["tracking"], rel=1e-6, abs=1e-12)
 
 
 def test_a_case_is_told_by_what_it_is_and_not_by_its_place() -> None:

@@ -32,6 +32,7 @@ from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, s
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
+from .following import follow
 from .frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .laws import mink_task, pink_task
 from .motion import (
@@ -41,7 +42,6 @@ from .motion import (
     approach,
     controller,
     drift,
-    follow,
     inverse,
     move_to_leaf,
     obstruction,

@@ -106,7 +106,8 @@ def _null_space_implicit(
         J = task.jacobian(q)
         a, b = split(task)
         N = np.linalg.solve(J[:, a], -J[:, b]).T.ravel() if chang else null_vector(J)
-        return np.concatenate([N, inner.at(task, q, scale)]) if inner else N
+        found = np.concatenate([N, inner.at(task, q, scale)]) if inner else N
+        return found.astype(np.float64, copy=False)
 
     return Implicit(size, equations, at, inner.scale if inner else lambda _task, _q: np.zeros(0))
 
@@ -181,14 +182,17 @@ def manipulability_cost() -> Cost:
         T = np.zeros((task.m, task.m))
         T[lower] = scale
         J = T @ task.jacobian(q)
-        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[lower]
+        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[lower].astype(np.float64, copy=False)
 
     def whitening(task: Task, q: Vector) -> Vector:
         """T = L^-1 with J J^T = L L^T there, so that W is near 1."""
         J = task.jacobian(q)
-        return np.linalg.inv(np.linalg.cholesky(J @ J.T))[np.tril_indices(task.m)]
+        T = np.linalg.inv(np.linalg.cholesky(J @ J.T))
+        return T[np.tril_indices(task.m)].astype(np.float64, copy=False)
 
-    return Cost("manipulability", cost, Implicit(lambda task: (_numbers(task.m),) * 2, rows, at, whitening))
+    return Cost(
+        "manipulability", cost, Implicit(lambda task: (_numbers(task.m), _numbers(task.m)), rows, at, whitening)
+    )
 
 
 def _numbers(m: int) -> int:

@@ -55,7 +55,7 @@ class Cluster:
                     if len(batch) > 1:
                         lost.extend((number,) for number in batch)
                     else:
-                        yield [fault(self.cases.case(batch[0]), "its workers died")]
+                        yield [fault(self.cases.case(number), "its workers died") for number in batch]
                 else:
                     raise SchedulerError(self.scheduler, f"a batch failed ({problem!r})")
                 future.release()
