@@ -53,6 +53,7 @@ class Extent(Enum):
 class Boxes(Value):
     """k boxes of parameters: piece (k,), low, high (k, d); rho (k,) of their tubes; again (k,): tried before.
 
+    near (k, n) are unknowns near the root in the middle, by the cell that was halved; NaN where there is none.
     Of a path's piece the parameter is the share of it; of a box of poses they count from -1 to 1 across it.
     """
 
@@ -61,6 +62,7 @@ class Boxes(Value):
     high: Matrix
     rho: Vector
     again: Flags
+    near: Matrix
 
     def __len__(self) -> int:
         return len(self.piece)

@@ -136,7 +136,13 @@ def _glued(domain: Domain, bounds: Interval | None, budget: int, say: Callable[[
         of_use = found.extent is Extent.WHOLE or (isinstance(domain, Pathway) and found.extent is not Extent.BUDGET)
         if not (of_use and apart.any()):
             break
-        new = covered(domain, halves(found.boxes, found.cells, found.cells.rho / 2, apart), bounds, budget, say)
+        new = covered(
+            domain,
+            halves(found.boxes, found.cells, found.cells.rho / 2, apart, np.isfinite(found.findings.eta)),
+            bounds,
+            budget,
+            say,
+        )
         found = domain.arranged(_both(found.only(~apart), new))
     return domain.connected(found)
 

@@ -62,14 +62,13 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
 class Cell:
     """A box of u and a predictor of (q, u). `Checker.prove` finds M, rho and r, `cover` the cells joined to it."""
 
-    def __init__(self, given: Any, sides: Any) -> None:
+    def __init__(self, data: Any, sides: Any) -> None:
         d, self.sides, self.joined = len(sides), sides, {self}
-        self.Y = self.M = self.rho = self.r = arb_mat(given["Y"])
-        self.x = arb_mat([[q] for q in given["q0"]] + [[(arb(a) + b) / 2] for a, b in sides])
-        self.V = arb_mat(
-            given["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(sides)]
-        )
-        self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in given["Q"]] + [arb_mat(d, d)] * d
+        self.Y = self.M = self.rho = self.r = arb_mat(data["Y"])
+        self.x = arb_mat([[q] for q in data["q0"]] + [[(arb(a) + b) / 2] for a, b in sides])
+        half = [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(sides)]
+        self.V = arb_mat(data["V"] + half)
+        self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in data["Q"]] + [arb_mat(d, d)] * d
 
     def p(self, y: Any) -> Any:
         """(q, u) (n + d, 1) at y (d, 1), and its derivatives (n + d, d)."""
@@ -115,18 +114,19 @@ class Checker:
     def bounds(self, cell: Cell, s: Any) -> Any:
         """(M, eta) for all y and a box of s; eta is right where s is 0."""
         E, [first] = self.enclose(cell, 0 * self.all_y, s)
-        _, [_, *second] = self.enclose(cell, self.all_y, s, twice=True)
         once = size(cell.Y * first - self.by_s.transpose())
-        twice = sum((size(cell.Y * D) for D in second), 0 * once)
+        twice = sum((size(cell.Y * D) for D in self.enclose(cell, self.all_y, s, twice=True)[1][1:]), 0 * once)
         return (once + twice) * self.by_s, size(cell.Y * E) + (once + twice / 2) * self.by_y
 
     def prove(self, cell: Cell) -> Cell:
         """The cell with its theorem, and what is claimed of it."""
         M, eta = self.bounds(cell, arb_mat(self.n, 1))
         guess = eta + M * (eta + M * eta)
-        cell.rho = 3 * guess + arb_mat(self.n, 1, [max(guess.entries()) / 8 + 1e-15] * self.n)
-        cell.M, _ = self.bounds(cell, cell.rho * UNIT)
-        need(below(eta + cell.M * cell.rho, cell.rho), "[J; J_g] may be singular")
+        least = arb_mat(self.n, 1, [max(guess.entries()) / 8 + 1e-15] * self.n)
+        boxes = (factor * guess + least for factor in (3, 2, 1.5))  # a wide one helps gluing, a narrow one the test
+        tried = ((rho, self.bounds(cell, rho * UNIT)[0]) for rho in boxes)
+        cell.rho, cell.M = next(((rho, M) for rho, M in tried if below(eta + M * rho, rho)), (None, None))
+        need(cell.M is not None, "[J; J_g] may be singular")
         cell.r = size((self.one - cell.M).solve(eta))
         self.say()
         need(self.claims["determinant"] <= (self.one - cell.M).det() / abs(cell.Y.det()), "|det D_q E| is less")

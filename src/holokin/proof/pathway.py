@@ -95,7 +95,8 @@ class Pathway(Value, Domain):
             edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, fine)))
             count = len(edges) - 1
             rho = TUBE / np.interp((edges[1:] + edges[:-1]) / 2, fine, bend)
-            parts.append(Boxes(np.full(count, i), edges[:-1, None], edges[1:, None], rho, np.zeros(count, dtype=bool)))
+            low, high, unknown = edges[:-1, None], edges[1:, None], np.full((count, n), np.nan)
+            parts.append(Boxes(np.full(count, i), low, high, rho, np.zeros(count, dtype=bool), unknown))
         return joined(*parts)
 
     def given(self, piece: Indices) -> Matrix:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ArgumentError, HolokinError
-from ..motion import InverseKinematics, inverse
+from ..motion import inverse
+from ..motion.leaf import leaf_follower, leaf_step, newton, straight_way, tool_at
 from ..strategies import HolonomicStrategy
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..workspaces import Box, PoseRange, Workspace
@@ -18,6 +19,7 @@ from .equation import Equation
 from .search import TUBE, Domain, on_grid, proven
 from .targets import PoseBox
 from .tube import centred, examined
+from .walking import PIECES
 
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""
@@ -53,7 +55,6 @@ class PoseRegion(Value, Domain):
     half: Vector
     q: Vector
     """Joints (n,) of the leaf at the middle."""
-    inverse: InverseKinematics
     slack: float = 0.0
 
     @staticmethod
@@ -69,10 +70,9 @@ class PoseRegion(Value, Domain):
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
-        ik = inverse(strategy, q0)
-        equation, middle = equation_over(strategy, turning), ik(space.center)
+        equation, middle = equation_over(strategy, turning), inverse(strategy, q0)(space.center)
         c = equation.level(q0, middle)
-        return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle, ik)
+        return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle)
 
     def first(self) -> Boxes:
         """A grid of the largest cells that pass the test at the middle, each side by how much it moves the joints."""
@@ -96,7 +96,8 @@ class PoseRegion(Value, Domain):
         low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
         k = len(low)
-        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool))
+        unknown = np.full((k, self.equation.n), np.nan)
+        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool), unknown)
 
     def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
@@ -127,14 +128,29 @@ class PoseRegion(Value, Domain):
         return np.where(wide, at / np.where(wide, self.half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
 
     def joints(self, boxes: Boxes) -> Matrix:
-        """By inverse kinematics on the leaf."""
-        found = np.empty((len(boxes), self.equation.joints))
-        for i, pose in enumerate(self.poses(boxes)):
+        """As the cells that were halved predict them; else continued on the leaf from the nearest that is known."""
+        found = boxes.near.copy()
+        missing = np.flatnonzero(~np.isfinite(found).all(axis=1))
+        if not len(missing):
+            return found
+        strategy = self.equation.strategy
+        task, leaf = strategy.task, self.c[: strategy.constraint.rows]
+        correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
+        middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
+        side = float(correct(self.q, *tool_at(task, self.q), leaf)[3])
+        known, postures = [np.zeros(self.equation.d)], [self.q]
+        for i in missing[np.argsort(np.linalg.norm(middles[missing], axis=1), kind="stable")].tolist():
+            nearest = int(np.argmin(np.linalg.norm(np.array(known) - middles[i], axis=1)))
+            q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
+            near = newton(correct, q, *pose, leaf, side)
             try:
-                found[i] = self.inverse.near(pose, self.q)
+                q = go(q, straight_way(tool_at(task, q), pose, (leaf, leaf))) if near is None else near[0]
+                known.append(middles[i])
+                postures.append(q)
             except HolokinError:
-                found[i] = self.q
-        return self.equation.completed(found, self.c)
+                q = self.q
+            found[i] = self.equation.completed(q[None], self.c)[0]
+        return found
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """All: one place where the proof fails ends it."""
@@ -205,7 +221,8 @@ class PoseRegion(Value, Domain):
 
 def _about(half: Matrix, rho: Vector) -> Boxes:
     """Boxes (k, d) about the middle."""
-    return Boxes(np.zeros(len(half), dtype=int), -half, half, rho, np.zeros(len(half), dtype=bool))
+    k, d = half.shape
+    return Boxes(np.zeros(k, dtype=int), -half, half, rho, np.zeros(k, dtype=bool), np.full((k, d), np.nan))
 
 
 def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:

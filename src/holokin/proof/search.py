@@ -133,8 +133,8 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         narrow = np.maximum(np.minimum(here.rho / 4, usual), need)
         half = np.clip(shrink * need, here.rho / 2, np.maximum(here.rho, usual))
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
-        again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool)), retried)
-        left = joined(waiting, again, halves(here, cells, half, failed & ~retried))
+        again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool), cells.q0), retried)
+        left = joined(waiting, again, halves(here, cells, half, failed & ~retried, np.isfinite(found.eta)))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
@@ -158,8 +158,8 @@ def on_grid(values: Array) -> Array:
     return np.rint(np.asarray(values) * 2.0**24) * 2.0**-24
 
 
-def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:
-    """Both halves of some boxes, cut across the parameter that moves the joints most."""
+def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags, sound: Flags) -> Boxes:
+    """Both halves of some boxes, cut across the parameter that moves the joints most; `sound` ones predict theirs."""
     k = int(chosen.sum())
     axis = np.argmax(np.linalg.norm(cells.V[chosen], axis=1), axis=1)
     low, high = boxes.low[chosen], boxes.high[chosen]
@@ -167,7 +167,11 @@ def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags) -> Boxes:
     middle = (low[rows, axis] + high[rows, axis]) / 2
     upper, lower = low.copy(), high.copy()
     upper[rows, axis] = lower[rows, axis] = middle
+    y = np.zeros_like(low)
+    y[rows, axis] = 0.5
+    of, known = some(cells, chosen), sound[chosen, None]
     return Boxes(
         np.tile(boxes.piece[chosen], 2), np.concatenate([low, upper]), np.concatenate([lower, high]),
         np.tile(rho[chosen], 2), np.zeros(2 * k, dtype=bool),
+        np.concatenate([np.where(known, of.predicted(side), np.nan) for side in (-y, y)]),
     )  # fmt: skip
