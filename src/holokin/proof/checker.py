@@ -6,8 +6,8 @@ the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at it
 
     eta >= |Y E(p(y), y)|,   M >= |1 - Y D_q E(p(y) + s, y)|   for all y and all |s| <= rho.
 
-If eta + M rho < rho, then s - Y E(p(y) + s, y) maps the box |s| <= rho into itself and contracts it: for each pose it
-holds just one root, within r = (1 - M)^-1 eta of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
+If eta + M r < r < rho, then s - Y E(p(y) + s, y) maps the box |s| <= r into itself and contracts |s| <= rho: this holds
+just one root for each pose, within r of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
 """
 
 import hashlib
@@ -121,13 +121,13 @@ class Checker:
     def prove(self, cell: Cell) -> Cell:
         """The cell with its theorem, and what is claimed of it."""
         M, eta = self.bounds(cell, arb_mat(self.n, 1))
-        guess = eta + M * (eta + M * eta)
-        least = arb_mat(self.n, 1, [max(guess.entries()) / 8 + 1e-15] * self.n)
-        boxes = (factor * guess + least for factor in (3, 2, 1.5))  # a wide one helps gluing, a narrow one the test
-        tried = ((rho, self.bounds(cell, rho * UNIT)[0]) for rho in boxes)
-        cell.rho, cell.M = next(((rho, M) for rho, M in tried if below(eta + M * rho, rho)), (None, None))
-        need(cell.M is not None, "[J; J_g] may be singular")
-        cell.r = size((self.one - cell.M).solve(eta))
+        some = arb_mat(self.n, 1, [max(eta.entries()) / 64 + 1e-15] * self.n)
+        for cell.rho in (factor * size((self.one - M).solve(eta + some)) for factor in (4, 3, 2)):  # wide helps gluing
+            cell.M, _ = self.bounds(cell, cell.rho * UNIT)
+            cell.r = size((self.one - cell.M).solve(eta + some / 64))
+            if below(eta + cell.M * cell.r, cell.r):
+                break
+        need(below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
         self.say()
         need(self.claims["determinant"] <= (self.one - cell.M).det() / abs(cell.Y.det()), "|det D_q E| is less")
         hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)

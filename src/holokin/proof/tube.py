@@ -28,6 +28,9 @@ from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
+HULL = 1.5
+"""Of r in the hull of the joints: room for the checker's own r."""
+
 MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
 
@@ -175,7 +178,7 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
         good &= (r * MARGIN <= most) & (omega * r * MARGIN < 1 - e)
         alone = np.where(good, most / MARGIN, 0.0)
     r = np.where(good, r, np.inf)
-    size = (np.where(good, r, 0.0)[:, None] + reach) * (1 + 1e-6)  # the radii of the checker are rounded more coarsely
+    size = (np.where(good, HULL * r, 0.0)[:, None] + reach) * (1 + 1e-6)
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
     return Findings(Y, omega, e, eta, r, alone, clear, low[:, : equation.joints], high[:, : equation.joints])
 
