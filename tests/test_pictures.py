@@ -14,7 +14,7 @@ from holokin.output import animate as films
 from holokin.output import film, palette
 from holokin.output.bodies import pieces_of, posed, solids_at
 from holokin.output.figures import figures
-from holokin.output.palette import COLORS, law_colors, rgb, rgb_of
+from holokin.output.palette import COLORS, color_of, law_colors, rgb
 from holokin.output.panels import Actor, picture, stage_of
 from holokin.output.plots import drift_per_cycle, joint_cycles
 from holokin.output.report import write_report
@@ -63,7 +63,7 @@ def test_no_two_colours_of_the_palette_look_alike_to_a_colour_blind_reader(eye: 
 def test_laws_of_a_kind_have_colours_of_that_kind() -> None:
     assert law_colors([False, True, True, False]) == (palette.VERMILLION, palette.BLUE, palette.GREEN, palette.ORANGE)
     assert len(set(law_colors([True] * 4 + [False] * 4))) == 8
-    assert rgb_of(0) == (0, 0x72, 0xB2) == rgb_of(8)
+    assert rgb(color_of(0)) == (0, 0x72, 0xB2) == rgb(color_of(8))
 
 
 # --- solids ---

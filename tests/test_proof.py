@@ -125,7 +125,10 @@ def test_stationary_postures_are_certified() -> None:
     x = start(robot, R3_START)
     for free in (None, (2,)):
         G = hk.holonomic(hk.position(robot), hk.stationary(C.posture_cost(np.zeros(3)), free=free))
-        assert certify(G, hk.line(x, x - [0.1, 0.1, 0.0]), R3_START).whole
+        proof = certify(G, hk.line(x, x - [0.1, 0.1, 0.0]), R3_START)
+        assert proof.whole
+        for said in (proof.theorem, proof.table()):  # the determinant is not that of J and J_g alone
+            assert "|det D_q E|" in said and "[J; J_g]" not in said
 
 
 def test_a_carried_leaf_is_refused_in_favour_of_its_polynomial() -> None:

@@ -26,6 +26,7 @@ from holokin.studios import (
     to_job,
     write_job,
 )
+from holokin.studios.handles import circle_of
 from sessions import LAWS, PANDA, TOOL, panda, run, shifted
 
 
@@ -157,8 +158,12 @@ def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     assert len(begun.laws[0].t) > 1
     again = Job.model_validate(tomllib.loads(to_job(session)))
     assert again.path.samples == session.loop.samples and len(again.strategies) <= len(session.laws)  # type: ignore[union-attr]
-    if session.loop.kind == "circle":  # type: ignore[union-attr]
-        assert session.loop.radius == pytest.approx(np.linalg.norm(session.loop.path.start - session.loop.center))  # type: ignore
+    found = circle_of(session.loop)
+    assert (found is not None) == (session.loop.kind == "circle" and session.loop.path.closed)  # type: ignore[union-attr]
+    if found is not None:
+        center, normal, radius = found
+        away = session.loop.points(30)[0] - center  # type: ignore[union-attr]
+        assert np.linalg.norm(away, axis=1) == pytest.approx(radius) and away @ normal == pytest.approx(0, abs=1e-12)
 
 
 def test_a_robot_without_joints_to_spare_is_refused() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,3 +259,41 @@ def test_two_ways_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
     session.reset()
     panel._two_ways()
     assert "drag it somewhere" in kept[0].page.said
+
+
+def until(true: Callable[[], Any], seconds: float = 30.0) -> None:
+    """Wait for it."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points(kept: list[Any]) -> None:
+    """A cloud that grows still, the handle in the hand of a browser that went away, the drift of 5,000 cycles."""
+    from holokin.studios.charts import KEPT
+
+    kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
+    page, session = kept[0].page, kept[0].session
+    session.start_cloud("lock-3", samples=4000)
+    panel = page.panels.posture
+    until(lambda: "poses looked at" in panel.cloud_text.content)
+    page.handles._held.add("tool0")
+    for gone in page.server._client_disconnect_cb:
+        gone(None)
+    plotted: list[Any] = []
+
+    def plot() -> None:
+        snap = session.snapshot()
+        laws = tuple(replace(law, drift=np.arange(5000.0)) for law in snap.laws)
+        page.charts.draw(replace(snap, number=-2, laws=laws))
+        plotted.append(np.array(page.charts.drift.data))
+
+    page.ask(panel._take_away)
+    page.ask(plot)
+    until(lambda: plotted)
+    time.sleep(0.5)  # two updates of the texts
+    assert session.snapshot().cloud.state == "cancelled" and panel.cloud_text.content == ""  # type: ignore[union-attr]
+    assert not page.handles._held
+    assert plotted[0].shape[1] <= KEPT and plotted[0][:, 0].tolist() == [0.0] * len(plotted[0])
+    assert plotted[0][0, -1] == 5000 and plotted[0][1, -1] == 4999

@@ -319,7 +319,8 @@ def test_a_cluster_finds_what_one_process_finds(undisturbed: Path, tmp_path: Pat
         ({"laws": {"a": {"kind": "moore-penros"}}}, "[laws.a.kind] is 'moore-penros'; did you mean 'moore-penrose'"),
         ({"laws": {"a": {"kind": "lock", "joint": ["q1"]}}}, "[laws.a.joint] is an unknown key"),
         ({"laws": {"a": {"kind": "closed-loop", "of": "b"}}}, "laws.a.of"),
-        ({"loops": {"c": {"kind": "circle"}}}, "size and share both say how large it is"),
+        ({"loops": {"c": {"kind": "circle"}}}, "neither size nor share says how large it is"),
+        ({"loops": {"c": {"kind": "circle", "size": 0.1, "share": 0.1}}}, "size and share both say how large it is"),
         ({"loops": {"c": {"kind": "circle", "size": (0.2, 0.1)}}}, "no range"),
         ({"starts": {"regular": 0}}, "asks for no start posture"),
         ({"samples": 100_000, "cycles": 100}, "give fewer samples or cycles"),
@@ -384,7 +385,9 @@ def test_the_command_line_runs_reports_and_repeats(
     (tmp_path / "case.toml").write_text(case.out)
     run = holokin("run", tmp_path / "case.toml", "--out", tmp_path / "out")
     assert run.code == 0, run.err
-    assert holokin("survey", "case", out, "nothing").code == 2
+    for unknown in ("nothing", "9" * 30):
+        assert holokin("survey", "case", out, unknown).code == 2
+    assert holokin("survey", file, "--out", "/dev/null/folder/x.sqlite").code == 2
 
 
 def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:

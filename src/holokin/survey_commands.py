@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from .errors import ArgumentError
+from .files import writing
 from .outcome import show, show_rich
 from .progress import progress
 
@@ -55,7 +56,8 @@ def run_one(
     out = out or Path("out") / f"{file.stem}.sqlite"
     if scheduler is not None and workers is not None:
         raise ArgumentError("workers", workers, "a scheduler has workers of its own: leave it out")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    with writing(out.parent):
+        out.parent.mkdir(parents=True, exist_ok=True)
     with progress(survey.title, 1_000_000) as report:
 
         def say(found: Progress) -> None:

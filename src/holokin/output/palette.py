@@ -29,8 +29,6 @@ LIMIT = PURPLE
 """Limits of joints, speeds and torques."""
 LOOP = GREEN
 """The path that the tool shall follow."""
-TARGET = BLACK
-"""The pose that the tool shall reach."""
 CLOCKWISE = SKY
 """The clockwise way round a loop, or the way there."""
 COUNTER_CLOCKWISE = ORANGE
@@ -63,11 +61,6 @@ _NONHOLONOMIC = (VERMILLION, ORANGE, PURPLE, YELLOW)
 def color_of(index: int) -> str:
     """The colour of the line, joint or ghost of a number, as #RRGGBB; the eight repeat."""
     return COLORS[index % len(COLORS)]
-
-
-def rgb_of(index: int) -> tuple[int, int, int]:
-    """The same as red, green and blue, 0 to 255."""
-    return rgb(color_of(index))
 
 
 def rgb(color: str) -> tuple[int, int, int]:

@@ -15,7 +15,7 @@ from .table import Column
 
 COLUMNS: tuple[Column, ...] = (
     ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
-    ("radius\nmost", "right"), ("nearest limit\n[rad or m]", "right"), ("|det [J; J_g]|\nleast", "right"),
+    ("radius\nmost", "right"), ("nearest limit\n[rad or m]", "right"), ("|det D_q E|\nleast", "right"),
 )  # fmt: skip
 
 

@@ -109,9 +109,10 @@ class Certificate(Value):
 
     `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are
     the cells, in the order of a path. low, high (n,) are a hull of the joints over them [joint unit], `determinant` a
-    lower bound of |det [J; J_g]|, `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns`
-    (n,) are the whole turns of the joints round it, and `gap` [joint unit] bounds how far else they end from where they
-    began: not 0, since the path itself is given in doubles; else it is infinite.
+    lower bound of |det [J; J_g]|, or of |det D_q E| where the constraint has auxiliary unknowns, which q then holds,
+    too; `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns` (n,) are the whole turns of
+    the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not 0, since the
+    path itself is given in doubles; else it is infinite.
     """
 
     title: str
@@ -150,7 +151,7 @@ class Certificate(Value):
         f, robot = self.findings, self.equation.strategy.task.robot
         for name, values in (("omega", f.omega), ("eta", f.eta), ("radius", f.r), ("alone within", f.alone)):
             lines.append(f"{name:12} {values.min():9.2e} to {values.max():9.2e}")
-        lines.append(f"|det [J; J_g]| >= {self.determinant:.2e}")
+        lines.append(f"|det {self.equation.derivative}| >= {self.determinant:.2e}")
         if np.isfinite(self.gap):
             turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
             lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")

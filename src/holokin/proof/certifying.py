@@ -17,6 +17,7 @@ from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
 from .anchors import anchored
 from .certificate import Certificate, Covered, Extent, least_determinant
+from .equation import Equation
 from .pathway import Pathway
 from .posebox import PoseRegion
 from .search import Domain, covered, halves
@@ -43,8 +44,8 @@ def certify(
 
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
-    cover all poses, in interval arithmetic that is right to the last rounding. The theorem is about the model: the
-    robot's constants as doubles.
+    cover all poses, in interval arithmetic whose bounds hold all rounding. The theorem is about the model: the robot's
+    constants as doubles. Of a constraint with auxiliary unknowns, as `stationary`, q holds these, too.
 
     Args:
         where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
@@ -91,10 +92,11 @@ def certify(
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
-    about = f"every pose of {where}" if isinstance(where, Workspace) else "every pose of the path"
+    poses = "every pose" if strategy.task.frames == 1 else "every set of the tools' poses"
+    about = f"{poses} of {where}" if isinstance(where, Workspace) else f"{poses} on the path"
     if extent is not Extent.WHOLE:
-        about = "every pose of the cells that are joined" if isinstance(where, Workspace) else "every pose up to there"
-    theorem = _theorem(title, about, extent, place, found, determinant, bounds, to_limit, turns, gap)
+        about = f"{poses} of the cells that are joined" if isinstance(where, Workspace) else f"{poses} up to there"
+    theorem = _theorem(title, about, domain.equation, extent, place, found, determinant, bounds, to_limit, turns, gap)
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
         time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces,
@@ -102,14 +104,18 @@ def certify(
 
 
 def _theorem(
-    title: str, about: str, extent: Extent, place: str, found: Covered, determinant: float, limits: Interval | None,
-    to_limit: Vector, turns: Vector, gap: float,
+    title: str, about: str, equation: Equation, extent: Extent, place: str, found: Covered, determinant: float,
+    limits: Interval | None, to_limit: Vector, turns: Vector, gap: float,
 ) -> str:  # fmt: skip
     if not len(found):
         return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
+    with_others, q = "", ""
+    if equation.n > equation.joints:
+        with_others, q = ", taken with the auxiliary unknowns of the constraint,", ", q the joints and these unknowns"
     parts = [
-        f"on the leaf of {title} through the start {about} has exactly one posture in the tube of its cell, of "
-        f"{len(found)}; it is a smooth function of the pose, with |det [J; J_g]| >= {determinant:.2g}"
+        f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
+        f"cell, of {len(found)}; it is a smooth function of the pose, with |det {equation.derivative}| >= "
+        f"{determinant:.2g}{q}"
     ]
     if limits is not None and np.isfinite(to_limit).any():
         parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")

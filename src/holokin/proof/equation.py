@@ -138,6 +138,11 @@ class Equation(Value):
         return (False,) * task.m + tuple(constraint.angular) + (False,) * (self.n - self.joints)
 
     @property
+    def derivative(self) -> str:
+        """What D_q E is, in words of the theorem: with auxiliary unknowns among q it is not [J; J_g]."""
+        return "D_q E" if self.n > self.joints else "[J; J_g]"
+
+    @property
     def revolute(self) -> Flags:
         """(n,) which unknowns are angles of joints."""
         units = [c.unit for c in self.strategy.task.robot.coordinates]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..output.palette import INK, PALE
-from ..types import Vector
+from ..types import Indices, Vector
 from .stage import Stage
 from .states import Snapshot
 from .texts import block, marks, plain, quiet, table
@@ -57,16 +57,15 @@ class Charts:
         self._drawn = news
         cycles = max((len(law.drift) for law in laws), default=0)
         if cycles:
-            x = np.arange(cycles + 1.0)
+            rows = _rows(cycles + 1)
             lines = [np.concatenate([[0.0], law.drift, np.full(cycles - len(law.drift), np.nan)]) for law in laws]
-            self.drift.data = (x, *lines)
+            self.drift.data = (rows.astype(float), *(line[rows] for line in lines))
         else:
             self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
         joint = self.page.session.robot.joint_names.index(self.pick.value)
         longest = max((law.t for law in laws), key=len, default=np.zeros(0))
         if len(longest) > 1:
-            rows = np.unique(np.linspace(0, len(longest) - 1, KEPT).astype(int))
-            t = longest[rows]
+            t = longest[_rows(len(longest))]
             self.history.data = (t, *[_at(t, law.t, law.history, joint) for law in laws])
         else:
             self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
@@ -89,10 +88,7 @@ class Charts:
 
     def _restless(self) -> int:
         """The joint that the self-motion moves most."""
-        J = self.page.session.task.jacobian(self.page.session.home)
-        _, s, Vt = np.linalg.svd(J)
-        rest = Vt[int((s > 1e-6 * s[0]).sum()) :]
-        return int(np.argmax(np.abs(rest).max(axis=0))) if len(rest) else 0
+        return int(np.argmax(np.linalg.norm(self.page.session.task.null_space(self.page.session.home), axis=1)))
 
     def _bars(self, snap: Snapshot) -> str:
         robot, rows, hints = self.page.session.robot, [], []
@@ -105,6 +101,11 @@ class Charts:
             rows.append((plain(short), marks(values, self.page.colors, bounded), number))
             hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
         return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
+
+
+def _rows(count: int) -> Indices:
+    """At most KEPT of so many rows, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, KEPT).astype(int))
 
 
 def _share(value: float, low: float, high: float) -> float:

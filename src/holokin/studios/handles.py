@@ -156,6 +156,11 @@ class Handles:
         if phase == "end":
             self.page.drawn = -1
 
+    def let_go(self) -> None:
+        """Nobody drags: of a browser that went away no end of its drag is heard."""
+        self._held.clear()
+        self.page.drawn = -1
+
     def _set_circle(self, center: Vector, normal: Vector, radius: float | None) -> None:
         old = self.page.session.loop
         found = circle_of(old)

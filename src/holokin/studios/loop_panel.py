@@ -101,6 +101,7 @@ class LoopPanel:
         try:
             found = page.session.two_ways(wanted)
         except HolokinError as problem:
+            page.session.drag(wanted)
             page.say(str(problem))
             return
         way = next(way for way in found.ways if way.name == self.law.value)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError
-from ..path import Path, arc, as_point, figure_eight, polyline
+from ..path import Path, arc, figure_eight, polyline
 from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..tolerances import TOLERANCES
@@ -38,25 +38,6 @@ class Loop(Value):
     keys: Mapping[str, Any]
     samples: int = SAMPLES
     clockwise: bool = False
-
-    @property
-    def center(self) -> Vector | None:
-        """Center (3,) of a circle."""
-        return as_point(self.keys["center"]) if self._round else None
-
-    @property
-    def normal(self) -> Vector | None:
-        """Unit normal (3,) of a circle."""
-        return _unit(self.keys.get("normal", (0.0, 0.0, 1.0))) if self._round else None
-
-    @property
-    def radius(self) -> float | None:
-        """Radius of a circle [m]."""
-        return None if self.center is None else float(np.linalg.norm(self.path.start[:3] - self.center))
-
-    @property
-    def _round(self) -> bool:
-        return self.kind == "circle" and not {"relative", "frame"} & self.keys.keys()
 
     def points(self, count: int = 200) -> Matrix:
         """Points (F, count, 3) of the curves of the F frames, to draw them."""

@@ -95,20 +95,10 @@ def frames_of(robot: Robot, Q: Matrix) -> tuple[Matrix, Array]:
 
 def quaternions(rotations: Array) -> Array:
     """w, x, y, z (..., 4) of rotations (..., 3, 3)."""
-    m = rotations
-    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
-    diagonal = np.stack([trace, m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
-    twice = {i: 1 + 2 * diagonal[..., i] - trace for i in (1, 2, 3)}
-    skew = [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]]
-    even = [m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]]
-    rows = np.stack([
-        np.stack([1 + trace, skew[0], skew[1], skew[2]], axis=-1),
-        np.stack([skew[0], twice[1], even[0], even[1]], axis=-1),
-        np.stack([skew[1], even[0], twice[2], even[2]], axis=-1),
-        np.stack([skew[2], even[1], even[2], twice[3]], axis=-1),
-    ], axis=-2)  # fmt: skip
-    best = np.take_along_axis(rows, diagonal.argmax(axis=-1)[..., None, None], axis=-2)[..., 0, :]
-    return best / np.linalg.norm(best, axis=-1, keepdims=True)
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
+    return found[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:

@@ -124,4 +124,5 @@ def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wai
     elif playing.frames % RETRY == 0:
         run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
     if until == len(playing.ends) and run.begin is not None:
-        run.drifts.append(run.q - run.begin if run.whole else np.full(len(run.q), np.nan))
+        error = run.q - run.begin if run.whole else np.full(len(run.q), np.nan)
+        run.drifts = frozen(np.vstack([run.drifts, error]))

@@ -85,7 +85,12 @@ class PosturePanel:
 
         @self.clear.on_click
         def _(_event: Any) -> None:
-            page.ask(lambda: (page.session.cancel_cloud(), page.scene.cloud([], [])))
+            page.ask(self._take_away)
+
+    def _take_away(self) -> None:
+        """For good: what was found until it was cancelled is known, and not drawn again."""
+        self._cloud = self.page.session.cancel_cloud().cloud
+        self._draw_cloud(None)
 
     def _slide(self) -> None:
         known = self._ranges.get(SELF)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..motion.leaf import leaf_value
 from ..strategies import HolonomicStrategy, SelfMotion
-from ..types import Vector, frozen
+from ..types import Matrix, Vector, frozen
 from .following import Follower, Move, follower
 from .history import History
 from .laws import Law
@@ -29,12 +29,12 @@ class Run:
     follow: Follower
     level: Vector
     history: History
+    drifts: Matrix  # (cycles, n)
     status: LawStatus = LawStatus.FOLLOWING
     sentence: str = ""
     begin: Vector | None = None  # of the loop
     walk: Walk | None = None
     whole: bool = True  # it has made every step of the loop
-    drifts: list[Vector] = field(default_factory=list)
     judgement: Judgement | None = None
     curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
     levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
@@ -54,15 +54,17 @@ class Run:
 
     def forget(self) -> None:
         """What was recorded of the loop."""
-        self.begin, self.walk, self.whole, self.drifts = None, None, True, []
-        self.history, self.state = History(len(self.q)), None
+        self.begin, self.walk, self.whole, self.state = None, None, True, None
+        self.history, self.drifts = History(len(self.q)), frozen(np.zeros((0, len(self.q))))
 
 
 def new_run(law: Law, q: Vector, limits: bool) -> Run:
     """A law that stands at a posture (n,), on the leaf through it. Raises: HolokinError: it is not defined there."""
     if law.strategy is not None:
         law.strategy(q)
-    return Run(law, frozen(q), follower(law, q, limits), level_of(law, q), History(len(q)))
+    return Run(
+        law, frozen(q), follower(law, q, limits), level_of(law, q), History(len(q)), frozen(np.zeros((0, len(q))))
+    )
 
 
 def level_of(law: Law, q: Vector) -> Vector:
@@ -73,13 +75,12 @@ def level_of(law: Law, q: Vector) -> Vector:
 def state_of(run: Run) -> LawState:
     """What a page is told of it."""
     if run.state is None:
-        drifts, strategy = np.array(run.drifts).reshape(len(run.drifts), len(run.q)), run.law.strategy
-        largest = np.abs(drifts).max(axis=1) if len(drifts) else np.zeros(0)
+        strategy, largest = run.law.strategy, np.abs(run.drifts).max(axis=1, initial=0.0)
         rcond = np.nan if strategy is None else float(strategy.gain(run.q)[1])
         t, history = run.history.view()
         run.state = LawState(
             run.law.name, run.law.colour, run.law.holonomic, run.q, run.status, run.sentence, rcond, frozen(run.level),
-            frozen(largest), frozen(drifts), t, history, run.judgement,
+            frozen(largest), run.drifts, t, history, run.judgement,
         )  # fmt: skip
     return run.state
 

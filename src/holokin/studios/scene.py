@@ -62,7 +62,7 @@ class Scene:
         self._ghosts: list[Any] = []
         self._start: list[Any] = []
         self._labels: list[Any] = []
-        self._traces: dict[int, Any] = {}
+        self._lines: dict[str, Any] = {}
         self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
         self._scales = np.zeros(0)
         self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
@@ -75,9 +75,9 @@ class Scene:
         """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
         self.names, self.lead = tuple(names), lead
         self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
-        for handle in [*self._ghosts, *self._labels, *self._traces.values()]:
+        for handle in [*self._ghosts, *self._labels, *self._lines.values()]:
             handle.remove()
-        self._ghosts, self._labels, self._traces = [], [], {}
+        self._ghosts, self._labels, self._lines = [], [], {}
         tints = linear([rgb(color) for color in self.colors])
         count = len(tints)
         for look in looks_of(self.robot, GHOST)[0] if count else ():
@@ -263,14 +263,14 @@ class Scene:
             )
 
     def _line(self, name: str, points: Matrix, color: str, thickness: float) -> None:
-        handle = self._traces.get(hash(name))
+        handle = self._lines.get(name)
         segments = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) > 1 else None
         if segments is None:
             self.server.scene.remove_by_name(name)
-            self._traces.pop(hash(name), None)
+            self._lines.pop(name, None)
         elif handle is None:
             line = self.server.scene.add_line_segments(name, segments, rgb(color), thickness=thickness)
-            self._traces[hash(name)] = line
+            self._lines[name] = line
         else:
             handle.points = segments
 
@@ -317,10 +317,9 @@ def linear(colors: ArrayLike) -> Any:
 
 def rotations_of(turns: Matrix) -> Matrix:
     """Rotations (k, 3, 3) of quaternions w, x, y, z (k, 4)."""
-    w, v = turns[:, 0, None, None], turns[:, 1:]
-    cross = np.zeros((len(turns), 3, 3))
-    cross[:, [2, 0, 1], [1, 2, 0]], cross[:, [1, 2, 0], [2, 0, 1]] = v, -v
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(turns[:, [1, 2, 3, 0]]).as_matrix()
 
 
 def pose_of(position: ArrayLike, wxyz: ArrayLike) -> Matrix:

@@ -61,6 +61,7 @@ class Studio:
         if not _loopback(host):
             self.notes.append(f"everyone who reaches this machine at {host} can open and move the page")
         self.page = self._shown(session)
+        self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
 
     @property
     def session(self) -> Session:

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..errors import MissingExtraError
 from ..types import Array, Flags, Value, Vector
-from .running import METRICS
+from .running import METRICS, STATUSES
 
-STATUS_ORDER = ("complete", "limit", "out of reach", "singular", "branch", "lost", "fault")
+STATUS_ORDER = tuple(STATUSES.values())
 RETURNS = 1e-6
 """Drift of a cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 

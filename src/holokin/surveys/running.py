@@ -44,9 +44,6 @@ from .tables import LoopTable
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
 
-REGULAR_FROM = 16
-"""Random starts that are tried for one that is not singular."""
-
 STATUSES = {
     Status.COMPLETE: "complete", Status.LIMIT: "limit", Status.OUT_OF_REACH: "out of reach",
     Status.SINGULAR: "singular", Status.BRANCH: "branch", Status.LOST: "lost", Status.FAULT: "fault",

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import SurveyError, UnknownNameError, WriteError
+from ..errors import ArgumentError, SurveyError, WriteError
 from ..version import __version__
 from .running import METRICS, Row
 from .tables import SurveyTable
@@ -22,6 +22,9 @@ NAMES = ("robot", "task", "loop", "law")
 COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)
 FORM = 1
 """Of the file; a later form is another number."""
+
+DIGITS = 19
+"""Of a number that SQLite does not hold."""
 
 
 def fingerprint(table: SurveyTable) -> str:
@@ -116,12 +119,13 @@ class Store:
             yield dict(zip(COLUMNS, values, strict=True))
 
     def number_of(self, case: str) -> int:
-        """The number of a case by its id, or by its number. Raises: UnknownNameError."""
+        """The number of a case by its id, or by its number. Raises: ArgumentError: there is none."""
         found = self._db.execute("SELECT number FROM cases WHERE id = ?", (case,)).fetchone()
-        if found is None and case.isdecimal():
+        if found is None and case.isdecimal() and len(case) < DIGITS:
             found = self._db.execute("SELECT number FROM cases WHERE number = ?", (int(case),)).fetchone()
         if found is None:
-            raise UnknownNameError("case", case, [])
+            cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
+            raise ArgumentError("the case", case, cure)
         return int(found[0])
 
     def folder(self) -> Path:

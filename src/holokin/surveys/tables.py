@@ -63,7 +63,8 @@ class LoopTable(Table):
         if self.kind != "given" and self.key is not None:
             raise ValueError(f"a {self.kind} does not use key; leave it out")
         if self.kind != "given" and (self.size is None) == (self.share is None):
-            raise ValueError("size and share both say how large it is; give one of them")
+            fact = "neither size nor share says" if self.size is None else "size and share both say"
+            raise ValueError(f"{fact} how large it is; give one of them")
         for key in ("size", "share", "speed"):
             value = getattr(self, key)
             if isinstance(value, tuple) and value[0] > value[1]:
