@@ -106,6 +106,9 @@ def on_page_markdown(markdown: str, *, page: Any, files: Any, **_: Any) -> str:
 
 
 if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        if name not in pages():
+            sys.exit(f"there is no page {name!r}; known: {', '.join(pages())}")
     for name in sys.argv[1:] or pages():
         file = made_of(pages()[name])
         print(f"{name}: {(file if file.is_file() else make(pages()[name])).stat().st_size / 1000:.0f} kB", flush=True)

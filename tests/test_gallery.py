@@ -89,7 +89,7 @@ def test_a_browser_plays_a_recording_from_a_file_without_network(motions, tmp_pa
 def test_a_session_is_recorded_as_it_ran(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     session = open_session("panda-circle")
-    with pytest.raises(hk.HolokinError, match="let its loop run first"):
+    with pytest.raises(hk.HolokinError, match="press Start first"):
         record_session(session)
     session.set_cycles(2)
     session.play()

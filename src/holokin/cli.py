@@ -290,7 +290,8 @@ def certify(
 ) -> None:
     """Prove, for each strategy with leaves of a job, that the joints are one smooth function of the tool pose.
 
-    Writes OUT/<job>-proof/<strategy>-certificate.json. Exits 0 when all of it is proven, 1 when not, 2 on bad input.
+    Writes OUT/<job>-proof/<strategy>-certificate.json. Exits 0 when all of it is proven of every
+    strategy with leaves, 1 when not, 2 on bad input.
     """
     from .job import certify_job, open_one_job
     from .output.folder import check_folder

@@ -22,7 +22,7 @@ COLUMNS: tuple[Column, ...] = (
 def cells(name: str, found: Certificate | str) -> list[str]:
     """The row of one strategy."""
     if isinstance(found, str):
-        return [name, "NO", *["-"] * (len(COLUMNS) - 2)]
+        return [name, "no leaves", *["-"] * (len(COLUMNS) - 2)]
     proven = "all" if found.whole else "part" if len(found) else "NO"
     if not len(found):
         return [name, proven, "0", f"{found.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]

@@ -122,10 +122,10 @@ class Checker:
         """The cell with its theorem, and what is claimed of it."""
         M, eta = self.bounds(cell, arb_mat(self.n, 1))
         some = arb_mat(self.n, 1, [max(eta.entries()) / 64 + 1e-15] * self.n)
-        for cell.rho in (factor * size((self.one - M).solve(eta + some)) for factor in (4, 3, 2)):  # wide helps gluing
+        for cell.rho in (factor * size((self.one - M).solve(eta + some)) for factor in (3, 2, 1.5)):
             cell.M, _ = self.bounds(cell, cell.rho * UNIT)
             cell.r = size((self.one - cell.M).solve(eta + some / 64))
-            if below(eta + cell.M * cell.r, cell.r):
+            if below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho):
                 break
         need(below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
         self.say()

@@ -34,6 +34,9 @@ TRIED = 4
 AMONG, DOWN = 300, -0.8
 """Of so many of the most regular postures those are preferred in which the tool's z axis points down: its z."""
 
+FLOOR = 0.02
+"""How far below the floor of its base an arm may reach [m] in a start posture that is preferred."""
+
 SHARES = (0.15, 0.08, 0.04, 0.02)
 """Radii of the circles that are tried, as shares of how far the tool is from the base: a Panda's first is 0.1 m."""
 
@@ -77,7 +80,7 @@ def _is_job(name: str) -> bool:
         table = tomllib.loads(FilePath(name).read_text("utf-8"))
     except (OSError, ValueError):
         return True
-    return bool({"strategies", "path", "task", "start"} & table.keys())
+    return bool({"strategies", "path", "task", "start", "robot"} & table.keys())
 
 
 def session_of_job(name: str, job: Job, file: FilePath) -> Session:
@@ -153,11 +156,15 @@ def session_of_robot(
 
 
 def _ready(task: Task) -> Matrix:
-    """Regular postures (k, n); of arms in space first those that hold the tool down in front of the base."""
+    """Regular postures (k, n); of arms in space first those above the floor, the tool down in front of the base."""
     starts = regular_starts(task)
-    p, R = task.poses(starts[:AMONG])
+    if task.robot.planar or not len(starts):
+        return starts
+    some = starts[:AMONG]
+    p, R = task.poses(some)
     front = (p[:, 0] > 0) & (R[:, 2, 2] < DOWN)
-    return starts if task.robot.planar or not front.any() else np.vstack([starts[:AMONG][front], starts])
+    above = np.array([min(points[:, 2].min() for points in task.robot.skeleton(q)) > -FLOOR for q in some])
+    return np.vstack([some[front & above], some[front], some[above], starts])
 
 
 def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:

@@ -177,7 +177,9 @@ def record_session(session: Session, file: str | FilePath | None = None, *, text
     """
     snapshot, loop = session.snapshot(), session.loop
     if loop is None or not any(len(law.t) > 1 for law in snapshot.laws):
-        raise ArgumentError("what a session has to record", "nothing", "let its loop run first")
+        raise ArgumentError(
+            "the loop to record", None, "none has run yet: press Start first, or call play() and advance()"
+        )
     motions = {}
     for law in snapshot.laws:
         if len(law.t) < 2:

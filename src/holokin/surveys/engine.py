@@ -40,12 +40,12 @@ class _Late(BaseException):
 @contextmanager
 def _limited(seconds: float, hard: bool) -> Iterator[None]:
     """Ends what takes too long: in Python by an exception, in native code, if `hard`, with the process."""
-    thread = threading.get_ident()
-    late = threading.Event()
+    thread, lock, over = ctypes.c_ulong(threading.get_ident()), threading.Lock(), False
 
     def ring() -> None:
-        if not late.is_set():
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(_Late))
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(_Late))
 
     timer = threading.Timer(seconds, ring)
     timer.daemon = True
@@ -53,9 +53,13 @@ def _limited(seconds: float, hard: bool) -> Iterator[None]:
     if hard:
         faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=2)
     try:
-        yield
+        try:
+            yield
+        finally:
+            with lock:  # from here on nothing rings; what was rung and not heard yet is taken back
+                over = True
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, None)
     finally:
-        late.set()
         timer.cancel()
         if hard:
             faulthandler.cancel_dump_traceback_later()
