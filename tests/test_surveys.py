@@ -365,6 +365,14 @@ def test_the_survival_of_arms_is_the_estimate_of_kaplan_and_meier() -> None:
         assert at[week] == pytest.approx(value, abs=6e-4)
 
 
+def test_of_the_cases_that_stopped_the_rarest_of_each_law_are_shown_first() -> None:
+    law = np.array(["a", "a", "a", "b", "b"], dtype=object)
+    status = np.array(["limit", "limit", "branch", "complete", "singular"], dtype=object)
+    found = Findings({"law": law, "status": status, "cycles": np.array([3.0, 1.0, 2.0, 9.0, 0.0])})
+    shown = [(row["law"], row["status"], row["cycles"]) for row in found.stopped()]
+    assert shown == [("b", "singular", 0.0), ("a", "branch", 2.0), ("a", "limit", 1.0), ("a", "limit", 3.0)]
+
+
 def test_the_command_line_runs_reports_and_repeats(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -378,7 +386,12 @@ def test_the_command_line_runs_reports_and_repeats(
     told = holokin("survey", "report", out)
     assert told.code == 0 and "pinv" in told.out
     page = out.with_suffix(".html").read_text()
-    assert page.count("<figure>") == 4 and page.count("<details>") == 10 and "killed" in page
+    assert (
+        page.count("<figure>") == 4
+        and page.count("<details>") == 10
+        and "All were complete" in page
+        and "killed" in page
+    )
     with Store.opened(out, None) as store:
         row = next(iter(store.rows()))
     case = holokin("survey", "case", out, row["id"])

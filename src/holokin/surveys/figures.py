@@ -39,7 +39,7 @@ def drift_figure(found: Findings) -> Any:
     axes.set_ylim(0, 1.02)
     axes.set_xlabel("largest joint error after a cycle [rad, m], mean over the cycles of a case")
     axes.set_ylabel("share of the cases with less")
-    axes.set_title("Drift: lines at the left return, lines at the right creep", loc="left", color=INK, fontsize=11)
+    axes.set_title("Drift: lines at the left return, lines at the right drift", loc="left", color=INK, fontsize=11)
     axes.legend(fontsize=9, loc="upper left", ncols=2)
     return figure
 
@@ -59,7 +59,7 @@ def survival_figure(found: Findings) -> Any:
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("cycles")
     axes.set_ylabel("share without a limit so far")
-    axes.set_title("Joint limits: how many arms are still running", loc="left", color=INK, fontsize=11)
+    axes.set_title("Joint limits: share of the arms that have met none", loc="left", color=INK, fontsize=11)
     axes.legend(fontsize=9, loc="lower left", ncols=2)
     return figure
 

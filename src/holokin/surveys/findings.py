@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import MissingExtraError
-from ..types import Array, Flags, Value, Vector
+from ..types import Array, Flags, Indices, Value, Vector
 from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())
@@ -98,12 +99,24 @@ class Findings(Value):
             raise MissingExtraError("pandas", "survey") from None
         return pandas.DataFrame(self.columns)
 
-    def worst(self, count: int = 10) -> list[dict[str, Any]]:
-        """The rows with the largest drift of a cycle; then those that stopped after the fewest cycles."""
+    def drifting(self, count: int = 10) -> list[dict[str, Any]]:
+        """The rows with the largest drift of a cycle."""
         drift = np.nan_to_num(self.columns["drift_mean"], nan=0.0)
+        return self._rows(np.argsort(-drift, kind="stable")[:count])
+
+    def stopped(self, count: int = 10) -> list[dict[str, Any]]:
+        """Rows that are not complete: of each law and cause one, the rarest first, then after the fewest cycles."""
+        pairs = list(zip(self.columns["law"].tolist(), self.columns["status"].tolist(), strict=True))
+        many = Counter(pairs)
         cycles = np.nan_to_num(self.columns["cycles"], nan=-1.0)
-        order = np.lexsort((cycles, -drift))[:count]
-        return [{name: values[i] for name, values in self.columns.items()} for i in order]
+        ended = [i for i in range(len(self)) if pairs[i][1] != STATUS_ORDER[0]]
+        first = sorted(ended, key=lambda i: (many[pairs[i]], cycles[i]))
+        once = {pairs[i]: i for i in reversed(first)}
+        chosen = sorted(once.values(), key=first.index) + [i for i in first if i not in once.values()]
+        return self._rows(np.array(chosen[:count], dtype=int))
+
+    def _rows(self, which: Indices) -> list[dict[str, Any]]:
+        return [{name: values[i] for name, values in self.columns.items()} for i in which]
 
     def table(self) -> tuple[list[str], list[list[str]]]:
         """(titles, a row for each law): how often, how far, what it costs."""

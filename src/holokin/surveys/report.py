@@ -14,11 +14,11 @@ from ..version import __version__
 from .cases import Cases
 from .figures import boxes_figure, drift_figure, status_figure, survival_figure
 from .findings import Findings
-from .running import METRICS, repeating_job
+from .running import repeating_job
 from .tables import SurveyTable
 
 WORST = 10
-"""Cases that are shown with a job that repeats them."""
+"""Cases of a kind that are shown, each with a job that repeats it."""
 
 
 _TERMS = (
@@ -35,8 +35,8 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
-        f"<p class='small'>{len(found):,} of {len(cases):,} cases; {len(cases.robots)} robots, "
-        f"{len(survey.tasks)} tasks, {len(survey.loops)} kinds of loop, {len(survey.laws)} laws; "
+        f"<p class='small'>{len(found):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
+        f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
         f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
         "<h2>By law</h2>",
         html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
@@ -50,19 +50,22 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         ),
         drawn(lambda: status_figure(found), "How the cases of each law ended."),
         drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
-        f"<h2>The {min(WORST, len(found))} worst cases</h2>",
-        *(_worst(row, cases) for row in found.worst(WORST)),
+        "<h2>The cases that drift most</h2>",
+        *(_told(row, cases) for row in found.drifting(WORST)),
+        "<h2>Cases that stopped: of each law and cause one</h2>",
+        *([_told(row, cases) for row in found.stopped(WORST)] or ["<p>All were complete.</p>"]),
     ]
     with replacing(file) as part:
         part.write_text(page(survey.title, parts), "utf-8")
 
 
-def _worst(row: dict[str, Any], cases: Cases) -> str:
-    told = [f"{name} {row[name]:.3g}" for name in METRICS if row[name] == row[name]]
+def _told(row: dict[str, Any], cases: Cases) -> str:
+    words = {"cycles": "complete cycles", "drift_mean": "drift a cycle", "drift_total": "in all", "margin": "margin"}
+    told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
     words = f"{row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     job = repeated(cases, int(row["number"]))
     return (
-        f"<details><summary>{escape(words)}; {escape(', '.join(told[:4]))}</summary>"
+        f"<details><summary>{escape(words)}; {escape(', '.join(told))}</summary>"
         f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
     )
 
