@@ -32,6 +32,13 @@ class _EscapedError(Exception):
 
 
 class _Commands(TyperGroup):
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Every command with the first paragraph of its help, whole."""
+        found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [(name, " ".join((one.help or "").split("\n\n")[0].split())) for name, one in found if one is not None]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand; what typer would answer in its own way goes out as `_EscapedError`."""
         sys.excepthook = _ending.printed  # here, since typer sets one of its own when it is called

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..analysis import around, curvature, involutivity
-from ..errors import HolokinError
 from ..strategies import Strategy
 from ..types import Vector
 from .states import Judgement
@@ -19,7 +18,7 @@ def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
     try:
         verdict = involutivity(strategy, around(home, RADIUS))
         holonomic, defect, sentence = verdict.holonomic, verdict.defect, str(verdict).partition("\n")[0]
-    except HolokinError as problem:
+    except Exception as problem:  # noqa: BLE001  a law of one's own may raise anything; its thread goes on
         holonomic, defect, sentence = False, np.nan, f"It could not be judged: {problem}"
     return Judgement(holonomic, defect, sentence, largest_curvature(strategy, q), q)
 
@@ -28,5 +27,5 @@ def largest_curvature(strategy: Strategy, q: Vector) -> float:
     """The largest |F_ij| over the pairs of task rows [joint units / task units^2]; NaN where there is none."""
     try:
         return float(np.linalg.norm(curvature(strategy, q), axis=0).max(initial=0.0))
-    except HolokinError:
+    except Exception:  # noqa: BLE001  as above
         return np.nan

@@ -17,6 +17,9 @@ from .texts import block, gauge, line, named, plain, put, quiet, swatch, table, 
 ENDLESS = 0
 """Cycles that mean: for ever."""
 
+ELSEWHERE = 1e-6
+"""Joint difference [rad, m] to the start posture at which a law does not stand there."""
+
 _DOING = {
     Phase.IDLE: "Drag the tool, or start the loop.",
     Phase.GATHERING: "The joints go to where the loop begins.",
@@ -88,7 +91,7 @@ class Panels:
 
         @self.home.on_click
         def _(_event: Any) -> None:
-            page.ask(lambda: (page.say(""), page.session.reset()))
+            page.ask(self._back)
 
         @self.speed.on_update
         def _(_event: Any) -> None:
@@ -123,6 +126,13 @@ class Panels:
         @self.open.on_click
         def _(_event: Any) -> None:
             reopen(self.job.value)
+
+    def _back(self) -> None:
+        """All laws to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""
+        page, home = self.page, self.page.session.home
+        snapshot = page.session.reset()
+        away = [law.name for law in snapshot.laws if law.following and np.abs(law.q - home).max() > ELSEWHERE]
+        page.say(f"On a leaf that was chosen by its level, not that of the start: {', '.join(away)}." if away else "")
 
     def _start_or_pause(self) -> None:
         self.page.say("")
