@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command
 from holokin.errors import HolokinError, JobError, SchedulerError, SurveyError, WriteError
 from holokin.job import Job, run_job
 from holokin.surveys import Findings, Store, SurveyTable, cluster, read_survey, repeated, run_survey, survey_of
@@ -347,60 +346,6 @@ def test_cases_in_total_are_spread_evenly() -> None:
     for name in ("planar-3r", "panda", "iiwa14"):
         assert sum(case.names["robot"] == name for case in cases) == 40
     assert [case.number for case in cases] == list(range(120))
-
-
-def test_the_survival_of_arms_is_the_estimate_of_kaplan_and_meier() -> None:
-    """Freireich's trial of 6-MP, 1963, as in Kaplan-Meier lessons: 21 patients, 9 relapses."""
-    weeks = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]
-    relapse = [1, 1, 1, 0, 1, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0]
-    found = Findings({
-        "cycles": np.array(weeks, dtype=float),
-        "status": np.array(["limit" if r else "complete" for r in relapse], dtype=object),
-    })  # fmt: skip
-    k, share, count = found.survival()
-    at = dict(zip(k.tolist(), share.tolist(), strict=True))
-    assert count == 21
-    published = {7: 0.857, 8: 0.807, 11: 0.753, 14: 0.690, 17: 0.627, 23: 0.538, 24: 0.448}
-    for week, value in published.items():
-        assert at[week] == pytest.approx(value, abs=6e-4)
-
-
-def test_of_the_cases_that_stopped_the_rarest_of_each_law_are_shown_first() -> None:
-    law = np.array(["a", "a", "a", "b", "b"], dtype=object)
-    status = np.array(["limit", "limit", "branch", "complete", "singular"], dtype=object)
-    found = Findings({"law": law, "status": status, "cycles": np.array([3.0, 1.0, 2.0, 9.0, 0.0])})
-    shown = [(row["law"], row["status"], row["cycles"]) for row in found.stopped()]
-    assert shown == [("b", "singular", 0.0), ("a", "branch", 2.0), ("a", "limit", 1.0), ("a", "limit", 3.0)]
-
-
-def test_the_command_line_runs_reports_and_repeats(
-    holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    file, out = tmp_path / "s.toml", tmp_path / "s.sqlite"
-    file.write_text(SLOW.partition("[laws.slow]")[0])
-    ran = holokin("survey", file, "--out", out, "--workers", "0")
-    assert ran.code == 0 and "24 cases" in ran.out
-    again = holokin("survey", file, "--out", out, "--workers", "0")
-    assert again.code == 2 and "--resume" in again.err
-    told = holokin("survey", "report", out)
-    assert told.code == 0 and "pinv" in told.out
-    page = out.with_suffix(".html").read_text()
-    assert (
-        page.count("<figure>") == 4
-        and page.count("<details>") == 10
-        and "All were complete" in page
-        and "killed" in page
-    )
-    with Store.opened(out, None) as store:
-        row = next(iter(store.rows()))
-    case = holokin("survey", "case", out, row["id"])
-    (tmp_path / "case.toml").write_text(case.out)
-    run = holokin("run", tmp_path / "case.toml", "--out", tmp_path / "out")
-    assert run.code == 0, run.err
-    for unknown in ("nothing", "9" * 30):
-        assert holokin("survey", "case", out, unknown).code == 2
-    assert holokin("survey", file, "--out", "/dev/null/folder/x.sqlite").code == 2
 
 
 def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
