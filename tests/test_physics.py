@@ -269,12 +269,12 @@ def test_simulate_refuses_what_makes_no_sense_and_folders_of_others(done: Path, 
     assert (out / "laws-physics" / "mine.txt").read_text() == "keep me"
 
 
-def test_without_gl_the_arms_are_drawn_as_sticks(
+def test_without_gl_the_arms_are_drawn_as_solids(
     arm: hk.Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = play(tied(arm), circle(arm), PANDA_START, dt=4e-3)
-    drawn, draw = [], physics_figures.sticks_figure
-    monkeypatch.setattr(physics_figures, "sticks_figure", lambda runs: drawn.append(1) or draw(runs))
+    drawn, draw = [], physics_figures.bodies_figure
+    monkeypatch.setattr(physics_figures, "bodies_figure", lambda runs: drawn.append(1) or draw(runs))
 
     def no_gl(*_arguments: object) -> None:
         raise AttributeError("'NoneType' object has no attribute 'glGetError'")
