@@ -1,4 +1,4 @@
-"""Laws that a survey imports in the tests: one that throws, one that hangs, two that take their process with them."""
+"""A small survey, and laws that surveys import in the tests: ones that throw, hang, or take their process with them."""
 
 from __future__ import annotations
 
@@ -51,3 +51,20 @@ slow = _acting(lambda: time.sleep(0.02))
 def pseudo_inverse(task: hk.Task, _start: np.ndarray) -> hk.Strategy:
     """As the survey's own kind."""
     return hk.moore_penrose(task)
+
+
+CIRCLES = """
+title = "circles"
+robots = ["planar-3r"]
+cycles = 1
+samples = 20
+[starts]
+regular = 2
+[loops.circle]
+kind = "circle"
+size = [0.05, 0.2]
+count = 12
+[laws.pinv]
+kind = "moore-penrose"
+"""
+"""A survey file of 24 cases."""

@@ -9,21 +9,7 @@ import pytest
 
 from conftest import Command
 from holokin.surveys import Findings, Store
-
-SURVEY = """
-title = "circles"
-robots = ["planar-3r"]
-cycles = 1
-samples = 20
-[starts]
-regular = 2
-[loops.circle]
-kind = "circle"
-size = [0.05, 0.2]
-count = 12
-[laws.pinv]
-kind = "moore-penrose"
-"""
+from survey_laws import CIRCLES
 
 
 def test_the_survival_of_arms_is_the_estimate_of_kaplan_and_meier() -> None:
@@ -55,7 +41,7 @@ def test_the_command_line_runs_reports_and_repeats(
 ) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     file, out = tmp_path / "s.toml", tmp_path / "s.sqlite"
-    file.write_text(SURVEY)
+    file.write_text(CIRCLES)
     ran = holokin("survey", file, "--out", out, "--workers", "0")
     assert ran.code == 0 and "24 cases" in ran.out
     again = holokin("survey", file, "--out", out, "--workers", "0")

@@ -24,6 +24,7 @@ from holokin.surveys import Findings, Store, SurveyTable, cluster, read_survey, 
 from holokin.surveys.cases import Cases
 from holokin.surveys.engine import Pool, batched
 from holokin.surveys.running import run_case
+from survey_laws import CIRCLES
 
 HERE = Path(__file__).parent
 
@@ -225,19 +226,7 @@ def _children(pid: int) -> list[int]:
     return [int(line) for line in text.split()]
 
 
-SLOW = """
-title = "killed"
-robots = ["planar-3r"]
-cycles = 1
-samples = 20
-[starts]
-regular = 2
-[loops.circle]
-kind = "circle"
-size = [0.05, 0.2]
-count = 12
-[laws.pinv]
-kind = "moore-penrose"
+SLOW = f"""{CIRCLES}
 [laws.slow]
 kind = "import"
 function = "survey_laws:slow"

@@ -15,11 +15,18 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title><style>
 body {{ font: 16px/1.5 system-ui, sans-serif; color: #22262e; max-width: 68rem; margin: 2rem auto; padding: 0 1.2rem; }}
-h1 {{ font-size: 1.7rem; margin-bottom: .2rem; }} h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
+* {{ box-sizing: border-box; }}
+h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }}
+h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }}
 th, td {{ text-align: left; padding: .4rem .6rem; border-bottom: 1px solid #e5e7eb; vertical-align: top; }}
-th {{ color: #4b5563; font-weight: 600; }} figure {{ margin: 1.2rem 0; }} img {{ max-width: 100%; }}
+th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
+.yes {{ color: #00664a; font-weight: 600; }} .no {{ color: #a84a00; font-weight: 600; }}
+figure {{ margin: 1.6rem 0; }} img, video {{ max-width: 100%; height: auto; }} li, p, dd {{ overflow-wrap: anywhere; }}
 figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: auto; }}
+dt {{ font-weight: 600; float: left; clear: left; margin-right: .4rem; }} dd {{ margin: 0 0 .3rem 0; }}
+@media (max-width: 40rem) {{ body {{ margin: 1rem auto; padding: 0 .8rem; }} table {{ font-size: .8rem; }}
+figure.many {{ overflow-x: auto; }} figure.many img {{ max-width: none; width: 46rem; }} }}
 pre {{ background: #f6f7f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }}
 </style></head><body>
 {body}
@@ -35,10 +42,14 @@ def page(title: str, parts: Sequence[str]) -> str:
     return _CONTROL.sub("\ufffd", _PAGE.format(title=escape(title), body="\n".join(parts)))
 
 
-def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells in HTML."""
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+def html_table(head: Sequence[str], rows: Sequence[Sequence[Any]], numbers: bool = False) -> str:
+    """A table of cells in HTML; with numbers, all but its first column stand at the right."""
+
+    def cell(tag: str, text: Any, place: int) -> str:
+        return f"<{tag} class='n'>{text}</{tag}>" if numbers and place else f"<{tag}>{text}</{tag}>"
+
+    top = "".join(cell("th", text, k) for k, text in enumerate(head))
+    body = "".join("<tr>" + "".join(cell("td", text, k) for k, text in enumerate(r)) + "</tr>" for r in rows)
     return f"<div class='wide'><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
 
 
@@ -49,6 +60,12 @@ def drawn(draw: Callable[[], Any], caption: str) -> str:
     stream = io.BytesIO()
     with rc_context(style()):
         draw().savefig(stream, format="svg", facecolor="white")
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return svg_figure(stream.getvalue(), caption)
+
+
+def svg_figure(svg: bytes, caption: str, wide: bool = False) -> str:
+    """An SVG inside the page, with what to see in it; a wide one can be pushed to and fro on a telephone."""
+    data = base64.b64encode(svg).decode("ascii")
     image = f"<img alt='{escape(caption, quote=True)}' src='data:image/svg+xml;base64,{data}'>"
-    return f"<figure>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+    kind = " class='many'" if wide else ""
+    return f"<figure{kind}>{image}<figcaption>{escape(caption)}</figcaption></figure>"

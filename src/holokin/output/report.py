@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-import re
 from collections.abc import Callable
 from html import escape
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
@@ -18,37 +16,13 @@ from ..motion import TimedTrajectory
 from .check_section import check_section
 from .figures import figures
 from .folder import FACTS, renewed
+from .page import html_table, page, svg_figure
 from .result import METRICS, JobResult
 from .table import NOTHING, columns, remarks, rows
 from .words import joint_unit
 
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; color: #22262e; max-width: 68rem; margin: 2rem auto; padding: 0 1.2rem; }}
-* {{ box-sizing: border-box; }}
-h1 {{ font-size: 1.7rem; overflow-wrap: anywhere; margin-bottom: .2rem; }}
-h2 {{ margin-top: 2.2rem; font-size: 1.25rem; }}
-table {{ border-collapse: collapse; width: 100%; font-size: .92rem; font-variant-numeric: tabular-nums; }}
-th, td {{ text-align: left; padding: .4rem .6rem; border-bottom: 1px solid #e5e7eb; vertical-align: top; }}
-th {{ color: #4b5563; font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
-.yes {{ color: #00664a; font-weight: 600; }} .no {{ color: #a84a00; font-weight: 600; }}
-figure {{ margin: 1.6rem 0; }} img, video {{ max-width: 100%; height: auto; }} li, p, dd {{ overflow-wrap: anywhere; }}
-figcaption, .small {{ color: #4b5563; font-size: .9rem; }} .wide {{ overflow-x: auto; }}
-dt {{ font-weight: 600; float: left; clear: left; margin-right: .4rem; }} dd {{ margin: 0 0 .3rem 0; }}
-@media (max-width: 40rem) {{ body {{ margin: 1rem auto; padding: 0 .8rem; }} table {{ font-size: .8rem; }}
-figure.many {{ overflow-x: auto; }} figure.many img {{ max-width: none; width: 46rem; }} }}
-</style></head><body>
-{body}
-</body></html>
-"""
-
-
 NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
-
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
-"""Control characters, which HTML has no use for."""
 
 _TERMS = {
     "Holonomic": "the law is repeatable: a closed path of the tool brings the joints back to their start.",
@@ -139,7 +113,7 @@ def _page(
         f"{result.cycles} cycle(s); start: {escape(start)} [{joint_unit(robot)}]. "
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
-        _html_table(
+        html_table(
             [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
         ),
         "<ul>",
@@ -152,7 +126,7 @@ def _page(
         *_terms(),
         *_coverage(result),
         *_timing(result),
-        *check_section(result, _html_table),
+        *check_section(result, html_table),
         "<h2>Figures</h2>",
         *(_film(folder / name, caption) for name, caption in films),
         *(_figure(folder, stem, caption) for stem, caption in shown),
@@ -161,8 +135,7 @@ def _page(
         "<h2>Expectations</h2>",
         _expectations(result),
     ]
-    page = _PAGE.format(title=escape(result.title), body="\n".join(parts))
-    return _CONTROL.sub("\ufffd", page)
+    return page(result.title, parts)
 
 
 def _terms() -> list[str]:
@@ -185,7 +158,7 @@ def _coverage(result: JobResult) -> list[str]:
         "<h2>Workspace</h2>",
         f"<p class='small'>{escape(result.workspace)}; {len(found[0][1])} poses, each gone to straight from the start."
         "</p>",
-        _html_table(["", *(escape(name) for name, _ in found)], table),
+        html_table(["", *(escape(name) for name, _ in found)], table),
     ]
 
 
@@ -216,7 +189,7 @@ def _loads(timed: TimedTrajectory) -> str:
             ]
         far = f"{load.distance:.4g} {load.unit}" if np.isfinite(load.distance) else "-"
         table.append([*cells, far, f"{load.distance_at:.3f} s"])
-    return _html_table(head, table, numbers=True)
+    return html_table(head, table, numbers=True)
 
 
 def _cell(text: str) -> str:
@@ -225,10 +198,8 @@ def _cell(text: str) -> str:
 
 
 def _figure(folder: FilePath, stem: str, caption: str) -> str:
-    data = base64.b64encode((folder / f"{stem}.svg").read_bytes()).decode("ascii")
-    image = f"<img alt='{escape(caption, quote=True)}' src='data:image/svg+xml;base64,{data}'>"
-    kind = " class='many'" if stem.startswith(("ways", "cycles", "coverage")) else ""  # too wide for a telephone
-    return f"<figure{kind}>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+    wide = stem.startswith(("ways", "cycles", "coverage"))  # for a telephone
+    return svg_figure((folder / f"{stem}.svg").read_bytes(), caption, wide)
 
 
 def _film(file: FilePath, caption: str) -> str:
@@ -248,7 +219,7 @@ def _all_figures(result: JobResult) -> str:
         if any(np.isfinite(values)):
             cells = [_measured(value) for value in values]
             rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
-    return _html_table(["", *(escape(s.name) for s in result.strategies)], rows)
+    return html_table(["", *(escape(s.name) for s in result.strategies)], rows)
 
 
 def _measured(value: float) -> str:
@@ -268,15 +239,4 @@ def _expectations(result: JobResult) -> str:
     ]
     if not rows:
         return "<p>The job file holds no [expect] table.</p>"
-    return _html_table(["strategy", "figure", "wanted", "found", ""], rows)
-
-
-def _html_table(head: list[str], rows: list[list[Any]], numbers: bool = False) -> str:
-    """A table; with numbers, all but its first column stand at the right."""
-
-    def cell(tag: str, text: Any, place: int) -> str:
-        return f"<{tag} class='n'>{text}</{tag}>" if numbers and place else f"<{tag}>{text}</{tag}>"
-
-    top = "".join(cell("th", text, k) for k, text in enumerate(head))
-    body = "".join("<tr>" + "".join(cell("td", text, k) for k, text in enumerate(r)) + "</tr>" for r in rows)
-    return f"<div class='wide'><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+    return html_table(["strategy", "figure", "wanted", "found", ""], rows)

@@ -87,58 +87,28 @@ class GradientProjection(LawTable):
         return gradient_projection(task, cost, self.weight, self.gain, name=name)
 
 
-class _Library(LawTable):
-    """A library's inverse kinematics: a frame task on the robot's first tip, with a posture task if it costs."""
+LIBRARIES = {"pink": pink_law, "mink": mink_law, "placo": placo_law}
 
+
+class Library(LawTable):
+    """A library's inverse kinematics: a frame task on the robot's first tip, with a posture task if it costs.
+
+    Without `preferred` that prefers the start.
+    """
+
+    kind: Literal["pink", "mink", "placo"]
     posture_cost: Gain = 1e-3
     posture_gain: Gain = 1.0
     preferred: Annotated[list[Length], Few] | None = None
 
-    @property
-    def posture(self) -> PostureTask:
-        """The posture task; without `preferred` it prefers the start."""
-        return PostureTask(
-            self.posture_cost, self.posture_gain, None if self.preferred is None else tuple(self.preferred)
-        )
-
-    def _pose_only(self, task: Task) -> None:
+    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+        """As `pink_law`, `mink_law` or `placo_law`. Raises: ArgumentError: a task that is no whole pose."""
         if task.orientation != "twist" or task.m != (3 if task.robot.planar else 6):
-            raise ArgumentError(
-                "the task", task.name, "pink, mink and placo follow whole poses here: use kind = 'pose'"
-            )
-
-
-class Pink(_Library):
-    """pink's solve_ik."""
-
-    kind: Literal["pink"]
-
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
-        """As `pink_law`."""
-        self._pose_only(task)
-        return pink_law(task.robot, self.posture, name=name)
-
-
-class Mink(_Library):
-    """mink's solve_ik."""
-
-    kind: Literal["mink"]
-
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
-        """As `mink_law`."""
-        self._pose_only(task)
-        return mink_law(task.robot, self.posture, name=name)
-
-
-class Placo(_Library):
-    """placo's kinematics solver."""
-
-    kind: Literal["placo"]
-
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
-        """As `placo_law`."""
-        self._pose_only(task)
-        return placo_law(task.robot, self.posture, name=name)
+            cure = "pink, mink and placo follow whole poses here: use kind = 'pose'"
+            raise ArgumentError("the task", task.name, cure)
+        preferred = None if self.preferred is None else tuple(self.preferred)
+        posture = PostureTask(self.posture_cost, self.posture_gain, preferred)
+        return LIBRARIES[self.kind](task.robot, posture, name=name)
 
 
 class Own(LawTable):
@@ -154,8 +124,7 @@ class Own(LawTable):
             found = getattr(importlib.import_module(module), function)
         except (ImportError, AttributeError) as problem:
             raise ArgumentError("the law", self.function, f"it cannot be imported ({problem})") from None
-        made = found(task, start)
-        return made if isinstance(made, Strategy) else as_control_law(made)
+        return _as_law(found(task, start))
 
 
 class Given(LawTable):
@@ -170,11 +139,15 @@ class Given(LawTable):
         parameters = inspect.signature(function).parameters.values()
         places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
         needed = [p for p in parameters if p.kind in places and p.default is p.empty]
-        made = function(task, start) if len(needed) > 1 else function(task)
-        return made if isinstance(made, Strategy) else as_control_law(made)
+        return _as_law(function(task, start) if len(needed) > 1 else function(task))
 
 
-OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Pink, Mink, Placo, Own, Given)
+def _as_law(made: Any) -> Strategy | ControlLaw:
+    """What a user's function returned, as it can be run."""
+    return made if isinstance(made, Strategy) else as_control_law(made)
+
+
+OWN_KINDS = (BestLock, ClosedLoop, Damped, GradientProjection, Library, Own, Given)
 OF_A_JOB = tuple(model for kind, model in KINDS.items() if model is not Fitted)
 
 if TYPE_CHECKING:
