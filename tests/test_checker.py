@@ -120,6 +120,18 @@ def test_a_root_that_is_double_is_not_certified(file: Path) -> None:
     assert outcome(data, file) == REJECTED
 
 
+@pytest.mark.parametrize(("offset", "expected"), [(1.0, VERIFIED), (0.1, VERIFIED), (0.08, VERIFIED), (0.02, REJECTED)])
+def test_a_wide_cell_is_verified_part_by_part_until_its_tube_holds_both_roots(
+    offset: float, expected: str, file: Path
+) -> None:
+    """q = sqrt(offset + u) for 0 <= u <= 1 in one cell: the other root is -q, and the predictor errs more and more as
+    they come near."""
+    data, q = parabola(offset=offset), math.sqrt(offset + 0.5)
+    data["pieces"][0]["cells"] = {"q0": [q], "V": [[0.25 / q]], "Q": [[[-0.0625 / q**3]]], "Y": [[0.5 / q]]}
+    data["claims"] |= {"determinant": 0.0, "joints": [[-9.0], [-9.0], [9.0], [9.0]]}
+    assert outcome(data, file) == expected
+
+
 def test_an_unsymmetric_bend_of_the_predictor_is_not_trusted(box: Any, file: Path) -> None:
     """y Q y is that of the symmetric part, and so are its derivatives."""
     for change in (40.0, -40.0):

@@ -175,6 +175,12 @@ def test_singular_boxes_are_refused_with_their_reason() -> None:
     refused(certify(law, hk.workspace(box=(x, (0.1, 0.1, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
 
 
+def test_a_box_about_a_nearly_stretched_arm_is_refused_and_no_grid_is_too_fine() -> None:
+    robot, q = hk.load("panda"), np.array([0.0, 0.4, 0.0, -1e-5, 0.0, 1.6, 0.8])
+    law = hk.holonomic(hk.position(robot), hk.lock(2, 4, 5, 6))
+    refused(certify(law, hk.workspace(box=(start(robot, q), (0.3, 0.3, 0.3))), q, limits=False), Extent.SINGULAR)
+
+
 def test_a_wrist_through_its_singularity_is_proven_up_to_there() -> None:
     """IRB 140, six joints, no constraint: joint 5 from 0.3 to -0.3 along an arc about its own axis."""
     robot, q = hk.load("irb140"), np.array([0.2, 0.3, 0.1, 0.4, 0.3, -0.2])

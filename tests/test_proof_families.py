@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -84,7 +86,7 @@ def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> No
         certify(G, box, YUMI)
 
 
-def test_a_box_of_poses_that_turn_is_certified(panda: hk.Robot) -> None:
+def test_a_box_of_poses_that_turn_is_certified_and_verified(panda: hk.Robot, tmp_path: Path) -> None:
     """Six parameters: at its corners the joints are those of inverse kinematics on the leaf."""
     pose = panda.pose(PANDA_START)
     box = hk.workspace(box=(pose[:3, 3], (0.003, 0.003, 0.003)), rotation=pose[:3, :3], tilt=0.008, spin=0.008)
@@ -92,6 +94,8 @@ def test_a_box_of_poses_that_turn_is_certified(panda: hk.Robot) -> None:
     proof = certify(G, box, PANDA_START)
     assert proof.whole and proof.equation.d == 6 and len(proof) <= 16
     roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+    file = proof.save(tmp_path / "turned.json")
+    assert pytest.importorskip("holokin.proof.checker").check(str(file))["claims"]["whole"]
 
 
 def test_cells_examined_one_by_one_are_those_examined_together(

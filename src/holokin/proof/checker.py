@@ -2,12 +2,10 @@
 
 A certificate holds E(q, u), n numbers, as a list of operations. E = 0 where the joints q reach the pose u of a path,
 0 <= u <= 1, or of a box, -1 <= u_k <= 1, on one leaf. A cell is a box of u, run through by y in [-1, 1]^d; it predicts
-the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at its middle. Let, number by number,
-
-    eta >= |Y E(p(y), y)|,   M >= |1 - Y D_q E(p(y) + s, y)|   for all y and all |s| <= rho.
-
-If eta + M r < r < rho, then s - Y E(p(y) + s, y) maps the box |s| <= r into itself and contracts |s| <= rho: this holds
-just one root for each pose, within r of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
+the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at its middle. Let eta >= |Y E(p(y), y)| and
+M >= |1 - Y D_q E(p(y) + s, y)|, number by number, for all y and all |s| <= rho. If eta + M r < r < rho, then
+s - Y E(p(y) + s, y) maps the box |s| <= r into itself and contracts |s| <= rho: this holds just one root for each
+pose, within r of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
 """
 
 import hashlib
@@ -19,8 +17,7 @@ from typing import Any
 
 from flint import arb, arb_mat, ctx
 
-ctx.prec = 64
-UNIT, NAN, TURN = arb(0, 1), arb("nan"), 2 * arb.pi()
+ctx.prec, UNIT, NAN, MOST = 64, arb(0, 1), arb("nan"), 64
 
 
 class RejectedError(Exception):
@@ -33,9 +30,10 @@ def need(true: bool, what: str) -> None:
         raise RejectedError(what)
 
 
-def size(M: Any) -> Any:
-    """Upper bounds of |M|, number by number."""
-    return arb_mat(M.nrows(), M.ncols(), [abs(x).upper() for x in M.entries()])
+def size(*those: Any) -> Any:
+    """Upper bounds of |M| for all of those, number by number. None is NaN."""
+    rows = zip(*(M.tolist() for M in those), strict=True)
+    return arb_mat([[max(abs(x).upper() for x in of) for of in zip(*row, strict=True)] for row in rows])
 
 
 def below(a: Any, b: Any) -> bool:
@@ -48,13 +46,13 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
     "sub": lambda a, b: (a - b, (1, -1), {}),
     "mul": lambda a, b: (a * b, (b, a), {(0, 1): 1, (1, 0): 1}),
     "inv": lambda a: (1 / a, (-1 / a**2,), {(0, 0): 2 / a**3}),
-    "sq": lambda a: (abs(a) ** 2, (2 * a,), {(0, 0): 2}),
+    "sq": lambda a: (a * a, (2 * a,), {(0, 0): 2}),
     "sqrt": lambda a: (a.sqrt(), (a.rsqrt() / 2,), {(0, 0): -(a.rsqrt() ** 3) / 4}),
     "exp": lambda a: (a.exp(), (a.exp(),), {(0, 0): a.exp()}),
     "log": lambda a: (a.log(), (1 / a,), {(0, 0): -1 / a**2}),
     "sin": lambda a: (a.sin(), (a.cos(),), {(0, 0): -a.sin()}),
     "cos": lambda a: (a.cos(), (-a.sin(),), {(0, 0): -a.cos()}),
-    "atan": lambda a: (a.atan(), (1 / (1 + abs(a) ** 2),), {(0, 0): -2 * a / (1 + abs(a) ** 2) ** 2}),
+    "atan": lambda a: (a.atan(), (1 / (1 + a * a),), {(0, 0): -2 * a / (1 + a * a) ** 2}),
     "sign": lambda a: (arb(1) if a > 0 else arb(-1) if a < 0 else NAN, (0,), {}),
 }
 
@@ -62,12 +60,11 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
 class Cell:
     """A box of u and a predictor of (q, u). `Checker.prove` finds M, rho and r, `cover` the cells joined to it."""
 
-    def __init__(self, data: Any, sides: Any) -> None:
-        d, self.sides, self.joined = len(sides), sides, {self}
+    def __init__(self, data: Any, box: Any) -> None:
+        d, self.sides, self.joined = len(box), box, {self}
         self.Y = self.M = self.rho = self.r = arb_mat(data["Y"])
-        self.x = arb_mat([[q] for q in data["q0"]] + [[(arb(a) + b) / 2] for a, b in sides])
-        half = [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(sides)]
-        self.V = arb_mat(data["V"] + half)
+        self.x = arb_mat([[q] for q in data["q0"]] + [[(arb(a) + b) / 2] for a, b in box])
+        self.V = arb_mat(data["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(box)])
         self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in data["Q"]] + [arb_mat(d, d)] * d
 
     def p(self, y: Any) -> Any:
@@ -101,7 +98,7 @@ class Checker:
         for name, *of in self.data["operations"]:
             those = [jets[i] for i in of]
             value, slopes, bends = RULES[name](*(values[i] for i in of))
-            need(value.is_finite(), "the constraint may have a kink, or be undefined")
+            need(all(arb(x).is_finite() for x in (value, *slopes, *bends.values())), "the constraint may have a kink")
             values.append(value)
             sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
             for k, ((i, j), a) in product(orders[1:], (bends if all(those) else {}).items()):
@@ -111,19 +108,23 @@ class Checker:
         found = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
         return arb_mat([[values[i]] for i in rows]), found
 
-    def bounds(self, cell: Cell, s: Any) -> Any:
-        """(M, eta) for all y and a box of s; eta is right where s is 0."""
-        E, [first] = self.enclose(cell, 0 * self.all_y, s)
-        once = size(cell.Y * first - self.by_s.transpose())
-        twice = sum((size(cell.Y * D) for D in self.enclose(cell, self.all_y, s, twice=True)[1][1:]), 0 * once)
-        return (once + twice) * self.by_s, size(cell.Y * E) + (once + twice / 2) * self.by_y
+    def bounds(self, cell: Cell, s: Any, cuts: int) -> Any:
+        """(M, eta) for all y, each cut into so many parts, and a box of s; eta is right where s is 0."""
+        found, half = [], arb(1) / cuts
+        for y in (half * arb_mat([[k] for k in at]) for at in product(range(1 - cuts, cuts, 2), repeat=self.d)):
+            (E, [first]), (_, bends) = self.enclose(cell, y, s), self.enclose(cell, y + half * self.all_y, s, True)
+            once = size(cell.Y * first - self.by_s.transpose())
+            twice = half * sum((size(cell.Y * D) for D in bends[1:]), 0 * once)
+            found.append(((once + twice) * self.by_s, size(cell.Y * E) + half * (once + twice / 2) * self.by_y))
+        return (size(*parts) for parts in zip(*found, strict=True))
 
     def prove(self, cell: Cell) -> Cell:
         """The cell with its theorem, and what is claimed of it."""
-        M, eta = self.bounds(cell, arb_mat(self.n, 1))
-        some = arb_mat(self.n, 1, [max(eta.entries()) / 64 + 1e-15] * self.n)
-        for cell.rho in (factor * size((self.one - M).solve(eta + some)) for factor in (3, 2, 1.5)):
-            cell.M, _ = self.bounds(cell, cell.rho * UNIT)
+        for cuts, factor in product([k for k in (1, 2, 4, 8) if k**self.d <= MOST], (3, 2, 1.5)):
+            M, eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
+            some = arb_mat(self.n, 1, [max(eta.entries()) / 64 + 1e-15] * self.n)
+            cell.rho = factor * size((self.one - M).solve(eta + some))
+            cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
             cell.r = size((self.one - cell.M).solve(eta + some / 64))
             if below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho):
                 break
@@ -147,8 +148,7 @@ class Checker:
             face = [(max(a, c), min(b, d)) for (a, b), (c, d) in zip(one.sides, other.sides, strict=True)]
             if all(a < b or k == axis for k, (a, b) in enumerate(face)):
                 p, q = (cell.at([(arb(a) + b) / 2 for a, b in face])[1] for cell in (one, other))
-                glued = below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho)
-                need(glued, "the joints may jump between two cells")
+                need(below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho), "it may jump")
                 one.joined.update(other.joined)
                 for cell in other.joined:
                     cell.joined = one.joined
@@ -171,10 +171,10 @@ class Checker:
             self.whole = claims["whole"] or after is not pieces[0]
             self.numbers = [arb(x) for x in piece["numbers"] + data["level"] + data["constants"]]
             cells = self.cover(piece["cells"], [(0, 1) if self.d == 1 else (-1, 1)] * self.d)
-            gap = self.away(cells, [0] if self.d == 1 else piece["u"], piece["q"])
-            need(gap <= claims["gap"], "the leaf may miss the start")
+            u = [0] if self.d == 1 else piece["u"]
+            need(self.away(cells, u, piece["q"]) <= claims["gap"], "the leaf may miss the start")
             if turns:
-                q = [x + TURN * k.__index__() for x, k in zip(after["q"], turns, strict=True)]
+                q = [x + 2 * arb.pi() * k.__index__() for x, k in zip(after["q"], turns, strict=True)]
                 need(self.away(cells, [1], q) <= claims["gap"], "the path may not go on, or not close")
 
 

@@ -83,7 +83,9 @@ class PoseRegion(Value, Domain):
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
         tried = np.maximum(1.0, np.ceil(np.multiply.outer(FINENESS, np.minimum(sides, 1e3))))
-        tried = np.minimum(tried[tried.prod(axis=1) <= MOST], 64)
+        few = tried.prod(axis=1) <= MOST
+        # where the middle is nearly singular any grid is too fine: then one cell, halved as far as the budget goes
+        tried = np.minimum(tried[few], 64) if few.any() else np.ones((1, d))
         boxes = _about(1 / tried, np.full(len(tried), rho))
         found = examined(
             self.equation,
