@@ -238,8 +238,8 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
             "drift": float(each[0]), "drift_mean": float(each.mean()),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
-    once = slice(0, walk.marks[1] + 1 if walk.cycles else len(walk))
-    q, dq = walk.q[once], walk.dq[once]
+    once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
+    q, dq = once.q, once.dq
     span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
     room = np.minimum(walk.q - robot.lower, robot.upper - walk.q) / span
     if np.isfinite(span).any():
