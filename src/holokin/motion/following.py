@@ -28,10 +28,11 @@ from ..synchronized_paths import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
-from .leaf import leaf_stepper, native_leaf
+from .branch import branch_code
+from .leaf import leaf_step, leaf_stepper, native_leaf
 from .native import NativeFollower
 from .reach import out_of_reach
-from .velocity import native_velocity, velocity_stepper
+from .velocity import native_velocity, path_rate, velocity_stepper
 
 METHODS = ("velocity", "leaf")
 
@@ -70,6 +71,15 @@ def follow(
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     check_start(task, start, *plan.first)
     return _walk(strategy, leaf, plan, start, int(cycles), limits, native)
+
+
+def build_native(strategy: Strategy) -> None:
+    """Build, or load, the native code by which a strategy follows paths; without a compiler nothing happens."""
+    leaf = by_leaf(strategy)
+    if leaf is None:
+        path_rate(strategy).follower("velocity")
+    else:
+        leaf_step(leaf).follower("leaf", lambda: branch_code(leaf))
 
 
 def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy | None:
