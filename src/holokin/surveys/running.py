@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import time
 import zlib
@@ -163,11 +164,15 @@ def run_case(case: Case, cases: Cases) -> Row:
 
 
 def prepare(case: Case, cases: Cases) -> None:
-    """Build what later cases share with a case: robot, task, law and native code. What fails is told by `run_case`."""
+    """Build what later cases share with a case: robot, task, law and native code, and load the libraries of paths.
+
+    What fails is told by `run_case`.
+    """
     with suppress(HolokinError):
         _, _, law = _set_up(case, cases)
         if isinstance(law, Strategy):
             build_native(law)
+        importlib.import_module("scipy.spatial.transform")  # paths load it when they are first sampled
 
 
 def _walk(case: Case, cases: Cases) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
