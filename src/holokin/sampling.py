@@ -211,10 +211,10 @@ def record(
     task: Task,
     plan: Plan,
     q: Matrix,
-    dq: Matrix | Callable[[], Matrix],
+    dq: Matrix | Callable[[int], Matrix],
     cycles: int,
     status: Status,
-    residual: Callable[[], Vector] | None = None,
+    residual: Callable[[int], Vector] | None = None,
 ) -> Trajectory:
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
     robot = task.robot
@@ -226,24 +226,24 @@ def record(
         t[1 + first : 1 + first + len(step)] = plan.ends(step) + lap * plan.path.duration
     t.flags.writeable = False  # the trajectory keeps it as it is
 
-    def error() -> Matrix:
-        index = np.arange(count) % steps
-        p = np.vstack([plan.first[0][None], plan.position[index]])
-        R = np.concatenate([plan.first[1][None], plan.rotation[index]])
-        return task.error(q, p, R)
+    def error(samples: int) -> Matrix:
+        index = np.arange(samples - 1) % steps
+        p = np.vstack([plan.first[0][None], plan.position[index]])[:samples]
+        R = np.concatenate([plan.first[1][None], plan.rotation[index]])[:samples]
+        return task.error(q[:samples], p, R)
 
-    def sigma() -> Vector:
-        J, _ = task.jacobian_batch(q)
+    def sigma(samples: int) -> Vector:
+        J, _ = task.jacobian_batch(q[:samples])
         return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
 
     first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
     corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
     measures = Measures(
-        dq=dq if callable(dq) else lambda: dq,
-        x=lambda: task.value_batch(q),
+        dq=dq if callable(dq) else lambda samples: dq[:samples],
+        x=lambda samples: task.value_batch(q[:samples]),
         error=error,
         sigma=sigma,
-        residual=residual or (lambda: np.zeros(len(q))),
+        residual=residual or np.zeros,
     )
     return Trajectory(
         joint_names=robot.joint_names,

@@ -43,21 +43,17 @@ class Status(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """How the metrics of a trajectory are found; each is asked for once, when somebody wants it."""
+    """How the metrics of the first samples of a trajectory are found: each is asked for when somebody wants it."""
 
-    dq: Callable[[], Matrix]
-    x: Callable[[], Matrix]
-    error: Callable[[], Matrix]
-    sigma: Callable[[], Vector]
-    residual: Callable[[], Vector]
-
-
-def _known(values: Matrix) -> Matrix:
-    return values
+    dq: Callable[[int], Matrix]
+    x: Callable[[int], Matrix]
+    error: Callable[[int], Matrix]
+    sigma: Callable[[int], Vector]
+    residual: Callable[[int], Vector]
 
 
-def _first(measure: Callable[[], Matrix], count: int) -> Matrix:
-    return measure()[:count]
+def _known(values: Matrix, count: int) -> Matrix:
+    return values[:count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,27 +83,27 @@ class Trajectory(Value):
     @cached_property
     def dq(self) -> Matrix:
         """Joint rates (k, n) [joint units per s]."""
-        return frozen(self.measures.dq())
+        return frozen(self.measures.dq(len(self)))
 
     @cached_property
     def x(self) -> Matrix:
         """Task values (k, m)."""
-        return frozen(self.measures.x())
+        return frozen(self.measures.x(len(self)))
 
     @cached_property
     def error(self) -> Matrix:
         """Wanted minus reached (k, m) [m, rad]."""
-        return frozen(self.measures.error())
+        return frozen(self.measures.error(len(self)))
 
     @cached_property
     def sigma(self) -> Vector:
         """Smallest singular value of J (k,)."""
-        return frozen(self.measures.sigma())
+        return frozen(self.measures.sigma(len(self)))
 
     @cached_property
     def residual(self) -> Vector:
         """Largest |g - c| (k,); zero for a strategy without constraint."""
-        return frozen(self.measures.residual())
+        return frozen(self.measures.residual(len(self)))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -126,10 +122,9 @@ class Trajectory(Value):
         return self.q[list(self.marks[1:])] - self.q[0]
 
     def until(self, count: int) -> Trajectory:
-        """The first samples of it, and the cycles that end among them."""
-        measured = {f.name: partial(_first, getattr(self.measures, f.name), count) for f in fields(Measures)}
+        """The first samples of it, and the cycles that end among them; no more than these are measured."""
         return replace(
-            self, t=self.t[:count], q=self.q[:count], measures=Measures(**measured),
+            self, t=self.t[:count], q=self.q[:count],
             marks=tuple(k for k in self.marks if k < count), corners=tuple(k for k in self.corners if k < count),
         )  # fmt: skip
 

@@ -124,7 +124,8 @@ class FollowKernel:
     ) -> int:  # fmt: skip
         """Do the steps [first, last) of a cycle into the rows of Q; returns how many it did.
 
-        x begins with the posture to start from; for "leaf" it is (q, p, R, c, rate).
+        x begins with the posture to start from; for "leaf" it is (q, p, R, c, rate, why), where `why` says after fewer
+        steps: 1 no piece keeps to the branch, 2 the tries ran out, 3 a limit, 0 a step in Python tells it; q is where.
         """
         return self._run(
             segments.ctypes.data, counts.ctypes.data, None if closing is None else closing.ctypes.data, x.ctypes.data,

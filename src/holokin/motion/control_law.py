@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
 
+import numpy as np
+
 from ..arguments import Made
 from ..errors import ArgumentError
 from ..robot import Kinematics
@@ -164,7 +166,7 @@ def compiled(
         rates = function()
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
-            dq, rcond, margin = rates(q, *task.target(pose), twist.ravel(), (dt,), q0)
+            dq, rcond, margin = rates(q, *task.target(pose), twist.ravel(), np.array([dt]), q0)
             check_regular(task, name, q, rcond, margin)
             return dq
 

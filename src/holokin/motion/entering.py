@@ -111,12 +111,12 @@ def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
     if len(q) > 1:
         rates[-1] = rates[-2]
 
-    def sigma() -> Vector:
-        return np.asarray(np.linalg.svd(task.jacobian_batch(q)[0], compute_uv=False)[:, -1], dtype=float)
+    def sigma(samples: int) -> Vector:
+        return np.asarray(np.linalg.svd(task.jacobian_batch(q[:samples])[0], compute_uv=False)[:, -1], dtype=float)
 
     measures = Measures(
-        dq=lambda: rates, x=lambda: task.value_batch(q), error=lambda: np.zeros((len(q), task.m)), sigma=sigma,
-        residual=lambda: np.zeros(len(q)),
+        dq=lambda samples: rates[:samples], x=lambda samples: task.value_batch(q[:samples]),
+        error=lambda samples: np.zeros((samples, task.m)), sigma=sigma, residual=np.zeros,
     )  # fmt: skip
     return Trajectory(
         joint_names=task.robot.joint_names, joint_units=tuple(c.unit for c in task.robot.coordinates),

@@ -28,10 +28,11 @@ from ..synchronized_paths import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
-from .leaf import leaf_stepper, native_leaf
+from .branch import branch_code
+from .leaf import leaf_step, leaf_stepper, native_leaf
 from .native import NativeFollower
 from .reach import out_of_reach
-from .velocity import native_velocity, velocity_stepper
+from .velocity import native_velocity, path_rate, velocity_stepper
 
 METHODS = ("velocity", "leaf")
 
@@ -70,6 +71,15 @@ def follow(
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     check_start(task, start, *plan.first)
     return _walk(strategy, leaf, plan, start, int(cycles), limits, native)
+
+
+def build_native(strategy: Strategy) -> None:
+    """Build, or load, the native code by which a strategy follows paths; without a compiler nothing happens."""
+    leaf = by_leaf(strategy)
+    if leaf is None:
+        path_rate(strategy).follower("velocity")
+    else:
+        leaf_step(leaf).follower("leaf", lambda: branch_code(leaf))
 
 
 def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy | None:
@@ -111,6 +121,8 @@ def _walk(
         try:
             for done, q in steps:  # noqa: B007  q goes on below
                 report(done)
+            if fast is not None and done < total:
+                fast.halted()
             for step in range(done, total):
                 q = stepper(q, step % plan.steps)
                 if limits and not ((q >= lower) & (q <= upper)).all():
@@ -140,7 +152,7 @@ def _walk(
 def _native_steps(
     fast: NativeFollower, plan: Plan, q: Vector, cycles: int, postures: Matrix
 ) -> Iterator[tuple[int, Vector]]:
-    """(steps done, posture) after each block of native steps; ends early where they halt, for `stepper` to tell why."""
+    """(steps done, posture) after each block of native steps; ends early where they halt."""
     done = 0
     for _ in range(cycles):
         for first in range(0, plan.steps, BLOCK):
@@ -156,16 +168,17 @@ def _native_steps(
 def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
     task = strategy.task
 
-    def dq() -> Matrix:
+    def dq(samples: int) -> Matrix:
         rates = plan.rates_at_ends()
-        index = 1 + np.arange(len(q) - 1) % plan.steps
-        return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]]))[0].reshape(len(q), task.n)
+        index = 1 + np.arange(samples - 1) % plan.steps
+        found = strategy.rate.batch(q[:samples], np.vstack([rates[:1], rates[index]])[:samples])[0]
+        return found.reshape(samples, task.n)
 
-    def residual() -> Vector:
+    def residual(samples: int) -> Vector:
         leaf = by_leaf(strategy)
         if leaf is None or task.n == task.m:
-            return np.zeros(len(q))
-        values = leaf.constraint_value.batch(q).reshape(len(q), -1)
+            return np.zeros(samples)
+        values = leaf.constraint_value.batch(q[:samples]).reshape(samples, -1)
         return np.abs(leaf.constraint.nearest(values - values[0])).max(axis=1)
 
     return record(task, plan, q, dq, cycles, status, residual)

@@ -151,6 +151,10 @@ class WayEnd(Enum):
     FOLD = "the leaf ends there"
 
 
+NATIVE_ENDS, NATIVE_LIMIT = {1: WayEnd.STOPPED, 2: WayEnd.TRIED}, 3
+"""What native code says by hk_ends of follow.c."""
+
+
 def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: int = TRIES) -> HolokinError:
     """Why a way along a leaf got no farther than q."""
     if ended is WayEnd.TRIED:
@@ -253,7 +257,16 @@ def native_leaf(
     rules = LeafRules(
         t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
     )
-    return NativeFollower(kernel, plan, np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0))]), rules, limits)
+    x = np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0) + 1)])
+
+    def halted() -> None:
+        q = x[: len(q0)].copy()
+        if x[-1] == NATIVE_LIMIT:
+            strategy.task.robot.check_limits(q)
+        elif x[-1] > 0:
+            raise leaf_problem(strategy, q, NATIVE_ENDS[int(x[-1])])
+
+    return NativeFollower(kernel, plan, x, rules, limits, halted)
 
 
 def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:

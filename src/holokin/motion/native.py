@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,9 +14,16 @@ from ..types import Matrix, Vector
 
 
 class NativeFollower:
-    """A kernel on its way along a plan; `x` is its memory, which begins with the posture."""
+    """A kernel on its way along a plan; `x` is its memory, which begins with the posture.
 
-    def __init__(self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool) -> None:
+    halted: raises why it did fewer steps than asked, where that is known; else a step in Python tells it.
+    """
+
+    def __init__(
+        self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool,
+        halted: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        self.halted = halted
         robot, n, slack = plan.task.robot, plan.task.n, TOLERANCES.limit
         p, R = plan.first
         self._kernel, self._x, self._rules = kernel, x, rules

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field
@@ -136,10 +136,14 @@ class Given(LawTable):
     def law(self, task: Task, start: Vector, name: str) -> Any:
         """What the function returns."""
         function = given(self.key)
-        parameters = inspect.signature(function).parameters.values()
-        places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        needed = [p for p in parameters if p.kind in places and p.default is p.empty]
-        return _as_law(function(task, start) if len(needed) > 1 else function(task))
+        return _as_law(function(task, start) if _takes_start(function) else function(task))
+
+
+def _takes_start(function: Callable[..., Any]) -> bool:
+    """Whether a user's function is of the task and the start posture, and not of the task alone."""
+    parameters = inspect.signature(function).parameters.values()
+    places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(p.kind in places and p.default is p.empty for p in parameters) > 1
 
 
 def _as_law(made: Any) -> Strategy | ControlLaw:
@@ -168,7 +172,10 @@ def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -
 
 def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     """Whether what is built depends on the start posture, and not on the task alone."""
-    return any(isinstance(law, (Radial, Own, Given)) for law in laws.values())
+    return any(
+        isinstance(law, (Radial, Own)) or (isinstance(law, Given) and _takes_start(given(law.key)))
+        for law in laws.values()
+    )
 
 
 def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> Strategy | ControlLaw:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,21 @@ OBJECT = "given:"
 """Before the name of a robot that is an object."""
 
 _objects: dict[str, Any] = {}
+_forgetting: list[Callable[[], None]] = []
 
 
 def keep(objects: Mapping[str, Any]) -> None:
-    """Those of the survey that this process does now."""
+    """Those of the survey that this process does now; what was built of others with the same keys is forgotten."""
+    if any(_objects.get(key, thing) is not thing for key, thing in objects.items()):
+        for forget in _forgetting:
+            forget()
     _objects.update(objects)
+
+
+def when_replaced(forget: Callable[[], None]) -> Callable[[], None]:
+    """Have something done when a key gets another object: whoever keeps what is built of objects forgets it."""
+    _forgetting.append(forget)
+    return forget
 
 
 def given(key: str) -> Any:

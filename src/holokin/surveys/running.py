@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import time
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path as FilePath
@@ -27,6 +29,7 @@ from ..job.several_paths import build_paths
 from ..job.strategies import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
+from ..motion.following import build_native
 from ..path import Path
 from ..robot import Robot
 from ..robot.units import longest_reach
@@ -38,7 +41,7 @@ from ..types import Vector
 from .cases import Case, Cases
 from .laws import built, of_the_start, resolved
 from .loops import drawn
-from .objects import OBJECT, given, given_path
+from .objects import OBJECT, given, given_path, when_replaced
 from .tables import LoopTable
 
 KEPT_LAWS = 64
@@ -160,16 +163,31 @@ def run_case(case: Case, cases: Cases) -> Row:
     return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
 
 
+def prepare(case: Case, cases: Cases) -> None:
+    """Build what later cases share with a case: robot, task, law and native code, and load the libraries of paths.
+
+    What fails is told by `run_case`.
+    """
+    with suppress(HolokinError):
+        _, _, law = _set_up(case, cases)
+        if isinstance(law, Strategy):
+            build_native(law)
+        importlib.import_module("scipy.spatial.transform")  # paths load it when they are first sampled
+
+
 def _walk(case: Case, cases: Cases) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
-    folder, rest = cases.folder, case.rest
-    q0 = start_of(case, folder)
+    task, q0, law = _set_up(case, cases)
+    return _run(law, task, _path(case, task, q0, cases.folder), q0, case.rest), law, task
+
+
+def _set_up(case: Case, cases: Cases) -> tuple[Task, Vector, Strategy | ControlLaw]:
+    """(task, start posture, law), of which task and law are kept."""
+    q0 = start_of(case, cases.folder)
     told = json.dumps([case.robot, case.task], sort_keys=True)
-    task = _task(told, folder)
-    path = _path(case, task, q0, folder)
+    task = _task(told, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
     key = [told, *(f"{name}: {law!r}" for name, law in laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
-    law = _law(str(key), lambda: built(laws, case.law, task, q0))
-    return _run(law, task, path, q0, rest), law, task
+    return task, q0, _law(str(key), lambda: built(laws, case.law, task, q0))
 
 
 @lru_cache(maxsize=16)
@@ -196,6 +214,13 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
     while len(_laws) > KEPT_LAWS:
         del _laws[next(iter(_laws))]
     return found
+
+
+@when_replaced
+def _forget() -> None:
+    for known in (_robot, _starts, _task):
+        known.cache_clear()
+    _laws.clear()
 
 
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
@@ -238,8 +263,8 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
             "drift": float(each[0]), "drift_mean": float(each.mean()),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
-    once = slice(0, walk.marks[1] + 1 if walk.cycles else len(walk))
-    q, dq = walk.q[once], walk.dq[once]
+    once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
+    q, dq = once.q, once.dq
     span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
     room = np.minimum(walk.q - robot.lower, robot.upper - walk.q) / span
     if np.isfinite(span).any():

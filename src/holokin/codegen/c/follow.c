@@ -1,12 +1,15 @@
 /* The segments of each frame lie one after the other, those of all frames in turn.
    Steps `first` to `last` of one cycle whose segments have counts[] steps; Q (.., HK_N) gets a row a step.
-   Returns the steps done; x keeps (q, p, R, c) there and the rate of the last step. Fewer than asked: the leaf ended,
-   or a limit. */
+   Returns the steps done; x keeps (q, p, R, c) there and the rate of the last step. Fewer than asked: the last number
+   of x says why, of hk_ends, and its q is where; HK_FEW pieces say nothing, since Python soon tries them again. */
+enum hk_ends { HK_STOPPED = 1, HK_TRIED, HK_LIMIT };
+enum { HK_FEW = 1000 };
+
 long long hk_follow(const hk_segment *segments, const long long *counts, const double *closing, double *x, long long first,
                     long long last, const double *lower, const double *upper, const hk_rules *rules, double *Q) {
   int s = 0;
   long long before = 0, total = 0, apart = 0;
-  double q[HK_N], *rate = x + HK_STATE;
+  double q[HK_N], *rate = x + HK_STATE, *why = rate + HK_N;
   hk_branch branch;
   branch.laid = 0;
   branch.length = HK_LONGEST;
@@ -37,11 +40,15 @@ long long hk_follow(const hk_segment *segments, const long long *counts, const d
       }
       if (!(width >= rules->smallest) || tried >= rules->tries) {
         for (int i = 0; i < HK_N; i++) x[i] = q[i];
+        *why = width >= rules->smallest ? HK_TRIED : tried > HK_FEW ? HK_STOPPED : 0;
         return k - first;
       }
     }
     for (int i = 0; i < HK_N; i++) {
-      if (!(q[i] >= lower[i] && q[i] <= upper[i])) return k - first;
+      if (!(q[i] >= lower[i] && q[i] <= upper[i])) {
+        *why = HK_LIMIT;
+        return k - first;
+      }
       Q[(k - first) * HK_N + i] = q[i];
     }
   }
