@@ -17,8 +17,10 @@ KINDS = {
 """Every kind of law that a survey may hold, and its model."""
 
 _SURVEY = Form(
-    SurveyTable, "laws", KINDS,
-    {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable}
+    SurveyTable,
+    "laws",
+    KINDS,
+    {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable},
 )
 
 

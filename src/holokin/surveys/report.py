@@ -12,8 +12,8 @@ from ..job.writing import table, toml
 from ..output.page import drawn, html_table, page
 from ..version import __version__
 from .cases import Cases
-from .figures import boxes_figure, drift_figure, status_figure, survival_figure
-from .findings import Findings
+from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
+from .findings import ON_PATH, Findings
 from .running import repeating_job
 from .tables import SurveyTable
 
@@ -24,7 +24,8 @@ WORST = 10
 _TERMS = (
     "Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 percent. Returns: cases "
     "whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same "
-    "postures. Cases that did not end a cycle have no drift."
+    "postures. Margin: the smallest distance of a joint to a limit, of its range, the median. Covered: complete, with "
+    f"the tool no further than {1e3 * ON_PATH:g} mm from the path. Cases that did not end a cycle have no drift."
 )
 
 
@@ -47,6 +48,11 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
             lambda: survival_figure(found),
             "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
             "Meier: a case that ends for another reason counts up to there).",
+        ),
+        drawn(
+            lambda: coverage_figure(found),
+            "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
+            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey: not asked.",
         ),
         drawn(lambda: status_figure(found), "How the cases of each law ended."),
         drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
