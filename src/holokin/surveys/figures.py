@@ -43,9 +43,9 @@ def _figure(height: float) -> tuple[Any, Any]:
 
 def _looks(found: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
-    drift = [found.of_law(law).known("drift_mean") for law in found.laws]
+    drift = [found.of_law(law).known("drift_last") for law in found.laws]
     return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
-    colors = law_colors(return_)
+    colors = [GREY if color == YELLOW else color for color in law_colors(return_)]  # no line is yellow on white
     looks = {}
     for i, law in enumerate(found.laws):
         before = return_[:i].count(return_[i])
@@ -64,11 +64,11 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
 
 
 def drift_figure(found: Findings) -> Any:
-    """Share of the cases of a law whose drift of a cycle is below a value, over that value."""
+    """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
     figure, axes = _figure(4.4)
     looks, handles = _looks(found), []
     for law in found.laws:
-        drift = np.sort(np.maximum(found.of_law(law).known("drift_mean"), LEAST))
+        drift = np.sort(np.maximum(found.of_law(law).known("drift_last"), LEAST))
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
             (line,) = axes.step(
@@ -80,7 +80,7 @@ def drift_figure(found: Findings) -> Any:
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST, 4.0)
     axes.set_ylim(0, 1.02)
-    axes.set_xlabel("largest joint error after a cycle [rad, m], mean over the cycles of a case")
+    axes.set_xlabel("largest joint error after the last cycle of a case [rad, m]")
     axes.set_ylabel("share of the cases with less")
     _title(axes, "Drift: lines at the left return, lines at the right drift")
     _named(figure, handles)

@@ -16,7 +16,7 @@ from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())
 RETURNS = 1e-6
-"""Drift of a cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+"""Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
@@ -124,8 +124,8 @@ class Findings(Value):
         return pandas.DataFrame(self.columns)
 
     def drifting(self, count: int = 10) -> list[dict[str, Any]]:
-        """The rows with the largest drift of a cycle."""
-        drift = np.nan_to_num(self.columns["drift_mean"], nan=0.0)
+        """The rows with the largest drift of their last cycle."""
+        drift = np.nan_to_num(self.columns["drift_last"], nan=0.0)
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
     def stopped(self, count: int = 10) -> list[dict[str, Any]]:
@@ -145,17 +145,18 @@ class Findings(Value):
     def table(self) -> tuple[list[str], list[list[str]]]:
         """(titles, a row for each law): how often, how far, what it costs."""
         head = ["law", "cases", "complete", "covered", "limit", "other"]
-        head += ["returns", "drift a cycle", "95 %", "cost", "margin"]
+        head += ["returns", "first cycle", "last cycle", "95 %", "cost", "margin"]
         rows = []
         for law in self.laws:
             found = self.of_law(law)
-            shares, drift = found.shares(), found.known("drift_mean")
+            shares, first, drift = found.shares(), found.known("drift"), found.known("drift_last")
             cost, margin = found.known("cost"), found.known("margin")
             ended = [shares["complete"], float(np.mean(found.covered)), shares["limit"]]
             ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
             rows.append([
                 law, f"{len(found):,}", *(f"{share:.1%}" for share in ended),
                 f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
+                _digits(np.median(first)) if first.size else "",
                 _digits(np.median(drift)) if drift.size else "",
                 _digits(np.quantile(drift, 0.95)) if drift.size else "",
                 f"{np.median(cost):.2f}" if cost.size else "",

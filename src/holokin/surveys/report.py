@@ -22,10 +22,11 @@ WORST = 10
 
 
 _TERMS = (
-    "Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 percent. Returns: cases "
-    "whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same "
-    "postures. Margin: the smallest distance of a joint to a limit, of its range, the median. Covered: complete, with "
-    f"the tool no further than {1e3 * ON_PATH:g} mm from the path. Cases that did not end a cycle have no drift."
+    "First and last cycle: the largest joint error at their end, in rad or m, the median, and of the last cycle the 95 "
+    "percent. Returns: cases that close their last cycle to 1e-6. Covered: complete, with the tool no further than "
+    f"{1e3 * ON_PATH:g} mm from the path. Cost: joint speed over the least there is, that of the pseudo-inverse at the "
+    "same postures. Margin: the smallest distance of a joint to a limit, of its range. Cases that did not end a cycle "
+    "have no drift."
 )
 
 
@@ -43,7 +44,10 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
         f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
-        drawn(lambda: drift_figure(found), "Of each law the share of cases whose drift of a cycle is below a value."),
+        drawn(
+            lambda: drift_figure(found),
+            "Of each law the share of cases whose last cycle ends with a joint error below a value.",
+        ),
         drawn(
             lambda: survival_figure(found),
             "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
@@ -66,7 +70,8 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
 
 
 def _told(row: dict[str, Any], cases: Cases) -> str:
-    words = {"cycles": "complete cycles", "drift_mean": "drift a cycle", "drift_total": "in all", "margin": "margin"}
+    words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
+    words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
     words = f"{row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     job = repeated(cases, int(row["number"]))

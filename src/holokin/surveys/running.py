@@ -53,6 +53,7 @@ METRICS = {
     "cycles": "complete cycles before it stopped",
     "drift": "largest joint error after the first cycle [rad, m]",
     "drift_mean": "the same, mean over its cycles",
+    "drift_last": "the same of its last complete cycle: what is left when a law has settled",
     "drift_total": "largest joint error between the start and the end of its last cycle [rad, m]",
     "tracking": "largest error of the tool's position [m]",
     "sigma": "smallest singular value of J on its way",
@@ -235,7 +236,7 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
     if walk.cycles:
         each = np.abs(walk.drift()).max(axis=1)
         found |= {
-            "drift": float(each[0]), "drift_mean": float(each.mean()),
+            "drift": float(each[0]), "drift_mean": float(each.mean()), "drift_last": float(each[-1]),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
     once = slice(0, walk.marks[1] + 1 if walk.cycles else len(walk))
