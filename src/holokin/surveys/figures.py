@@ -120,8 +120,8 @@ def coverage_figure(found: Findings) -> Any:
     names = short_names(robots)
     order = np.argsort(-np.nanmean(share, axis=1), kind="stable")
     figure, axes = _figure(2.2 + 0.25 * len(robots))
-    colors = LinearSegmentedColormap.from_list("coverage", [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE])
-    colors.set_bad(PALE)
+    scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
+    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
     for row, robot in enumerate(order):
         for column in range(len(laws)):

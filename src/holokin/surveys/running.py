@@ -202,8 +202,16 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
     if case.loop["table"]["kind"] == "given":
         return given_path(case.loop["table"]["key"], task.pose(q0))
-    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder)
-    return build_paths(Job.model_validate(table), task, q0, folder / "survey.toml")[0]  # type: ignore[return-value]
+    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder) | {"title": "any"}
+    return _job_path(json.dumps([case.robot, case.task], sort_keys=True), json.dumps(table, sort_keys=True), folder)
+
+
+@lru_cache(maxsize=4)
+def _job_path(told: str, table: str, folder: FilePath) -> Path:
+    """The path of a job, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    job = Job.model_validate_json(table)
+    q0 = np.array(json.loads(table)["start"]["q"])
+    return build_paths(job, _task(told, folder), q0, folder / "survey.toml")[0]  # type: ignore[return-value]
 
 
 def _run(
