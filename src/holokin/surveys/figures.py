@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..output.palette import (
     YELLOW,
     law_colors,
 )
+from ..output.plots import style
 from ..output.words import on_figure
 from .findings import ON_PATH, RETURNS, STATUS_ORDER, Findings, short_names
 
@@ -32,6 +34,19 @@ DASHES = ("-", "--", ":", "-.")
 
 DEAR = 3.0
 """Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike."""
+
+
+def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
+    """With the house's settings of matplotlib, wherever it is called."""
+
+    @wraps(draw)
+    def drawn(found: Findings) -> Any:
+        from matplotlib import rc_context
+
+        with rc_context(style()):
+            return draw(found)
+
+    return drawn
 
 
 def _figure(height: float) -> tuple[Any, Any]:
@@ -63,6 +78,7 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
     figure.legend(handles=lines, fontsize=9, loc="outside right upper", frameon=False)
 
 
+@_styled
 def drift_figure(found: Findings) -> Any:
     """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
     figure, axes = _figure(4.4)
@@ -87,6 +103,7 @@ def drift_figure(found: Findings) -> Any:
     return figure
 
 
+@_styled
 def survival_figure(found: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
     figure, axes = _figure(4.0)
@@ -112,6 +129,7 @@ def _percent(value: float, _place: Any) -> str:
     return f"{100 * value:.3g} %"
 
 
+@_styled
 def coverage_figure(found: Findings) -> Any:
     """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above."""
     from matplotlib.colors import LinearSegmentedColormap
@@ -145,6 +163,7 @@ def coverage_figure(found: Findings) -> Any:
     return figure
 
 
+@_styled
 def status_figure(found: Findings) -> Any:
     """How the cases of each law ended, as bars."""
     laws = found.laws
@@ -166,8 +185,9 @@ def status_figure(found: Findings) -> Any:
     return figure
 
 
+@_styled
 def boxes_figure(found: Findings) -> Any:
-    """Cost and margin by law: median, quartiles, 5 and 95 percent."""
+    """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
     from matplotlib.figure import Figure
 
     laws, looks = found.laws, _looks(found)

@@ -6,11 +6,13 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from ..errors import MissingExtraError
+from ..output.page import html_table
 from ..types import Array, Flags, Indices, Value, Vector
 from .running import METRICS, STATUSES
 
@@ -51,6 +53,11 @@ class Findings(Value):
         return "\n".join(
             "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
         )
+
+    def _repr_html_(self) -> str:
+        """The table by law, as notebooks show it."""
+        head, rows = self.table()
+        return html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
 
     @cached_property
     def laws(self) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import HolokinError
 from ..files import replacing
 from ..job.writing import table, toml
-from ..output.page import drawn, html_table, page
+from ..output.page import drawn, page
 from ..version import __version__
 from .cases import Cases
 from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
@@ -33,7 +33,6 @@ _TERMS = (
 def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
     """Write the page. Raises: WriteError."""
     cases = Cases(survey, folder)
-    head, rows = found.table()
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
@@ -41,7 +40,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
         f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
         "<h2>By law</h2>",
-        html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
+        found._repr_html_(),
         f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
         drawn(

@@ -44,6 +44,9 @@ from .tables import LoopTable
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
 
+LOST = 0.05
+"""Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
+
 STATUSES = {
     Status.COMPLETE: "complete", Status.LIMIT: "limit", Status.OUT_OF_REACH: "out of reach",
     Status.SINGULAR: "singular", Status.BRANCH: "branch", Status.LOST: "lost", Status.FAULT: "fault",
@@ -229,13 +232,22 @@ def _run(
         if problem.trajectory is None:
             raise
         return problem.trajectory, str(problem), None
-    robot = task.robot
+    return _while_it_holds(walk, task.robot, rest["limits"])
+
+
+def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Trajectory, str, Status | None]:
+    """What a control law did until it first left the joint limits, or the path; and which."""
     beyond = (walk.q < robot.lower - TOLERANCES.limit) | (walk.q > robot.upper + TOLERANCES.limit)
-    if rest["limits"] and beyond.any():
-        k = int(np.argmax(beyond.any(axis=1)))
+    metres = [i for i, unit in enumerate(walk.row_units) if unit == "m"]
+    off = np.linalg.norm(walk.error[:, metres], axis=1) > LOST
+    ended = (beyond.any(axis=1) & limits) | off
+    if not ended.any():
+        return walk, "", None
+    k = int(np.argmax(ended))
+    if limits and beyond[k].any():
         joint = robot.joint_names[int(np.argmax(beyond[k]))]
         return walk.until(k), f"went beyond a limit of {joint!r}, which nothing stopped", Status.LIMIT
-    return walk, "", None
+    return walk.until(k), f"the tool was more than {LOST:g} m away from the path", Status.LOST
 
 
 def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
