@@ -261,10 +261,10 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
         }  # fmt: skip
     once = slice(0, walk.marks[1] + 1 if walk.cycles else len(walk))
     q, dq = walk.q[once], walk.dq[once]
-    span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
-    room = np.minimum(walk.q - robot.lower, robot.upper - walk.q) / span
-    if np.isfinite(span).any():
-        found["margin"] = float(room[:, np.isfinite(span)].min())
+    bounded = np.isfinite(robot.upper - robot.lower)
+    if bounded.any():
+        room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
+        found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
     if len(q) > 1:
         J, _ = task.jacobian_batch(q)
         least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, dq)
