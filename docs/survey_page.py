@@ -97,7 +97,8 @@ def answers(table: SurveyTable, found: Findings) -> dict[str, str]:
         facts |= {
             f"{key}_returns": returned(of), f"{key}_stops": stops(of), f"{key}_covers": cover(of),
             f"{key}_first": middle(of.known("drift"), form=".2g"), f"{key}_last": middle(drift, form=".2g"),
-            f"{key}_far": f"{np.mean(drift > 0.01):.0%}", f"{key}_limit_5": f"{of.met_a_limit(5):.1%}",
+            f"{key}_far": f"{np.mean(drift > 0.01):.0%}" if drift.size else "none",
+            f"{key}_limit_5": f"{of.met_a_limit(5):.1%}",
             f"{key}_limit": f"{of.met_a_limit(table.cycles):.1%}", f"{key}_cost": middle(cost, form=".3g"),
             f"{key}_dear": middle(cost, 0.95, ".3g"),
         }  # fmt: skip
@@ -118,7 +119,7 @@ def stops(law: Findings) -> str:
 
 def cover(law: Findings) -> str:
     """The share of the cases that it covers."""
-    return f"{np.mean(law.covered):.1%}"
+    return f"{np.mean(law.covered):.1%}" if len(law) else "none"
 
 
 def laws_table(found: Findings) -> str:

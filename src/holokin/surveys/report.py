@@ -72,7 +72,7 @@ def _told(row: dict[str, Any], cases: Cases) -> str:
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
-    words = f"{row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
+    words = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     job = repeated(cases, int(row["number"]))
     return (
         f"<details><summary>{escape(words)}; {escape(', '.join(told))}</summary>"
