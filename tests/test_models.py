@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +196,20 @@ def test_without_network_robot_descriptions_fails_clearly(tmp_path: Path, monkey
     monkeypatch.setattr("holokin.robot.descriptions.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("robot_descriptions:panda")
+
+
+def test_a_name_of_example_robot_data_is_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    named = hk.load("example-robot-data:panda", tip="panda_hand_tcp")
+    assert_same(named, hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp"))
+    with pytest.raises(UnknownNameError, match="unknown robot of example-robot-data 'pandda'"):
+        hk.load("example-robot-data:pandda")
+
+    def absent(_name: str) -> None:
+        raise PackageNotFoundError
+
+    monkeypatch.setattr("holokin.robot.descriptions.files", absent)
+    with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
+        hk.load("example-robot-data:panda")
 
 
 # --- roboticstoolbox ---

@@ -9,6 +9,7 @@ import pytest
 
 from conftest import Command
 from holokin.surveys import Findings, Store
+from holokin.surveys.findings import short_names
 from survey_laws import CIRCLES
 
 
@@ -36,6 +37,30 @@ def test_of_the_cases_that_stopped_the_rarest_of_each_law_are_shown_first() -> N
     assert shown == [("b", "singular", 0.0), ("a", "branch", 2.0), ("a", "limit", 1.0), ("a", "limit", 3.0)]
 
 
+def test_a_loop_is_covered_when_it_was_gone_round_with_the_tool_on_the_path() -> None:
+    rows = [  # robot, law, status, tool error [m]
+        ("a", "x", "complete", 1e-4), ("a", "x", "complete", 0.02), ("a", "y", "limit", 1e-4),
+        ("b", "x", "complete", 0.0), ("b", "x", "fault", None),
+    ]  # fmt: skip
+    keys = ("robot", "law", "status", "tracking")
+    robots, laws, share = (found := Findings.of(dict(zip(keys, row, strict=True)) for row in rows)).coverage()
+    assert (robots, laws) == (["a", "b"], ["x", "y"])
+    assert share[0].tolist() == [0.5, 0.0] and share[1, 0] == 0.5 and np.isnan(share[1, 1])
+    assert found.covered.tolist() == [True, False, False, True, False]
+
+
+def test_the_share_that_met_a_limit_by_a_cycle_is_what_survival_leaves() -> None:
+    found = Findings({
+        "cycles": np.array([0.0, 3.0, 4.0, 20.0]), "status": np.array(["limit", "limit", "singular", "complete"]),
+    })  # fmt: skip
+    assert [found.met_a_limit(k) for k in (0, 1, 3, 5, 20)] == pytest.approx([0.0, 0.25, 0.25, 0.5, 0.5])
+
+
+def test_robots_are_called_by_their_name_where_it_tells() -> None:
+    labels = ["panda", "example-robot-data:talos torso-hand", "example-robot-data:talos hand", "models/arm.urdf tool"]
+    assert short_names(labels) == ["panda", "talos torso-hand", "talos hand", "arm.urdf"]
+
+
 def test_the_command_line_runs_reports_and_repeats(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -50,7 +75,7 @@ def test_the_command_line_runs_reports_and_repeats(
     assert told.code == 0 and "pinv" in told.out
     page = out.with_suffix(".html").read_text()
     assert (
-        page.count("<figure>") == 4
+        page.count("<figure>") == 5
         and page.count("<details>") == 10
         and "All were complete" in page
         and "circles" in page

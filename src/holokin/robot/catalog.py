@@ -11,6 +11,7 @@ from typing import Any
 from ..arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
+from .descriptions import is_packaged
 from .files import Refuse, read_toml
 from .model import Robot
 from .reading import MODELS, Arguments, is_model, read_tree
@@ -44,11 +45,12 @@ def load(
     locked: Mapping[str, float] | None = None,
     args: Arguments | None = None,
 ) -> Robot:
-    """A robot by catalogue name, by path, or by a name of the package robot_descriptions.
+    """A robot by catalogue name, by path, or by a name of the packages robot_descriptions and example-robot-data.
 
     Args:
         name: a name of the `catalogue`; a file that ends in `.urdf`, `.xacro`, `.xml` (MJCF or URDF) or `.toml` (DH
-            table, joints as in a URDF, or parts put together); or "robot_descriptions:panda_description".
+            table, joints as in a URDF, or parts put together); or "robot_descriptions:panda_description",
+            "example-robot-data:talos_full_v2".
         tip, base, locked: the chain of a model, see `from_urdf`; robots of the catalogue and `.toml` files are chains
             already.
         args: names and values of a xacro file's arguments.
@@ -90,7 +92,7 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
 def beside(name: str, folder: Path) -> str | Path:
     """The name of a robot as a file in a folder says it: a path counts from there."""
     path = Path(name)
-    return folder / path if path.suffix and not path.is_absolute() else name
+    return folder / path if path.suffix and not path.is_absolute() and not is_packaged(name) else name
 
 
 def _refusal(path: Any) -> Refuse:

@@ -1,8 +1,9 @@
-"""Robots by the names of the package robot_descriptions, which fetches their files from the network."""
+"""Robots by the names of other packages: robot_descriptions, which fetches files, and example-robot-data."""
 
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import PackageNotFoundError, files
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
@@ -10,7 +11,39 @@ from pkgutil import iter_modules
 from ..errors import MissingExtraError, RobotFileError, UnknownNameError, brief
 
 PREFIX = "robot_descriptions:"
-"""What such names begin with, as in "robot_descriptions:panda_description"."""
+"""What its names begin with, as in "robot_descriptions:panda_description"."""
+
+EXAMPLES = "example-robot-data:"
+"""What names of that package begin with, as in "example-robot-data:talos_full_v2"."""
+
+
+def is_packaged(name: str) -> bool:
+    """Whether the name of a robot is one of another package."""
+    return name.startswith((PREFIX, EXAMPLES))
+
+
+def packaged_file(name: str) -> Path:
+    """The file of a robot of another package. Raises: as `description_file` and `example_file`."""
+    return example_file(name) if name.startswith(EXAMPLES) else description_file(name)
+
+
+def example_file(name: str) -> Path:
+    """The URDF of a robot of the installed package example-robot-data, by its file's name without ".urdf".
+
+    Of two files of one name that of the first folder counts.
+
+    Raises:
+        MissingExtraError: the package is not installed. UnknownNameError: it has no such robot.
+    """
+    try:
+        listed = files("example-robot-data") or []
+    except PackageNotFoundError:
+        raise MissingExtraError("example-robot-data", "descriptions") from None
+    known = {file.name.removesuffix(".urdf"): file for file in sorted(listed, reverse=True) if file.suffix == ".urdf"}
+    word = name.removeprefix(EXAMPLES).removesuffix(".urdf")
+    if word not in known:
+        raise UnknownNameError("robot of example-robot-data", word, sorted(known))
+    return Path(str(known[word].locate()))
 
 
 def description_file(name: str) -> Path:

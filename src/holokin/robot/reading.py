@@ -1,4 +1,4 @@
-"""Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; robot_descriptions."""
+"""Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; of other packages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..arguments import typed
 from ..errors import ArgumentError
-from .descriptions import PREFIX, description_file
+from .descriptions import is_packaged, packaged_file
 from .mjcf import mjcf_tree
 from .tree import Tree, above_of, links_of, root_of, tips_of
 from .urdf import urdf_text_tree, urdf_tree
@@ -24,12 +24,12 @@ Arguments = Mapping[str, str | float | bool]
 
 def is_model(name: str | Path) -> bool:
     """Whether a robot's name is that of a tree of links and joints, of which `tip`, `base` and `locked` choose."""
-    return str(name).startswith(PREFIX) or Path(name).suffix.lower() in MODELS
+    return is_packaged(str(name)) or Path(name).suffix.lower() in MODELS
 
 
 def read_tree(name: str | Path, args: Arguments | None = None) -> Tree:
     """The tree of a model. Raises: RobotFileError, MissingExtraError; ArgumentError: args for what is no xacro file."""
-    path = description_file(str(name)) if str(name).startswith(PREFIX) else Path(name)
+    path = packaged_file(str(name)) if is_packaged(str(name)) else Path(name)
     suffix = path.suffix.lower()
     if suffix == ".xacro":
         return xacro_tree(path, args)

@@ -1,5 +1,6 @@
 """Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several."""
 
+from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import Findings
 from .reading import read_survey, survey_of
 from .report import repeated, write_survey_report
@@ -12,9 +13,14 @@ __all__ = [
     "Progress",
     "Store",
     "SurveyTable",
+    "boxes_figure",
+    "coverage_figure",
+    "drift_figure",
     "read_survey",
     "repeated",
     "run_survey",
+    "status_figure",
     "survey_of",
+    "survival_figure",
     "write_survey_report",
 ]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UnknownNameError
+from ..errors import ArgumentError, UnknownNameError
 from ..job.robot_tables import RobotTable
 from ..robot import catalogue
 from ..types import Value
@@ -49,19 +49,20 @@ class Case:
 
 @dataclass(frozen=True)
 class Stratum:
-    """A robot with a task, a start and a kind of loop: cases are spread over all of them evenly."""
+    """A robot with a task, a start and a kind of loop, and its laws: cases are spread over all of them evenly."""
 
     robot: int
     task: str
     start: tuple[str, int]
     loop: str
+    laws: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Cases(Value):
     """All cases of a survey in a fixed order: those of one robot and task beside each other, all laws of a loop, too.
 
-    With `cases` in the survey so many are taken, rounded up to all laws of a loop; else all `count` loops of each kind.
+    With `cases` in the survey about so many are taken, always all laws of a loop; else all `count` loops of each kind.
     """
 
     table: SurveyTable
@@ -94,38 +95,51 @@ class Cases(Value):
         """All of them, those of one robot and task beside each other."""
         s = self.table.starts
         starts = [("regular", i) for i in range(s.regular)] + [("random", i) for i in range(s.random)]
-        return [
-            Stratum(r, task, start, loop)
-            for r in range(len(self.robots))
+        found = [
+            Stratum(r, task, start, loop, laws)
+            for r, robot in enumerate(self.labels)
             for task in self.table.tasks
             for start in starts
             for loop in self.table.loops
+            if (laws := self._laws(robot, task, loop))
         ]
+        if not found:
+            raise ArgumentError("without", "every case", "leave some of them in")
+        return found
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """What each robot is called in its rows."""
+        return [_label(robot) for robot in self.robots]
+
+    def _laws(self, robot: str, task: str, loop: str) -> tuple[str, ...]:
+        """Those that are not left out."""
+        rules = [rule for rule in self.table.without if rule.fits(robot=robot, task=task, loop=loop)]
+        return tuple(law for law in self.table.laws if not any(rule.fits(law=law) for rule in rules))
 
     @cached_property
     def _ends(self) -> list[int]:
-        """For each stratum the number of the first loop beyond it."""
+        """For each stratum the number of the first case beyond it."""
+        laws = np.array([len(s.laws) for s in self.strata])
         if self.table.cases is None:
-            counts = [self.table.loops[s.loop].count for s in self.strata]
+            counts = np.array([self.table.loops[s.loop].count for s in self.strata])
         else:
-            loops = -(-self.table.cases // len(self.table.laws))
-            each, more = divmod(loops, len(self.strata))
-            counts = np.full(len(self.strata), each)
-            order = np.random.default_rng(self.table.seed).permutation(len(self.strata))
-            counts[order[:more]] += 1
-            counts = counts.tolist()
-        return list(accumulate(counts))
+            counts = np.full(len(laws), self.table.cases // int(laws.sum()))
+            order = np.random.default_rng(self.table.seed).permutation(len(laws))
+            left = self.table.cases - int(counts @ laws)
+            before = np.concatenate([[0], np.cumsum(laws[order])[:-1]])
+            counts[order[before < left]] += 1
+        return list(accumulate((counts * laws).tolist()))
 
     def __len__(self) -> int:
-        return self._ends[-1] * len(self.table.laws)
+        return self._ends[-1]
 
     def case(self, number: int) -> Case:
         """The case of a number, from 0."""
-        loop, law = divmod(number, len(self.table.laws))
-        k = bisect_right(self._ends, loop)
-        stratum, repetition = self.strata[k], loop - (self._ends[k - 1] if k else 0)
-        t = self.table
-        name = list(t.laws)[law]
+        k = bisect_right(self._ends, number)
+        stratum, t = self.strata[k], self.table
+        repetition, law = divmod(number - (self._ends[k - 1] if k else 0), len(stratum.laws))
+        name = stratum.laws[law]
         kind, index = stratum.start
         start: dict[str, Any] = {"kind": kind, "index": index}
         if kind == "random":
@@ -135,7 +149,7 @@ class Cases(Value):
         rest = {
             "law": self._law(name), "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
         }  # fmt: skip
-        names = {"robot": robot.get("name") or "parts", "task": stratum.task, "loop": stratum.loop, "law": name}
+        names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
         return Case(number, robot, task, start, drawn, name, names, rest)
 
@@ -157,6 +171,12 @@ def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     if not name.lower().endswith(SUFFIXES) or not file.is_file():
         return robot
     return robot | {"sha256": hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+
+
+def _label(robot: dict[str, Any]) -> str:
+    """Its name, and the ends of its chain where they are given."""
+    ends = "-".join(robot[end] for end in ("base", "tip") if robot.get(end))
+    return " ".join(word for word in (robot.get("name") or "parts", ends) if word)
 
 
 def _files(pattern: str, folder: FilePath) -> list[str]:

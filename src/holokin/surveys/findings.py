@@ -1,4 +1,4 @@
-"""What a survey found: its rows as columns, shares and quantiles by law, the worst cases."""
+"""What a survey found: its rows as columns, shares and quantiles by law and by robot, the worst cases."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from ..errors import MissingExtraError
+from ..output.page import html_table
 from ..types import Array, Flags, Indices, Value, Vector
 from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())
 RETURNS = 1e-6
-"""Drift of a cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+"""Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
+
+ON_PATH = 5e-3
+"""Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +53,11 @@ class Findings(Value):
         return "\n".join(
             "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
         )
+
+    def _repr_html_(self) -> str:
+        """The table by law, as notebooks show it."""
+        head, rows = self.table()
+        return html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
 
     @cached_property
     def laws(self) -> list[str]:
@@ -91,6 +101,27 @@ class Findings(Value):
             share.append(alive)
         return np.array(k[: most + 1]), np.array(share[: most + 1]), int(known.sum())
 
+    def met_a_limit(self, cycles: int) -> float:
+        """The share of the arms that have met a joint limit within so many cycles, by `survival`."""
+        k, share, _ = self.survival()
+        return 1.0 - float(share[np.searchsorted(k, cycles, side="right") - 1]) if k.size else float("nan")
+
+    @property
+    def covered(self) -> Flags:
+        """Of each row whether the law went round all cycles with the tool no further than `ON_PATH` from the path."""
+        with np.errstate(invalid="ignore"):
+            return (self.columns["status"] == STATUS_ORDER[0]) & (self.columns["tracking"] <= ON_PATH)
+
+    def coverage(self) -> tuple[list[str], list[str], Array]:
+        """(robots, laws, share of the loops asked that the law covers (robots, laws)); NaN where none was asked."""
+        robots = list(dict.fromkeys(self.columns["robot"].tolist()))
+        rows = np.array([robots.index(robot) for robot in self.columns["robot"]], dtype=int)
+        columns = np.array([self.laws.index(law) for law in self.columns["law"]], dtype=int)
+        asked, done = np.zeros((2, len(robots), len(self.laws)))
+        np.add.at(asked, (rows, columns), 1.0)
+        np.add.at(done, (rows, columns), self.covered.astype(float))
+        return robots, self.laws, np.divide(done, asked, out=np.full(asked.shape, np.nan), where=asked > 0)
+
     def frame(self) -> Any:
         """The rows as a pandas DataFrame. Raises: MissingExtraError: pandas is not installed."""
         try:
@@ -100,8 +131,8 @@ class Findings(Value):
         return pandas.DataFrame(self.columns)
 
     def drifting(self, count: int = 10) -> list[dict[str, Any]]:
-        """The rows with the largest drift of a cycle."""
-        drift = np.nan_to_num(self.columns["drift_mean"], nan=0.0)
+        """The rows with the largest drift of their last cycle."""
+        drift = np.nan_to_num(self.columns["drift_last"], nan=0.0)
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
     def stopped(self, count: int = 10) -> list[dict[str, Any]]:
@@ -120,20 +151,32 @@ class Findings(Value):
 
     def table(self) -> tuple[list[str], list[list[str]]]:
         """(titles, a row for each law): how often, how far, what it costs."""
-        head = ["law", "cases", "complete", "limit", "other", "returns", "drift a cycle", "95 %", "cost"]
+        head = ["law", "cases", "complete", "covered", "limit", "other"]
+        head += ["returns", "first cycle", "last cycle", "95 %", "cost", "margin"]
         rows = []
         for law in self.laws:
             found = self.of_law(law)
-            shares, drift, cost = found.shares(), found.known("drift_mean"), found.known("cost")
-            other = 1 - shares["complete"] - shares["limit"]
+            shares, first, drift = found.shares(), found.known("drift"), found.known("drift_last")
+            cost, margin = found.known("cost"), found.known("margin")
+            ended = [shares["complete"], float(np.mean(found.covered)), shares["limit"]]
+            ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
             rows.append([
-                law, f"{len(found):,}", f"{shares['complete']:.1%}", f"{shares['limit']:.1%}", f"{other:.1%}",
+                law, f"{len(found):,}", *(f"{share:.1%}" for share in ended),
                 f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
+                _digits(np.median(first)) if first.size else "",
                 _digits(np.median(drift)) if drift.size else "",
                 _digits(np.quantile(drift, 0.95)) if drift.size else "",
                 f"{np.median(cost):.2f}" if cost.size else "",
+                f"{np.median(margin):.1%}" if margin.size else "",
             ])  # fmt: skip
         return head, rows
+
+
+def short_names(robots: list[str]) -> list[str]:
+    """Names of robots for figures: without the package, and without the ends of a chain where the name tells."""
+    plain = [robot.rpartition("/")[2].partition(":")[2] or robot.rpartition("/")[2] for robot in robots]
+    names = [name.partition(" ")[0] for name in plain]
+    return [name if names.count(name) == 1 else full for name, full in zip(names, plain, strict=True)]
 
 
 def _digits(value: Any) -> str:

@@ -9,7 +9,7 @@ from ..job.read import Form
 from ..job.robot_tables import RobotTable
 from ..job.task_tables import TaskTable
 from .laws import OF_A_JOB, OWN_KINDS
-from .tables import LoopTable, StartsTable, SurveyTable
+from .tables import LoopTable, StartsTable, SurveyTable, WithoutTable
 
 KINDS = {
     str(word): model for model in (*OF_A_JOB, *OWN_KINDS) for word in get_args(model.model_fields["kind"].annotation)
@@ -17,7 +17,10 @@ KINDS = {
 """Every kind of law that a survey may hold, and its model."""
 
 _SURVEY = Form(
-    SurveyTable, "laws", KINDS, {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable}
+    SurveyTable,
+    "laws",
+    KINDS,
+    {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable},
 )
 
 

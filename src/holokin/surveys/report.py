@@ -9,11 +9,11 @@ from typing import Any
 from ..errors import HolokinError
 from ..files import replacing
 from ..job.writing import table, toml
-from ..output.page import drawn, html_table, page
+from ..output.page import drawn, page
 from ..version import __version__
 from .cases import Cases
-from .figures import boxes_figure, drift_figure, status_figure, survival_figure
-from .findings import Findings
+from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
+from .findings import ON_PATH, Findings
 from .running import repeating_job
 from .tables import SurveyTable
 
@@ -22,16 +22,17 @@ WORST = 10
 
 
 _TERMS = (
-    "Drift: the largest joint error at the end of a cycle, in rad or m, the median and the 95 percent. Returns: cases "
-    "whose drift is below 1e-6. Cost: joint speed over the least there is, that of the pseudo-inverse at the same "
-    "postures. Cases that did not end a cycle have no drift."
+    "First and last cycle: the largest joint error at their end, in rad or m, the median, and of the last cycle the 95 "
+    "percent. Returns: cases that close their last cycle to 1e-6. Covered: complete, with the tool no further than "
+    f"{1e3 * ON_PATH:g} mm from the path. Cost: joint speed over the least there is, that of the pseudo-inverse at the "
+    "same postures. Margin: the smallest distance of a joint to a limit, of its range. Cases that did not end a cycle "
+    "have no drift."
 )
 
 
 def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
     """Write the page. Raises: WriteError."""
     cases = Cases(survey, folder)
-    head, rows = found.table()
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
@@ -39,14 +40,22 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
         f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
         "<h2>By law</h2>",
-        html_table([escape(h) for h in head], [[escape(c) for c in row] for row in rows]),
+        found._repr_html_(),
         f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
-        drawn(lambda: drift_figure(found), "Of each law the share of cases whose drift of a cycle is below a value."),
+        drawn(
+            lambda: drift_figure(found),
+            "Of each law the share of cases whose last cycle ends with a joint error below a value.",
+        ),
         drawn(
             lambda: survival_figure(found),
             "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
             "Meier: a case that ends for another reason counts up to there).",
+        ),
+        drawn(
+            lambda: coverage_figure(found),
+            "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
+            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey: not asked.",
         ),
         drawn(lambda: status_figure(found), "How the cases of each law ended."),
         drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
@@ -60,9 +69,10 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
 
 
 def _told(row: dict[str, Any], cases: Cases) -> str:
-    words = {"cycles": "complete cycles", "drift_mean": "drift a cycle", "drift_total": "in all", "margin": "margin"}
+    words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
+    words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
-    words = f"{row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
+    words = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     job = repeated(cases, int(row["number"]))
     return (
         f"<details><summary>{escape(words)}; {escape(', '.join(told))}</summary>"

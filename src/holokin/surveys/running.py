@@ -47,6 +47,9 @@ from .tables import LoopTable
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
 
+LOST = 0.05
+"""Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
+
 STATUSES = {
     Status.COMPLETE: "complete", Status.LIMIT: "limit", Status.OUT_OF_REACH: "out of reach",
     Status.SINGULAR: "singular", Status.BRANCH: "branch", Status.LOST: "lost", Status.FAULT: "fault",
@@ -56,6 +59,7 @@ METRICS = {
     "cycles": "complete cycles before it stopped",
     "drift": "largest joint error after the first cycle [rad, m]",
     "drift_mean": "the same, mean over its cycles",
+    "drift_last": "the same of its last complete cycle: what is left when a law has settled",
     "drift_total": "largest joint error between the start and the end of its last cycle [rad, m]",
     "tracking": "largest error of the tool's position [m]",
     "sigma": "smallest singular value of J on its way",
@@ -226,8 +230,16 @@ def _forget() -> None:
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
     if case.loop["table"]["kind"] == "given":
         return given_path(case.loop["table"]["key"], task.pose(q0))
-    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder)
-    return build_paths(Job.model_validate(table), task, q0, folder / "survey.toml")[0]  # type: ignore[return-value]
+    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder) | {"title": "any"}
+    return _job_path(json.dumps([case.robot, case.task], sort_keys=True), json.dumps(table, sort_keys=True), folder)
+
+
+@lru_cache(maxsize=4)
+def _job_path(told: str, table: str, folder: FilePath) -> Path:
+    """The path of a job, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    job = Job.model_validate_json(table)
+    q0 = np.array(json.loads(table)["start"]["q"])
+    return build_paths(job, _task(told, folder), q0, folder / "survey.toml")[0]  # type: ignore[return-value]
 
 
 def _run(
@@ -245,13 +257,22 @@ def _run(
         if problem.trajectory is None:
             raise
         return problem.trajectory, str(problem), None
-    robot = task.robot
+    return _while_it_holds(walk, task.robot, rest["limits"])
+
+
+def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Trajectory, str, Status | None]:
+    """What a control law did until it first left the joint limits, or the path; and which."""
     beyond = (walk.q < robot.lower - TOLERANCES.limit) | (walk.q > robot.upper + TOLERANCES.limit)
-    if rest["limits"] and beyond.any():
-        k = int(np.argmax(beyond.any(axis=1)))
+    metres = [i for i, unit in enumerate(walk.row_units) if unit == "m"]
+    off = np.linalg.norm(walk.error[:, metres], axis=1) > LOST
+    ended = (beyond.any(axis=1) & limits) | off
+    if not ended.any():
+        return walk, "", None
+    k = int(np.argmax(ended))
+    if limits and beyond[k].any():
         joint = robot.joint_names[int(np.argmax(beyond[k]))]
         return walk.until(k), f"went beyond a limit of {joint!r}, which nothing stopped", Status.LIMIT
-    return walk, "", None
+    return walk.until(k), f"the tool was more than {LOST:g} m away from the path", Status.LOST
 
 
 def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
@@ -260,15 +281,15 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
     if walk.cycles:
         each = np.abs(walk.drift()).max(axis=1)
         found |= {
-            "drift": float(each[0]), "drift_mean": float(each.mean()),
+            "drift": float(each[0]), "drift_mean": float(each.mean()), "drift_last": float(each[-1]),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
     once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
     q, dq = once.q, once.dq
-    span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
-    room = np.minimum(walk.q - robot.lower, robot.upper - walk.q) / span
-    if np.isfinite(span).any():
-        found["margin"] = float(room[:, np.isfinite(span)].min())
+    bounded = np.isfinite(robot.upper - robot.lower)
+    if bounded.any():
+        room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
+        found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
     if len(q) > 1:
         J, _ = task.jacobian_batch(q)
         least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, dq)

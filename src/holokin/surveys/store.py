@@ -20,7 +20,7 @@ from .tables import SurveyTable
 
 NAMES = ("robot", "task", "loop", "law")
 COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)
-FORM = 1
+FORM = 2
 """Of the file; a later form is another number."""
 
 DIGITS = 19

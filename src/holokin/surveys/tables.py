@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -72,6 +73,35 @@ class LoopTable(Table):
         return self
 
 
+Patterns = Name | Annotated[list[Name], Field(min_length=1, max_length=1000)]
+
+
+class WithoutTable(Table):
+    """[[without]]: combinations that are left out, by names or patterns, as ["ur*", "irb140"] for robots.
+
+    A case is left out when every key that is given fits it.
+    """
+
+    robot: Patterns = "*"
+    task: Patterns = "*"
+    loop: Patterns = "*"
+    law: Patterns = "*"
+
+    @model_validator(mode="after")
+    def _something(self) -> WithoutTable:
+        if not self.model_fields_set:
+            raise ValueError("it says nothing to leave out; give robot, task, loop or law")
+        return self
+
+    def fits(self, **names: str) -> bool:
+        """Whether all that it says fits these names of a case."""
+        return all(
+            any(fnmatch.fnmatchcase(name, p) for p in ([given] if isinstance(given, str) else given))
+            for key, name in names.items()
+            for given in [getattr(self, key)]
+        )
+
+
 class SurveyTable(Table):
     """A whole survey file."""
 
@@ -83,6 +113,7 @@ class SurveyTable(Table):
     starts: StartsTable = StartsTable()
     loops: Annotated[dict[Name, LoopTable], Field(min_length=1)]
     laws: Annotated[dict[Name, AnyLaw], Field(min_length=1)]
+    without: Annotated[list[WithoutTable], Field(max_length=1000)] = Field(default=[])
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 10
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200
     limits: bool = True

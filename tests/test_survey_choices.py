@@ -1,0 +1,106 @@
+"""What a survey asks and what it leaves out; the public survey of every arm, and its page."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from holokin.errors import JobError
+from holokin.surveys import SurveyTable, read_survey, run_survey, survey_of
+from holokin.surveys.cases import Cases
+from holokin.surveys.running import _robot, run_case
+
+ROOT = Path(__file__).parents[1]
+PUBLIC = ROOT / "benchmarks" / "survey.toml"
+
+
+def survey(**changes: object) -> SurveyTable:
+    return survey_of(
+        {
+            "title": "planar", "robots": ["planar-3r", "ppr"], "cycles": 1, "samples": 20,
+            "loops": {"round": {"kind": "circle", "size": 0.1}, "eight": {"kind": "figure-eight", "size": 0.1}},
+            "laws": {"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}, "damped": {"kind": "damped"}},
+        } | changes,
+        "planar.toml",
+    )  # fmt: skip
+
+
+def test_what_is_left_out_is_asked_of_no_case_and_the_others_stay_what_they_are() -> None:
+    whole = {case.id: case.names for case in Cases(survey(), Path())}
+    rules = [
+        {"robot": "p*r", "law": ["lock", "damp*"], "loop": "eight"},
+        {"robot": "ppr", "task": "position", "law": "pinv"},
+    ]
+    fewer = {case.id: case.names for case in Cases(survey(without=rules), Path())}
+    assert len(whole) == 12 and fewer.items() < whole.items()
+    out = [names for case, names in whole.items() if case not in fewer]
+    assert {(n["robot"], n["loop"], n["law"]) for n in out} == {
+        ("planar-3r", "eight", "lock"), ("planar-3r", "eight", "damped"), ("ppr", "eight", "lock"),
+        ("ppr", "eight", "damped"), ("ppr", "eight", "pinv"), ("ppr", "round", "pinv"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("asked", [1, 7, 50, 1000])
+def test_so_many_cases_are_asked_whatever_is_left_out(asked: int) -> None:
+    cases = Cases(survey(without=[{"robot": "ppr", "law": "lock"}], cases=asked), Path())
+    assert asked <= len(cases) <= asked + 2
+    assert len({case.id for case in cases}) == len(cases)
+
+
+def test_leaving_out_everything_or_nothing_is_refused() -> None:
+    with pytest.raises(JobError, match="without"):
+        survey(without=[{}])
+    with pytest.raises(Exception, match="leave some of them in"):
+        len(Cases(survey(without=[{"law": "*"}]), Path()))
+
+
+def test_a_control_law_that_loses_the_path_ends_there() -> None:
+    """A circle as wide as the arm is long leaves its reach; feedback would run on for ever."""
+    table = survey(
+        loops={"large": {"kind": "circle", "size": 2.5}}, laws={"d": {"kind": "damped"}}, robots=["planar-3r"]
+    )
+    row = run_case(Cases(table, Path()).case(0), Cases(table, Path()))
+    assert row.status == "lost" and "0.05 m" in row.reason
+    assert row.metrics["tracking"] <= 0.05
+
+
+def test_the_public_survey_asks_ten_thousand_cases_of_redundant_arms() -> None:
+    table = read_survey(PUBLIC)
+    cases = Cases(table, PUBLIC.parent)
+    assert 10_000 <= len(cases) <= 10_011
+    arms = {
+        label: _robot(json.dumps(robot, sort_keys=True), cases.folder)
+        for label, robot in zip(cases.labels, cases.robots, strict=True)
+    }
+    for stratum in cases.strata:
+        arm = arms[cases.labels[stratum.robot]]
+        rows = {"position": 3, "pose": 6}[stratum.task] if not arm.planar else 2
+        one = {"centred", "arm-angle"} & set(stratum.laws)
+        assert arm.n > rows and (not one or arm.n == rows + 1), (arm.name, stratum)
+    asked = Counter(case.names["law"] for case in map(cases.case, range(0, len(cases), 7)))
+    assert min(asked.values()) > 20
+
+
+def test_the_page_of_the_public_survey_is_written_from_its_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    import survey_page
+
+    laws = {
+        "pseudo-inverse": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"},
+        "pseudo-inverse, feedback": {"kind": "closed-loop", "of": "pseudo-inverse"},
+    }  # fmt: skip
+    table = survey(laws=laws, loops={"round": {"kind": "circle", "share": [0.02, 0.1]}}, robots=["planar-3r"], cycles=2)
+    run_survey(table, tmp_path, tmp_path / "s.sqlite", workers=0)
+    survey_page.main([str(tmp_path / "s.sqlite"), "--docs", str(tmp_path)])
+    page = (tmp_path / "survey.md").read_text("utf-8")
+    assert "**3 cases.**" in page and "preliminary" not in page and "| lock | 1 | 100.0% | 100.0% |" in page
+    assert "{" not in page
+    assert len(list((tmp_path / "pictures").glob("survey-*.png"))) == 4
+    assert np.all([f"pictures/{f.name}" in page for f in (tmp_path / "pictures").iterdir()])
