@@ -22,7 +22,8 @@ from holokin.errors import HolokinError, JobError, SchedulerError, SurveyError, 
 from holokin.job import Job, run_job
 from holokin.surveys import Findings, Store, SurveyTable, cluster, read_survey, repeated, run_survey, survey_of
 from holokin.surveys.cases import Cases
-from holokin.surveys.engine import Pool, batched
+from holokin.surveys.batches import Batches
+from holokin.surveys.engine import Pool
 from holokin.surveys.running import run_case
 from survey_laws import CIRCLES
 
@@ -134,9 +135,9 @@ def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
 FAULTS = {
     "throws": ("fault", "ZeroDivisionError"),
     "hangs": ("fault", "took longer than 6 s"),
-    "sleeps_in_c": ("fault", "its process died, or hung in native code"),
-    "dies": ("fault", "its process died"),
-    "crashes": ("fault", "its process died"),
+    "sleeps_in_c": ("fault", "hung in native code for 13 s"),
+    "dies": ("fault", "its process died 3 times (exit code 7)"),
+    "crashes": ("fault", "its process died 3 times (SIGSEGV)"),
 }
 
 
@@ -340,7 +341,7 @@ def test_cases_in_total_are_spread_evenly() -> None:
 def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
     table = planar(starts={"regular": 1})
     cases = Cases(table, tmp_path)
-    rows = [row for rows in Pool(table, tmp_path, 2).run(batched(range(len(cases)), 3)) for row in rows]
+    rows = [row for rows in Pool(table, tmp_path, 2).run(Batches(range(len(cases)), len(cases))) for row in rows]
     assert sorted(row.number for row in rows) == list(range(len(cases)))
     alone = run_case(cases.case(2), cases)
     (same,) = [row for row in rows if row.number == 2]

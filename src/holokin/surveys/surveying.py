@@ -5,20 +5,19 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import ArgumentError
+from .batches import Batches
 from .cases import Cases
 from .cluster import Cluster
-from .engine import Here, Pool, batched
+from .engine import Here, Pool
 from .objects import forks, keep, sendable
 from .store import Store
 from .tables import SurveyTable
-
-BATCH = 8
-"""Cases of a batch, at most: sending one to a process takes a millisecond."""
 
 MOST_WORKERS = 1024
 """Processes on one machine."""
@@ -61,16 +60,17 @@ def run_survey(
     total = len(cases)
     with Store.opened(out, table, cases.folder, resume=resume) as store:
         known = store.done()
-        left = (case.number for case in cases if case.id not in known)
+        left = (n for n in range(total) if cases.case(n).id not in known) if known else range(total)
         began, done, faults = time.monotonic(), min(len(known), total), 0
         resumed = done
         engine = _engine(table, cases.folder, workers, scheduler, objects or {})
         say(Progress(done, total, faults, 0.0, resumed))
-        for rows in engine.run(batched(left, _size(total, table, workers))):
-            store.add(rows)
-            done += len(rows)
-            faults += sum(row.status == "fault" for row in rows)
-            say(Progress(done, total, faults, time.monotonic() - began, resumed))
+        with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
+            for rows in stream:
+                store.add(rows)
+                done += len(rows)
+                faults += sum(row.status == "fault" for row in rows)
+                say(Progress(done, total, faults, time.monotonic() - began, resumed))
         return Progress(done, total, faults, time.monotonic() - began, resumed)
 
 
@@ -85,9 +85,3 @@ def _engine(
     if workers == 0 or not (sendable(objects) or forks()):
         return Here(table, folder)
     return Pool(table, folder, workers or os.cpu_count() or 1, objects)
-
-
-def _size(total: int, table: SurveyTable, workers: int | None) -> int:
-    """Cases of a batch: all laws of some loops, so that a process builds each once."""
-    laws = len(table.laws)
-    return max(1, min(laws * max(1, BATCH // laws), total // (4 * (workers or 1)) or 1))
