@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import holokin as hk
+from holokin.errors import SurveyError
 from holokin.surveys import Store, run_survey, survey_of
 
 LONGEST = 0.25
@@ -44,11 +45,10 @@ def rows_of(file: Path) -> list[dict[str, Any]]:
 
 
 def count_of(file: Path) -> int:
-    """Rows that were kept."""
-    if not file.exists() or file.stat().st_size == 0:
-        return 0
-    with Store.opened(file, TABLE, resume=True) as store:
+    """Rows that were kept; none in a file that was not begun, or killed before its first write."""
+    with suppress(SurveyError), Store.opened(file, None) as store:
         return len(store)
+    return 0
 
 
 def alive(pid: int) -> bool:
@@ -84,6 +84,8 @@ def life(folder: Path, out: Path, chance: random.Random, killed: dict[str, int],
     """A coordinator from its start to its end: one of its workers is killed, or it is, or both."""
     pid, kept = begun(folder, out), count_of(out)
     for who in chance.choice((["worker", "coordinator"], ["coordinator"], ["worker", "worker", "coordinator"])):
+        while who == "worker" and alive(pid) and not children(pid):
+            time.sleep(0.005)
         time.sleep(chance.uniform(0.0, LONGEST))
         there = children(pid)
         ended, status = os.waitpid(pid, os.WNOHANG)

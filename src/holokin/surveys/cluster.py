@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ class Cluster:
         self.text, self.folder, self.scheduler = table.model_dump_json(exclude_unset=True), str(folder), scheduler
         self.cases = Cases(table, folder)
 
-    def run(self, batches: Batches) -> Iterator[list[Row]]:
+    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """Rows as they come: of all batches that are done. What its workers do not survive is done case by case.
 
         Raises:

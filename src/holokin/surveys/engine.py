@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from queue import SimpleQueue
@@ -24,7 +24,7 @@ class Here:
     def __init__(self, table: SurveyTable, folder: Path) -> None:
         self.text, self.folder = table.model_dump_json(exclude_unset=True), str(folder)
 
-    def run(self, batches: Batches) -> Iterator[list[Row]]:
+    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """The rows of each batch."""
         while batch := batches.take(1):
             rows = list(run_batch(self.text, self.folder, batch))
@@ -41,7 +41,7 @@ class Pool:
         self.text, self.folder, self.workers = table.model_dump_json(exclude_unset=True), str(folder), workers
         self.objects = dict(objects)
 
-    def run(self, batches: Batches) -> Iterator[list[Row]]:
+    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """Rows as they come: of all batches that are done. Close it to end the processes."""
         guarded = [Guarded(self.objects) for _ in range(self.workers)]
         free: SimpleQueue[Guarded] = SimpleQueue()

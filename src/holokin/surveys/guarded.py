@@ -7,6 +7,7 @@ import faulthandler
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections import Counter, deque
@@ -15,7 +16,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 from ..errors import SurveyError
@@ -30,8 +31,6 @@ HARD = 2.0
 
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
-
-UNBORN = 'in a script begin under `if __name__ == "__main__":`, and define laws in a module, or say workers = 0'
 
 LATE = 2.0
 """Times the seconds of a batch after which a worker hands back the rest of it."""
@@ -155,7 +154,9 @@ class Guarded:
             if began is None:
                 self._unborn += 1
                 if self._unborn == TRIES and not self._closed:
-                    raise SurveyError("survey", f"its processes die before they begin ({end})", UNBORN)
+                    raise SurveyError(
+                        "survey", f"its processes die before they begin ({end})", "say workers = 0 to see why"
+                    )
                 continue
             deaths[left[0]] += 1
             cases, seconds = cases_of(table, folder), time.monotonic() - began
@@ -169,22 +170,27 @@ class Guarded:
         """The pipe to a process that is ready. Raises: EOFError, OSError: it is not. SurveyError: none ever is."""
         if self._pipe is not None:
             return self._pipe
-        context = multiprocessing.get_context(_start_method(self._objects))
+        context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
         with _starting:
             if self._closed:
                 raise EOFError
-            multiprocessing.current_process().daemon = False  # of Dask's: none but those that are none may have children
-            self._pipe, end = context.Pipe()
+            multiprocessing.current_process().daemon = (
+                False  # of Dask's: none but those that are none may have children
+            )
+            pipe, end = context.Pipe()
+            self._pipe = pipe
             arguments = (end, objects, dict(os.environ))
-            self._process = context.Process(target=_serve, args=arguments, name="holokin survey", daemon=True)
+            process = context.Process(target=_serve, args=arguments, name="holokin survey", daemon=True)
+            self._process = process
             try:
-                self._process.start()
+                with _without_main():
+                    process.start()
             finally:
                 end.close()
-        self._pipe.recv()
+        pipe.recv()
         self._unborn = 0
-        return self._pipe
+        return pipe
 
     def _ended(self) -> str:
         """How the process died, in a word; nothing of it is left."""
@@ -206,6 +212,17 @@ class Guarded:
             self._closed = True
             if self._process is not None:
                 self._process.kill()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """A process that is begun now does not run the user's script again: it needs nothing of it."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _start_method(objects: Mapping[str, Any]) -> str:
