@@ -21,7 +21,7 @@ from holokin.codegen.later import idle
 ROOT = Path(__file__).parents[1]
 FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed", "startup"))
+OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed", "startup", "surveys"))
 """These start processes or compilers, or measure the process that they are; the others run in this one."""
 ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -32,7 +32,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
-    assert len(MODULES) == 15
+    assert len(MODULES) == 16
 
 
 @pytest.mark.parametrize("module", [name for name in MODULES if name not in (*OF_ITS_OWN, *ELSEWHERE)])

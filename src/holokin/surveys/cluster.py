@@ -78,10 +78,10 @@ class Cluster:
                         found += new
                     elif not isinstance(problem := future.exception(), distributed.KilledWorker):
                         raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
-                    elif len(batch) > 1:
-                        alone += [(number,) for number in batch]
+                    elif len(batch) == 1:
+                        found += [fault(self.cases.case(number), "its workers died") for number in batch]
                     else:
-                        found.append(fault(self.cases.case(batch[0]), "its workers died"))
+                        alone += [(number,) for number in batch]
                     future.release()
                 yield found
 
