@@ -76,6 +76,8 @@ class Cluster:
                         new = self._checked(batch, future.result())
                         batches.came(batch, new)
                         found += new
+                    elif future.cancelled():
+                        raise SchedulerError(self.scheduler, "was lost")
                     elif not isinstance(problem := future.exception(), distributed.KilledWorker):
                         raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
                     elif len(batch) == 1:
