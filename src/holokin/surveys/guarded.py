@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import math
 import multiprocessing
 import os
 import signal
 import sys
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -29,6 +30,12 @@ from .tables import SurveyTable
 HARD = 2.0
 """Time limits after which a process that does not answer, in native code, ends."""
 
+LOOK = 0.25
+"""Seconds between two looks at whether a case takes too long."""
+
+CHUNK = 0.2
+"""Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
+
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
 
@@ -40,32 +47,48 @@ class _Late(BaseException):
     """The case takes too long."""
 
 
-@contextmanager
-def _limited(seconds: float, hard: bool) -> Iterator[None]:
-    """Ends what takes too long: in Python by an exception, in native code, if `hard`, with the process."""
-    thread, lock, over = ctypes.c_ulong(threading.get_ident()), threading.Lock(), False
+class _Watch:
+    """Ends what takes too long: in Python by an exception, in native code, if `hard`, with the process.
 
-    def ring() -> None:
-        with lock:
-            if not over:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(_Late))
+    One thread watches all cases of a batch: one for each would cost more than a short case.
+    """
 
-    timer = threading.Timer(seconds, ring)
-    timer.daemon = True
-    timer.start()
-    if hard:
-        faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=2)
-    try:
+    def __init__(self, seconds: float, hard: bool) -> None:
+        self._seconds, self._hard, self._armed = seconds, hard, -math.inf
+        self._thread, self._lock = ctypes.c_ulong(threading.get_ident()), threading.Lock()
+        self._until, self._over = math.inf, threading.Event()
+
+    def __enter__(self) -> _Watch:
+        threading.Thread(target=self._look, daemon=True).start()
+        return self
+
+    def __exit__(self, *_problem: object) -> None:
+        self._over.set()
+        if self._hard:
+            faulthandler.cancel_dump_traceback_later()
+
+    def _look(self) -> None:
+        while not self._over.wait(min(LOOK, self._seconds / 4)):
+            with self._lock:
+                if time.monotonic() > self._until:
+                    self._until = math.inf
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_Late))
+
+    @contextmanager
+    def limited(self) -> Iterator[None]:
+        """Around a case. Raises: _Late."""
+        now = time.monotonic()
+        if self._hard and now - self._armed > LOOK:
+            self._armed = now
+            faulthandler.dump_traceback_later(HARD * self._seconds + 1.0, exit=True, file=2)
+        with self._lock:
+            self._until = now + self._seconds
         try:
             yield
         finally:
-            with lock:  # from here on nothing rings; what was rung and not heard yet is taken back
-                over = True
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, None)
-    finally:
-        timer.cancel()
-        if hard:
-            faulthandler.cancel_dump_traceback_later()
+            with self._lock:  # from here on nothing rings; what was rung and not heard yet is taken back
+                self._until = math.inf
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
 
 
 _cases: dict[str, Cases] = {}
@@ -79,25 +102,34 @@ def cases_of(table: str, folder: str) -> Cases:
     return _cases[table]
 
 
-def run_batch(table: str, folder: str, batch: Batch, *, hard: bool = False) -> Iterator[Row]:
-    """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row."""
+def run_batch(
+    table: str, folder: str, batch: Batch, *, hard: bool = False, at: Callable[[int], None] = lambda _number: None
+) -> Iterator[Row]:
+    """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
+
+    Args:
+        hard: end the process where native code hangs. at: is told the number of each case before it begins.
+    """
     cases, began = cases_of(table, folder), time.monotonic()
-    for k, number in enumerate(batch):
-        if k and time.monotonic() - began > LATE * SECONDS:
-            return
-        case = cases.case(number)
-        try:
-            with _limited(cases.table.time_limit, hard):
-                row = run_case(case, cases)
-        except _Late:
-            row = fault(case, f"took longer than {cases.table.time_limit:g} s", cases.table.time_limit)
-        except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
-            row = fault(case, f"{type(problem).__name__}: {problem}")
-        yield row
+    limit = cases.table.time_limit
+    with _Watch(limit, hard) as watch:
+        for k, number in enumerate(batch):
+            if k and time.monotonic() - began > LATE * SECONDS:
+                return
+            at(number)
+            case = cases.case(number)
+            try:
+                with watch.limited():
+                    row = run_case(case, cases)
+            except _Late:
+                row = fault(case, f"took longer than {limit:g} s", limit)
+            except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
+                row = fault(case, f"{type(problem).__name__}: {problem}")
+            yield row
 
 
-def _serve(pipe: Connection, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
-    """Batches in, rows out, one by one. Ctrl-C is for the process that asked; this one ends with it."""
+def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
+    """Batches in, rows out; `board` says at which case it is, since when. Ctrl-C is for the one who asked."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(environment)
     keep(objects)
@@ -111,11 +143,20 @@ def _serve(pipe: Connection, objects: Mapping[str, Any], environment: dict[str, 
     threading.Thread(target=follow_parent, daemon=True).start()
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the stack of a case that is ended by force is nobody's
+
+    def at(number: int) -> None:
+        board[:] = number, time.monotonic()
+
     with suppress(EOFError, OSError):
         pipe.send(None)
         while True:
-            for row in run_batch(*pipe.recv(), hard=True):
-                pipe.send(row)
+            rows, sent = [], time.monotonic()
+            for row in run_batch(*pipe.recv(), hard=True, at=at):
+                rows.append(row)
+                if time.monotonic() - sent > CHUNK:
+                    pipe.send(rows)
+                    rows, sent = [], time.monotonic()
+            pipe.send(rows)
             pipe.send(None)
 
 
@@ -128,6 +169,7 @@ class Guarded:
 
     def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._objects, self._closed, self._unborn = dict(objects), False, 0
+        self._board: Any = multiprocessing.RawArray("d", 2)
         self._pipe: Connection | None = None
         self._process: BaseProcess | None = None
 
@@ -137,33 +179,34 @@ class Guarded:
         Raises:
             SurveyError: process after process dies before it begins.
         """
-        left, found, deaths = deque(batch), [], Counter[int]()
+        left, found, deaths = list(batch), [], Counter[int]()
         while left and not self._closed:
-            began = None
+            self._board[:] = -1, 0.0
             try:
                 pipe = self._begun()
                 pipe.send((table, folder, tuple(left)))
-                began = time.monotonic()
-                while (row := pipe.recv()) is not None:
-                    found.append(row)
-                    left.popleft()
-                    began = time.monotonic()
+                while (rows := pipe.recv()) is not None:
+                    found += rows
+                    del left[: len(rows)]
                 return found
             except (EOFError, OSError):
                 end = self._ended()
-            if began is None:
+            number, since = int(self._board[0]), self._board[1]
+            if self._closed:
+                break
+            if number not in left:
                 self._unborn += 1
-                if self._unborn == TRIES and not self._closed:
-                    raise SurveyError(
-                        "survey", f"its processes die before they begin ({end})", "say workers = 0 to see why"
-                    )
+                if self._unborn == TRIES:
+                    fact = f"its processes die before they begin ({end})"
+                    raise SurveyError("survey", fact, "say workers = 0 to see why")
                 continue
-            deaths[left[0]] += 1
-            cases, seconds = cases_of(table, folder), time.monotonic() - began
+            deaths[number] += 1
+            cases, seconds = cases_of(table, folder), time.monotonic() - since
             hung = seconds > HARD * cases.table.time_limit
-            if (hung or deaths[left[0]] == TRIES) and not self._closed:
+            if hung or deaths[number] == TRIES:
                 why = f"hung in native code for {seconds:.0f} s" if hung else f"its process died {TRIES} times ({end})"
-                found.append(fault(cases.case(left.popleft()), why, seconds))
+                found.append(fault(cases.case(number), why, seconds))
+                left.remove(number)
         return found
 
     def _begun(self) -> Connection:
@@ -180,7 +223,7 @@ class Guarded:
             )
             pipe, end = context.Pipe()
             self._pipe = pipe
-            arguments = (end, objects, dict(os.environ))
+            arguments = (end, self._board, objects, dict(os.environ))
             process = context.Process(target=_serve, args=arguments, name="holokin survey", daemon=True)
             self._process = process
             try:
