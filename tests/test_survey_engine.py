@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holokin.errors import SchedulerError
+from holokin.errors import SchedulerError, UnknownNameError
 from holokin.surveys import cluster, run_survey, surveying
-from holokin.surveys.batches import SECONDS, Batches
+from holokin.surveys.batches import SECONDS, Batches, lasting
 from holokin.surveys.cases import Cases
 from holokin.surveys.engine import Pool
 from holokin.surveys.running import Row, run_case
@@ -168,6 +168,7 @@ def test_a_batch_takes_about_a_second_and_the_last_ones_less() -> None:
     assert sorted(taken) == list(range(3000))
     assert sizes[-1] == 1 and sum(sizes[-8:]) < 3000 / 100  # one worker does not work on long after the others
     assert batches.left == 0
+    assert lasting(8) == SECONDS and lasting(1000) == 10.0  # a thousand workers ask for a hundred batches a second
 
 
 def test_the_remaining_time_is_by_the_rows_of_the_last_minute_and_never_by_those_of_before(
@@ -187,3 +188,29 @@ def test_the_remaining_time_is_by_the_rows_of_the_last_minute_and_never_by_those
     for now[0] in np.arange(40.0, 125.0, 5.0):
         found = clock.after([row])
     assert found.remaining == pytest.approx((1000 - found.done) * 5)
+
+
+def test_a_misspelt_robot_is_said_before_anything_runs(tmp_path: Path) -> None:
+    """A file that does not load is a reason in its rows: see test_surveys.py."""
+    for robots in (["planar-3r", "pandda"], [{"name": "pandda", "tip": "tool"}]):
+        with pytest.raises(UnknownNameError, match="unknown robot 'pandda'.*panda"):
+            run_survey(planar(robots=robots), tmp_path, tmp_path / "m.sqlite", workers=0)
+    assert not (tmp_path / "m.sqlite").exists()
+
+
+def test_a_script_without_a_main_guard_runs_a_survey_of_its_own_law(tmp_path: Path) -> None:
+    """Its processes do not run the script again, in which the survey would begin anew."""
+    (tmp_path / "mine.py").write_text(
+        "import holokin as hk\n"
+        "print('begun')\n"
+        "def mine(task):\n    return hk.moore_penrose(task)\n"
+        "circle = {'kind': 'circle', 'size': 0.1, 'count': 2}\n"
+        "for law in (mine, {'kind': 'moore-penrose'}):\n"
+        "    found = hk.survey(['planar-3r'], {'mine': law}, {'c': circle}, cycles=1, samples=10, workers=2)\n"
+        "    print(found.columns['status'].tolist())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "mine.py")], capture_output=True, text=True, check=False, timeout=120,
+        env=os.environ | {"HOLOKIN_NATIVE": "0"},
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["begun", *2 * [str(2 * ["complete"])]], done.stderr[-2000:]

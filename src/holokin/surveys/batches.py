@@ -9,7 +9,10 @@ from itertools import islice
 from .running import Row
 
 SECONDS = 1.0
-"""That a batch is to take: sending one costs milliseconds, and what a kill loses is a batch."""
+"""That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
+
+RATE = 100.0
+"""Batches in a second, at most: for each the client and the scheduler of a cluster take four milliseconds."""
 
 SHARE = 4
 """Batches that are left for each worker, at least, so that all end together."""
@@ -19,6 +22,11 @@ MOST = 4096
 
 Batch = tuple[int, ...]
 """Numbers of cases."""
+
+
+def lasting(workers: int) -> float:
+    """Seconds that a batch is to take, with so many workers."""
+    return max(SECONDS, workers / RATE)
 
 
 class Batches:
@@ -41,7 +49,7 @@ class Batches:
 
     def size(self, workers: int) -> int:
         """Cases of the next batch: of whole loops, if they are few enough."""
-        wanted = SECONDS / self.seconds if self.seconds > 0 else self._laws
+        wanted = lasting(workers) / self.seconds if self.seconds > 0 else self._laws
         wanted = int(min(wanted, MOST, self.left / (SHARE * max(workers, 1))))
         return max(1, wanted - wanted % self._laws if wanted > self._laws else wanted)
 

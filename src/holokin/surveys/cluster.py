@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, SchedulerError
-from .batches import Batch, Batches
+from .batches import SECONDS, Batch, Batches, lasting
 from .cases import Cases
 from .engine import AHEAD
 from .guarded import Guarded
@@ -29,10 +29,10 @@ PAUSE = 0.01
 _guarded: dict[int, Guarded] = {}
 
 
-def run_guarded(table: str, folder: str, batch: Batch) -> list[Row]:
+def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
     """On a worker: the rows of a batch, from a process that belongs to this thread of the worker."""
     process = _guarded.setdefault(threading.get_ident(), Guarded())
-    return process.rows(table, folder, batch)
+    return process.rows(table, folder, batch, lasts)
 
 
 def end_guarded() -> None:
@@ -64,7 +64,7 @@ class Cluster:
                 if time.monotonic() - looked > 1.0:
                     workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
                 while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
-                    future = client.submit(run_guarded, self.text, self.folder, batch, pure=False)
+                    future = client.submit(run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
                     running[future] = batch
                     flow.add(future)
                 if not running:

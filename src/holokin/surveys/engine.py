@@ -9,7 +9,7 @@ from queue import SimpleQueue
 from types import MappingProxyType
 from typing import Any
 
-from .batches import Batch, Batches
+from .batches import Batch, Batches, lasting
 from .guarded import Guarded, run_batch
 from .running import Row
 from .tables import SurveyTable
@@ -51,7 +51,7 @@ class Pool:
         def rows(batch: Batch) -> list[Row]:
             process = free.get()
             try:
-                return process.rows(self.text, self.folder, batch)
+                return process.rows(self.text, self.folder, batch, lasting(self.workers))
             finally:
                 free.put(process)
 

@@ -103,18 +103,20 @@ def cases_of(table: str, folder: str) -> Cases:
 
 
 def run_batch(
-    table: str, folder: str, batch: Batch, *, hard: bool = False, at: Callable[[int], None] = lambda _number: None
-) -> Iterator[Row]:
+    table: str, folder: str, batch: Batch, seconds: float = SECONDS, *,
+    hard: bool = False, at: Callable[[int], None] = lambda _number: None,
+) -> Iterator[Row]:  # fmt: skip
     """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
 
     Args:
+        seconds: that the batch is to take; after twice as many the rest of it is handed back.
         hard: end the process where native code hangs. at: is told the number of each case before it begins.
     """
     cases, began = cases_of(table, folder), time.monotonic()
     limit = cases.table.time_limit
     with _Watch(limit, hard) as watch:
         for k, number in enumerate(batch):
-            if k and time.monotonic() - began > LATE * SECONDS:
+            if k and time.monotonic() - began > LATE * seconds:
                 return
             at(number)
             case = cases.case(number)
@@ -173,7 +175,7 @@ class Guarded:
         self._pipe: Connection | None = None
         self._process: BaseProcess | None = None
 
-    def rows(self, table: str, folder: str, batch: Batch) -> list[Row]:
+    def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
         """The rows of a batch: all, or up to where it took too long.
 
         Raises:
@@ -184,7 +186,7 @@ class Guarded:
             self._board[:] = -1, 0.0
             try:
                 pipe = self._begun()
-                pipe.send((table, folder, tuple(left)))
+                pipe.send((table, folder, tuple(left), lasts))
                 while (rows := pipe.recv()) is not None:
                     found += rows
                     del left[: len(rows)]
