@@ -5,12 +5,14 @@ from __future__ import annotations
 import ctypes
 import os
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import holokin as hk
 from holokin.motion import ControlLaw
+from holokin.surveys import Store, SurveyTable, survey_of
 
 
 def _acting(act: Any) -> Any:
@@ -51,6 +53,29 @@ slow = _acting(lambda: time.sleep(0.02))
 def pseudo_inverse(task: hk.Task, _start: np.ndarray) -> hk.Strategy:
     """As the survey's own kind."""
     return hk.moore_penrose(task)
+
+
+PLANAR: dict[str, Any] = {
+    "title": "planar arms",
+    "robots": ["planar-3r"],
+    "starts": {"regular": 1, "random": 1},
+    "loops": {
+        "circle": {"kind": "circle", "size": (0.05, 0.3), "count": 3}, "eight": {"kind": "figure-eight", "size": 0.2},
+    },
+    "laws": {"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}},
+    "cycles": 2,
+    "samples": 40,
+}  # fmt: skip
+
+
+def planar(**changes: Any) -> SurveyTable:
+    return survey_of(PLANAR | changes, "planar.toml")
+
+
+def rows_of(file: Path) -> list[dict[str, object]]:
+    """All rows but for the seconds they took."""
+    with Store.opened(file, None) as store:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in store.rows()]
 
 
 CIRCLES = """

@@ -21,7 +21,7 @@ from holokin.codegen.later import idle
 ROOT = Path(__file__).parents[1]
 FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed", "startup"))
+OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed", "startup", "surveys"))
 """These start processes or compilers, or measure the process that they are; the others run in this one."""
 ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")

@@ -12,20 +12,22 @@ DELAY = 1.0
 
 
 @contextmanager
-def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Yields `report(done)`; call it as often as you like."""
+def progress(label: str, total: int, *, words: bool = False) -> Iterator[Callable[..., None]]:
+    """Yields `report(done)`; call it as often as you like. With `words` it is `report(done, words)`."""
     if not sys.stderr.isatty():
-        yield lambda _done: None
+        yield lambda _done, _words="": None
         return
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TextColumn
 
-    bar = Progress(console=Console(stderr=True), transient=True)
+    told = TextColumn("{task.fields[words]}", markup=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), told) if words else Progress.get_default_columns()
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
     start = last = time.monotonic()
     task = None
 
-    def report(done: int) -> None:
+    def report(done: int, words: str = "") -> None:
         nonlocal task, last
         now = time.monotonic()
         if now - last < 0.1 or now - start < DELAY:
@@ -33,8 +35,8 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
         last = now
         if task is None:
             bar.start()
-            task = bar.add_task(escape(label), total=total)
-        bar.update(task, completed=done)
+            task = bar.add_task(escape(label), total=total, words=words)
+        bar.update(task, completed=done, words=words)
 
     try:
         yield report

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from .surveys import Progress
 
 RUN = "run"
+MINUTE = 60.0
+"""Seconds between two lines of progress where there is no terminal, as in the log of a cluster."""
 
 
 class _RunsFiles(TyperGroup):
@@ -58,12 +62,23 @@ def run_one(
         raise ArgumentError("workers", workers, "a scheduler has workers of its own: leave it out")
     with writing(out.parent):
         out.parent.mkdir(parents=True, exist_ok=True)
-    with progress(survey.title, 1_000_000) as report:
+    last, known = time.monotonic(), None
+    try:
+        with progress(survey.title, 1_000_000, words=True) as report:
 
-        def say(found: Progress) -> None:
-            report(int(1_000_000 * found.done / max(found.total, 1)))
+            def say(found: Progress) -> None:
+                nonlocal last, known
+                known = found
+                report(int(1_000_000 * found.done / max(found.total, 1)), str(found))
+                if not sys.stderr.isatty() and time.monotonic() - last > MINUTE:
+                    last = time.monotonic()
+                    print(found, file=sys.stderr, flush=True)
 
-        found = run_survey(survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, say=say)
+            found = run_survey(survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, say=say)
+    except KeyboardInterrupt:
+        if known is not None:
+            show(f"{known.done:,} of {known.total:,} cases are in {out}: go on with --resume")
+        raise
     resumed = f", {found.resumed:,} of them before" if found.resumed else ""
     show(
         f"{found.done:,} cases{resumed}, {found.faults:,} faults, {found.seconds:.1f} s: {out}\n"

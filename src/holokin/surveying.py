@@ -81,11 +81,11 @@ def survey(
     if cases is not None:
         content["cases"] = cases
     table = survey_of(content, "survey")
-    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1_000_000) as report:
+    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1_000_000, words=True) as report:
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         run_survey(
             table, FilePath(), file, workers=workers, resume=resume, objects=objects,
-            say=lambda p: report(int(1_000_000 * p.done / max(p.total, 1))),
+            say=lambda p: report(int(1_000_000 * p.done / max(p.total, 1)), str(p)),
         )  # fmt: skip
         with Store.opened(file, None) as store:
             return Findings.of(store.rows())

@@ -33,9 +33,9 @@ class MissingExtraError(HolokinError):
 class SchedulerError(HolokinError):
     """A scheduler of a cluster that cannot be reached, or was lost; rows that were kept stay."""
 
-    def __init__(self, scheduler: str, fact: str) -> None:
-        self.scheduler, self.fact = scheduler, fact
-        super().__init__(f"the scheduler {brief(scheduler)} {brief(fact)}; check its address, and go on with --resume")
+    def __init__(self, scheduler: str, fact: str, cure: str = "check its address") -> None:
+        self.scheduler, self.fact, self.cure = scheduler, fact, cure
+        super().__init__(f"the scheduler {brief(scheduler)} {brief(fact)}; {brief(cure)}, and go on with --resume")
 
 
 class WriteError(HolokinError):

@@ -70,7 +70,7 @@ class Cases(Value):
 
     @cached_property
     def robots(self) -> list[dict[str, Any]]:
-        """[robot] tables, with a hash of each file. Raises: UnknownNameError: a pattern that fits nothing."""
+        """[robot] tables, with a hash of each file. Raises: UnknownNameError: what fits none."""
         found: list[dict[str, Any]] = []
         for entry in self.table.robots:
             if isinstance(entry, RobotTable):
@@ -87,6 +87,10 @@ class Cases(Value):
             if not names:
                 raise UnknownNameError("robot", entry, list(catalogue()))
             found += [_told({"name": name}, self.folder) for name in names]
+        known = set(catalogue())
+        for name in (str(robot.get("name", "")) for robot in found):
+            if name and name not in known and not FilePath(name).suffix and ":" not in name:  # as `load` reads it
+                raise UnknownNameError("robot", name, list(catalogue()))
         unique = {json.dumps(robot, sort_keys=True): robot for robot in found}
         return list(unique.values())
 

@@ -2,21 +2,43 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, SchedulerError
+from .batches import SECONDS, Batch, Batches, lasting
 from .cases import Cases
-from .engine import AHEAD, Batch, run_batch
+from .engine import AHEAD
+from .guarded import Guarded
 from .running import Row, fault
 from .tables import SurveyTable
 
 PATIENCE = 8.0
-"""Seconds to wait for a scheduler."""
+"""Seconds to wait for a scheduler, and for its first worker."""
+
+LOST = 60.0
+"""Seconds to wait for another worker after the last one was lost."""
+
+PAUSE = 0.01
+"""Seconds between two looks at what came: workers have more than one batch, so that none waits for it."""
+
+_guarded: dict[int, Guarded] = {}
+
+
+def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+    """On a worker: the rows of a batch, from a process that belongs to this thread of the worker."""
+    process = _guarded.setdefault(threading.get_ident(), Guarded())
+    return process.rows(table, folder, batch, lasts)
+
+
+def end_guarded() -> None:
+    """On a worker: end the processes of its threads."""
+    while _guarded:
+        _guarded.popitem()[1].close()
 
 
 class Cluster:
@@ -26,39 +48,74 @@ class Cluster:
         self.text, self.folder, self.scheduler = table.model_dump_json(exclude_unset=True), str(folder), scheduler
         self.cases = Cases(table, folder)
 
-    def run(self, batches: Iterator[Batch]) -> Iterator[list[Row]]:
-        """The rows of each batch, as they are done. One that its workers do not survive is done case by case.
+    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
+        """Rows as they come: of all batches that are done. What its workers do not survive is done case by case.
 
         Raises:
-            MissingExtraError. SchedulerError: it cannot be reached, or was lost.
+            MissingExtraError. SchedulerError: it cannot be reached, was lost, or has no workers.
         """
         with _client(self.scheduler) as (client, distributed):
-            flow, lost = distributed.as_completed(loop=client.loop), deque()
+            self._wait_for_workers(client, PATIENCE)
+            flow = distributed.as_completed(loop=client.loop)
             running: dict[Any, Batch] = {}
-            left = True
-            while left or running:
-                room = max(1, AHEAD * sum(client.nthreads().values())) - len(running)
-                new = [lost.popleft() for _ in range(min(room, len(lost)))]
-                new += list(islice(batches, max(0, room - len(new))))
-                left = bool(new) or bool(lost)
-                for batch in new:
-                    future = client.submit(run_batch, self.text, self.folder, batch, False, pure=False)
+            alone: list[Batch] = []
+            workers, looked = 1, 0.0
+            while True:
+                if time.monotonic() - looked > 1.0:
+                    workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
+                while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
+                    future = client.submit(run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
                     running[future] = batch
                     flow.add(future)
                 if not running:
-                    continue
-                future = next(flow)
-                batch = running.pop(future)
-                if future.status == "finished":
-                    yield future.result()
-                elif isinstance(problem := future.exception(), distributed.KilledWorker):
-                    if len(batch) > 1:
-                        lost.extend((number,) for number in batch)
+                    return
+                found: list[Row] = []
+                for future in self._came(client, flow):
+                    batch = running.pop(future)
+                    if future.status == "finished":
+                        new = self._checked(batch, future.result())
+                        batches.came(batch, new)
+                        found += new
+                    elif future.cancelled():
+                        raise SchedulerError(self.scheduler, "was lost")
+                    elif not isinstance(problem := future.exception(), distributed.KilledWorker):
+                        raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
+                    elif len(batch) == 1:
+                        found += [fault(self.cases.case(number), "its workers died") for number in batch]
                     else:
-                        yield [fault(self.cases.case(number), "its workers died") for number in batch]
-                else:
-                    raise SchedulerError(self.scheduler, f"a batch failed ({problem!r})")
-                future.release()
+                        alone += [(number,) for number in batch]
+                    future.release()
+                yield found
+
+    def _came(self, client: Any, flow: Any) -> list[Any]:
+        """What is done, after a wait."""
+        began = time.monotonic()
+        while not flow.has_ready():
+            time.sleep(PAUSE)
+            if time.monotonic() - began > PATIENCE:
+                self._wait_for_workers(client, LOST)
+                began = time.monotonic()
+        return flow.next_batch(block=False)
+
+    def _wait_for_workers(self, client: Any, seconds: float) -> None:
+        """Raises: SchedulerError: there is none for so many seconds, or no scheduler any more."""
+        try:
+            client.wait_for_workers(1, timeout=seconds)
+        except TimeoutError:
+            fact = f"has had no workers for {seconds:g} s"
+            raise SchedulerError(self.scheduler, fact, f"start some: dask worker {self.scheduler}") from None
+        except OSError as problem:
+            raise SchedulerError(self.scheduler, f"was lost ({problem})") from None
+
+    def _checked(self, batch: Batch, rows: list[Row]) -> list[Row]:
+        """Rows of the cases that were asked for. Raises: SchedulerError: robots are others there."""
+        if rows and rows[0].id != self.cases.case(rows[0].number).id:
+            fact = f"has workers that read other robots for {rows[0].names['robot']!r}"
+            raise SchedulerError(self.scheduler, fact, "put the same robot files at the same places on all machines")
+        return rows
+
+
+WORKERS = "install the same holokin[cluster] on its workers"
 
 
 @contextmanager
@@ -74,5 +131,7 @@ def _client(scheduler: str) -> Iterator[tuple[Any, Any]]:
     try:
         yield client, distributed
     finally:
+        with suppress(Exception):
+            client.run(end_guarded, on_error="ignore")
         with suppress(OSError, TimeoutError):
             client.close(timeout=2)

@@ -52,12 +52,11 @@ def given_path(key: str, tool: Matrix) -> Path:
 
 
 def sendable(objects: Mapping[str, Any]) -> bool:
-    """Whether other processes can be sent them."""
+    """Whether other processes can be sent them; what a script or notebook defines itself they do not find."""
     try:
-        pickle.dumps(dict(objects))
+        return b"__main__" not in pickle.dumps(dict(objects))
     except Exception:  # noqa: BLE001  pickle raises what the objects raise
         return False
-    return True
 
 
 def forks() -> bool:

@@ -62,8 +62,8 @@ class Store:
                 db = sqlite3.connect(file, timeout=10.0)
                 db.execute("PRAGMA journal_mode = WAL")
                 store = cls(file, db)
-                if new and table is not None:
-                    store._make(table, folder)
+                if table is not None and store._empty():
+                    store._make(table, folder)  # also where one was killed before its first write
             store._check(table)
             yield store
         except sqlite3.DatabaseError as problem:
@@ -72,11 +72,17 @@ class Store:
             if db is not None:
                 db.close()
 
+    def _empty(self) -> bool:
+        return self._db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
+
     def _make(self, table: SurveyTable, folder: Path) -> None:
         kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
         kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
         columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in COLUMNS)
         with self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            if not self._empty():  # another one was quicker
+                return
             self._db.execute(
                 "CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)"
             )

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from ..errors import ArgumentError
+from .batches import Batches
 from .cases import Cases
 from .cluster import Cluster
-from .engine import Here, Pool, batched
+from .engine import Here, Pool
 from .objects import forks, keep, sendable
+from .running import Row
 from .store import Store
 from .tables import SurveyTable
-
-BATCH = 8
-"""Cases of a batch, at most: sending one to a process takes a millisecond."""
 
 MOST_WORKERS = 1024
 """Processes on one machine."""
@@ -26,21 +28,63 @@ MOST_WORKERS = 1024
 Say = Callable[["Progress"], None]
 
 
+WINDOW = 60.0
+"""Seconds over which the speed of a survey is told: robots and laws differ in what they cost."""
+
+AT_LEAST = 1.0
+"""Seconds of rows before a speed is told."""
+
+
 @dataclass(frozen=True)
 class Progress:
-    """How far a survey is."""
+    """How far a survey is: `str` says it in a line.
+
+    `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
+    the last minute [cases/s], NaN in the first seconds.
+    """
 
     done: int
     total: int
     faults: int
     seconds: float
     resumed: int
+    speed: float = float("nan")
 
     @property
     def remaining(self) -> float:
-        """Seconds to the end [s] at the speed so far; NaN before the first row."""
-        new = self.done - self.resumed
-        return self.seconds / new * (self.total - self.done) if new else float("nan")
+        """Seconds to the end [s] at the speed of the last minute; NaN in the first seconds."""
+        return (self.total - self.done) / self.speed if self.speed > 0 else float("nan")
+
+    def __str__(self) -> str:
+        parts = [f"{self.done:,} of {self.total:,} cases"]
+        parts += [f"{self.resumed:,} of them before"] if self.resumed else []
+        parts += [f"{self.faults:,} faults"] if self.faults else []
+        if self.speed > 0:
+            left = timedelta(seconds=round(self.remaining))
+            parts += [f"{self.speed:.3g} cases/s", f"about {left} left"]
+        return ", ".join(parts)
+
+
+class _Clock:
+    """The progress of a run, by the rows that come; what it takes until the first ones come is no speed."""
+
+    def __init__(self, total: int, resumed: int) -> None:
+        self._began, self._total, self._resumed = time.monotonic(), total, resumed
+        self._done, self._faults = resumed, 0
+        self._recent: deque[tuple[float, int]] = deque()
+
+    def after(self, rows: Sequence[Row]) -> Progress:
+        """With some more rows."""
+        now = time.monotonic()
+        self._done += len(rows)
+        self._faults += sum(row.status == "fault" for row in rows)
+        if rows:
+            self._recent.append((now, self._done))
+        while len(self._recent) > 2 and self._recent[1][0] < now - WINDOW:
+            self._recent.popleft()
+        then, before = self._recent[0] if rows else (now, self._done)
+        speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
+        return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed)
 
 
 def run_survey(
@@ -61,17 +105,17 @@ def run_survey(
     total = len(cases)
     with Store.opened(out, table, cases.folder, resume=resume) as store:
         known = store.done()
-        left = (case.number for case in cases if case.id not in known)
-        began, done, faults = time.monotonic(), min(len(known), total), 0
-        resumed = done
-        engine = _engine(table, cases.folder, workers, scheduler, objects or {})
-        say(Progress(done, total, faults, 0.0, resumed))
-        for rows in engine.run(batched(left, _size(total, table, workers))):
-            store.add(rows)
-            done += len(rows)
-            faults += sum(row.status == "fault" for row in rows)
-            say(Progress(done, total, faults, time.monotonic() - began, resumed))
-        return Progress(done, total, faults, time.monotonic() - began, resumed)
+        left = (n for n in range(total) if cases.case(n).id not in known) if known else range(total)
+        done = min(len(known), total)
+        engine, clock = _engine(table, cases.folder, workers, scheduler, objects or {}), _Clock(total, done)
+        found = clock.after(())
+        say(found)
+        with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
+            for rows in stream:
+                store.add(rows)
+                found = clock.after(rows)
+                say(found)
+        return found
 
 
 def _engine(
@@ -85,9 +129,3 @@ def _engine(
     if workers == 0 or not (sendable(objects) or forks()):
         return Here(table, folder)
     return Pool(table, folder, workers or os.cpu_count() or 1, objects)
-
-
-def _size(total: int, table: SurveyTable, workers: int | None) -> int:
-    """Cases of a batch: all laws of some loops, so that a process builds each once."""
-    laws = len(table.laws)
-    return max(1, min(laws * max(1, BATCH // laws), total // (4 * (workers or 1)) or 1))

@@ -1,0 +1,286 @@
+"""Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process does the others."""
+
+from __future__ import annotations
+
+import ctypes
+import faulthandler
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+from typing import Any
+
+from ..errors import SurveyError
+from .batches import SECONDS, Batch
+from .cases import Cases
+from .objects import keep, sendable
+from .running import Row, fault, prepare, run_case
+from .tables import SurveyTable
+
+HARD = 2.0
+"""Time limits after which a process that does not answer, in native code, ends."""
+
+BUILDING = 60.0
+"""Seconds at least that robot, law and native code may take to build: no time of the case that is the first."""
+
+LOOK = 0.25
+"""Seconds between two looks at whether a case takes too long."""
+
+CHUNK = 0.2
+"""Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
+
+TRIES = 3
+"""Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
+
+LATE = 2.0
+"""Times the seconds of a batch after which a worker hands back the rest of it."""
+
+
+class _Late(BaseException):
+    """The case takes too long."""
+
+
+class _Watch:
+    """Ends what takes too long: in Python by an exception, in native code, if `hard`, with the process.
+
+    One thread watches all cases of a batch: one for each would cost more than a short case.
+    """
+
+    def __init__(self, seconds: float, hard: bool) -> None:
+        self._look_again, self._hard, self._armed = min(LOOK, seconds / 4), hard, (-math.inf, 0.0)
+        self._thread, self._lock = ctypes.c_ulong(threading.get_ident()), threading.Lock()
+        self._until, self._over = math.inf, threading.Event()
+
+    def __enter__(self) -> _Watch:
+        threading.Thread(target=self._look, daemon=True).start()
+        return self
+
+    def __exit__(self, *_problem: object) -> None:
+        self._over.set()
+        if self._hard:
+            faulthandler.cancel_dump_traceback_later()
+
+    def _look(self) -> None:
+        while not self._over.wait(self._look_again):
+            with self._lock:
+                if time.monotonic() > self._until:
+                    self._until = math.inf
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_Late))
+
+    @contextmanager
+    def limited(self, seconds: float) -> Iterator[None]:
+        """Around what may take so many seconds. Raises: _Late."""
+        now, (since, allowed) = time.monotonic(), self._armed
+        if self._hard and (now - since > LOOK or allowed != seconds):
+            self._armed = now, seconds
+            faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=2)
+        with self._lock:
+            self._until = now + seconds
+        try:
+            yield
+        finally:
+            with self._lock:  # from here on nothing rings; what was rung and not heard yet is taken back
+                self._until = math.inf
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+
+
+_cases: dict[str, Cases] = {}
+
+
+def cases_of(table: str, folder: str) -> Cases:
+    """The cases of a survey, kept: a process does one survey after the other."""
+    if table not in _cases:
+        _cases.clear()
+        _cases[table] = Cases(SurveyTable.model_validate_json(table), Path(folder))
+    return _cases[table]
+
+
+def run_batch(
+    table: str, folder: str, batch: Batch, seconds: float = SECONDS, *,
+    hard: bool = False, at: Callable[[int, float], None] = lambda _number, _seconds: None,
+) -> Iterator[Row]:  # fmt: skip
+    """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
+
+    Args:
+        seconds: that the batch is to take; after twice as many the rest of it is handed back.
+        hard: end the process where native code hangs. at: is told the number of each case, and
+            the seconds that it may take, before it begins, and before what it shares with others is built.
+    """
+    cases, began = cases_of(table, folder), time.monotonic()
+    limit = cases.table.time_limit
+    with _Watch(limit, hard) as watch:
+        for k, number in enumerate(batch):
+            if k and time.monotonic() - began > LATE * seconds:
+                return
+            case, allowed = cases.case(number), max(limit, BUILDING)
+            try:
+                at(number, allowed)
+                with watch.limited(allowed):
+                    prepare(case, cases)
+                allowed = limit
+                at(number, allowed)
+                with watch.limited(allowed):
+                    row = run_case(case, cases)
+            except _Late:
+                row = fault(case, f"took longer than {allowed:g} s", allowed)
+            except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
+                row = fault(case, f"{type(problem).__name__}: {problem}")
+            yield row
+
+
+def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
+    """Batches in, rows out; `board` tells case, since when, how long it may take. Ctrl-C is not for it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.update(environment)
+    keep(objects)
+    parent = multiprocessing.parent_process()
+
+    def follow_parent() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=follow_parent, daemon=True).start()
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the stack of a case that is ended by force is nobody's
+
+    def at(number: int, seconds: float) -> None:
+        board[:] = number, time.monotonic(), seconds
+
+    with suppress(EOFError, OSError):
+        pipe.send(None)
+        while True:
+            rows, sent = [], time.monotonic()
+            for row in run_batch(*pipe.recv(), hard=True, at=at):
+                rows.append(row)
+                if time.monotonic() - sent > CHUNK:
+                    pipe.send(rows)
+                    rows, sent = [], time.monotonic()
+            pipe.send(rows)
+            pipe.send(None)
+
+
+_starting = threading.Lock()
+"""One process starts at a time: a second one that is forked meanwhile would hold ends of the first one's pipe."""
+
+
+class Guarded:
+    """A process for cases; a new one takes its place when it dies. For one thread at a time."""
+
+    def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
+        self._objects, self._closed, self._unborn = dict(objects), False, 0
+        self._board: Any = multiprocessing.RawArray("d", 3)
+        self._pipe: Connection | None = None
+        self._process: BaseProcess | None = None
+
+    def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+        """The rows of a batch: all, or up to where it took too long.
+
+        Raises:
+            SurveyError: process after process dies before it begins.
+        """
+        left, found, deaths = list(batch), [], Counter[int]()
+        while left and not self._closed:
+            self._board[:] = -1, 0.0, 0.0
+            try:
+                pipe = self._begun()
+                pipe.send((table, folder, tuple(left), lasts))
+                while (rows := pipe.recv()) is not None:
+                    found += rows
+                    del left[: len(rows)]
+                return found
+            except (EOFError, OSError):
+                end = self._ended()
+            number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
+            if self._closed:
+                break
+            if number not in left:
+                self._unborn += 1
+                if self._unborn == TRIES:
+                    fact = f"its processes die before they begin ({end})"
+                    raise SurveyError("survey", fact, "say workers = 0 to see why")
+                continue
+            deaths[number] += 1
+            cases, seconds = cases_of(table, folder), time.monotonic() - since
+            hung = seconds > HARD * allowed
+            if hung or deaths[number] == TRIES:
+                why = f"hung in native code for {seconds:.0f} s" if hung else f"its process died {TRIES} times ({end})"
+                found.append(fault(cases.case(number), why, seconds))
+                left.remove(number)
+        return found
+
+    def _begun(self) -> Connection:
+        """The pipe to a process that is ready. Raises: EOFError, OSError: it is not. SurveyError: none ever is."""
+        if self._pipe is not None:
+            return self._pipe
+        context: Any = multiprocessing.get_context(_start_method(self._objects))
+        objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
+        with _starting:
+            if self._closed:
+                raise EOFError
+            multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
+            pipe, end = context.Pipe()
+            self._pipe = pipe
+            arguments = (end, self._board, objects, dict(os.environ))
+            process = context.Process(target=_serve, args=arguments, name="holokin survey", daemon=True)
+            self._process = process
+            try:
+                with _without_main():
+                    process.start()
+            finally:
+                end.close()
+        pipe.recv()
+        self._unborn = 0
+        return pipe
+
+    def _ended(self) -> str:
+        """How the process died, in a word; nothing of it is left."""
+        if self._pipe is not None:
+            self._pipe.close()
+        process, self._pipe, self._process = self._process, None, None
+        if process is None or process.pid is None:
+            return "it did not start"
+        process.kill()
+        process.join()
+        code = process.exitcode or 0
+        with suppress(ValueError):
+            return signal.Signals(-code).name
+        return f"exit code {code}"
+
+    def close(self) -> None:
+        """End the process, whatever it is at; from any thread. A thread that waits for rows gets those there are."""
+        with _starting:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """A process that is begun now does not run the user's script again: it needs nothing of it."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _start_method(objects: Mapping[str, Any]) -> str:
+    """Forked from a server that has loaded what is needed; or from this process, which has what cannot be sent."""
+    if not sendable(objects):
+        return "fork"
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return "spawn"
+    multiprocessing.set_forkserver_preload(["holokin.surveys.guarded"])
+    return "forkserver"
