@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import subprocess
@@ -11,6 +12,8 @@ from dataclasses import dataclass
 from importlib.metadata import files
 from importlib.util import find_spec
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: a worker has one core, on which threads only wait
 
 import numpy as np
 import pytest
@@ -34,6 +37,13 @@ collect_ignore = (
         if re.search(r"^import pinocchio|^from test_growth", f.read_text("utf-8"), re.MULTILINE)
     ]
 )
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests lie in memory until the end: rubbish is not sought among them."""
+    gc.collect()
+    gc.freeze()
+
 
 PANDA_START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 R3_START = np.array([0.3, 0.9, 0.7])

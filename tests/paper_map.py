@@ -8,6 +8,7 @@ records which tagged functions and files each test runs, into the JSON file that
 from __future__ import annotations
 
 import ast
+import importlib.machinery
 import io
 import json
 import os
@@ -18,7 +19,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import FrameType
+from types import CodeType
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "paper.md"
@@ -265,45 +267,73 @@ def page() -> str:
 # --- the plugin ---
 
 _CALLS: dict[str, list[str]] = {}
-_OPENED: list[set[str]] = []
+_SEEN: list[set[str]] = []
+
+
+class _Marking(importlib.machinery.SourceFileLoader):
+    """Reads a tagged file such that each of its tagged functions begins with a note that it is called.
+
+    A trace function would be told of every call of every library.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Not from bytecode, which is without the notes."""
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+    def source_to_code(self, data: Any, path: Any, *, _optimize: int = -1) -> CodeType:
+        """Compile it with the notes."""
+        place = Path(path).relative_to(ROOT).as_posix()
+        keys = {tag.first: tag.key for tag in tags() if tag.file == place and tag.name}
+        tree = ast.parse(data, path)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+                if first in keys:
+                    docstring = ast.get_docstring(node, clean=False) is not None
+                    note = ast.parse(f"__import__('paper_map').called({keys[first]!r})").body
+                    node.body[docstring:docstring] = note
+        return compile(ast.fix_missing_locations(tree), path, "exec", dont_inherit=True)
+
+
+class _Finder(importlib.machinery.PathFinder):
+    @classmethod
+    def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> Any:
+        """As ever, but a tagged file is read by `_Marking`."""
+        if not fullname.startswith("holokin"):
+            return None
+        spec = super().find_spec(fullname, path, target)
+        if spec is not None and spec.origin in {str(ROOT / tag.file) for tag in tags() if tag.name}:
+            spec.loader = _Marking(fullname, spec.origin)
+        return spec
+
+
+def called(key: str) -> None:
+    """Note that a tagged function is called, by the test that runs."""
+    if _SEEN:
+        _SEEN[-1].add(key)
 
 
 def pytest_configure() -> None:
-    """Begin to look at the files that are opened: tables of robots and jobs are tagged, too."""
+    """Look at the files that are opened: tables of robots and jobs are tagged, too."""
+    files = {str(ROOT / tag.file): tag.key for tag in tags() if not tag.name}
 
     def look(event: str, arguments: tuple[object, ...]) -> None:
-        if event == "open" and _OPENED and str(arguments[0]).endswith(".toml"):
-            _OPENED[-1].add(str(arguments[0]))
+        if event == "open" and _SEEN and (key := files.get(str(arguments[0]))):
+            _SEEN[-1].add(key)
 
     sys.addaudithook(look)
 
 
 def pytest_runtest_call(item) -> None:
     """Run one test and see which of the tagged functions it calls."""
-    wanted = {(str(ROOT / t.file), t.first): t.key for t in tags() if t.name}
-    files = {str(ROOT / t.file): t.key for t in tags() if not t.name}
-    names = {t.name.rpartition(".")[2] for t in tags()} | {"_"}
-    seen, opened = set(), set()
     test, run = f"{item.path.name}::{item.originalname}", item.runtest
 
-    def look(frame: FrameType, _event: str, _argument: object) -> None:
-        """At each call; no lines are traced. A name is quicker to look up than a place."""
-        code = frame.f_code
-        if code.co_name in names:
-            key = wanted.get((code.co_filename, code.co_firstlineno))
-            if key is not None:
-                seen.add(key)
-
     def watched() -> None:
-        _OPENED.append(opened)
-        sys.settrace(look)
+        _SEEN.append(set())
         try:
             run()
         finally:
-            sys.settrace(None)
-            _OPENED.pop()
-            named = seen | {files[str(Path(f))] for f in opened if str(Path(f)) in files}
-            _CALLS[test] = sorted({*_CALLS.get(test, []), *named})
+            _CALLS[test] = sorted({*_CALLS.get(test, []), *_SEEN.pop()})
 
     item.runtest = watched
 
@@ -312,6 +342,10 @@ def pytest_sessionfinish() -> None:
     """Leave the record."""
     Path(os.environ["PAPER_MAP_CALLS"]).write_text(json.dumps(_CALLS), "utf-8")
 
+
+if "PAPER_MAP_CALLS" in os.environ:
+    assert "holokin" not in sys.modules
+    sys.meta_path.insert(0, _Finder)
 
 if __name__ == "__main__":
     PAGE.write_text(page(), "utf-8")

@@ -13,6 +13,8 @@ from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouche
 from holokin.errors import JobError, JointLimitError, OutOfReachError
 from holokin.job import read_job
 
+pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
+
 # --- the command line: files, keys and names ------------------------------------------------------------------
 
 
@@ -130,12 +132,12 @@ def test_a_bad_job_among_several_stops_all_before_the_first(holokin: Command, tm
     assert_untouched(out)
 
 
-def test_half_a_urdf_is_not_half_an_arm(tmp_path: Path, out: Path) -> None:
+def test_half_a_urdf_is_not_half_an_arm(holokin: Command, tmp_path: Path, out: Path) -> None:
     text = urdf("panda.urdf").read_text()
     (tmp_path / "half.urdf").write_text(text[: len(text) // 2])
-    assert_refused(shell("robots", tmp_path / "half.urdf"), "half.urdf", "is not XML")
+    assert_refused(holokin("robots", tmp_path / "half.urdf"), "half.urdf", "is not XML")
     robot = '[robot]\nname = "half.urdf"\ntip = "panda_link3"\n'
-    assert_refused(shell("run", write_job(tmp_path, robot=robot), "--out", out), "half.urdf", "is not XML")
+    assert_refused(holokin("run", write_job(tmp_path, robot=robot), "--out", out), "half.urdf", "is not XML")
     assert_untouched(out)
 
 
@@ -183,14 +185,16 @@ def test_a_start_of_another_number_of_joints_is_refused_with_their_names(
     assert_untouched(out)
 
 
-def test_a_path_out_of_reach_says_where_and_what_was_followed_is_written(tmp_path: Path, out: Path) -> None:
+def test_a_path_out_of_reach_says_where_and_what_was_followed_is_written(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
     file = write_job(
         tmp_path,
         robot='[robot]\nname = "irb140"\n',
         start="[start]\nq = [10, 70, 10, 20, 50, 30]\ndegrees = true\n",
         path='[path]\nkind = "polyline"\npoints = [[0, 0, 0], [2, 0, 0]]\nrelative = true\nsamples = 50\n',
     )
-    outcome = shell("run", file, "--out", out)
+    outcome = holokin("run", file, "--out", out)
     assert (outcome.code, outcome.err) == (1, "")
     for word in ("out of reach", "% along the path", "move or shrink the path"):
         assert word in " ".join(outcome.out.split())

@@ -16,6 +16,8 @@ from holokin.errors import ArgumentError, MissingExtraError, ShapeError, Unknown
 from holokin.recording import Recording
 from holokin.robot import Box, Capsule, LinkShape
 
+pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
+
 LIMITED = [
     {"joint": "a", "a": 1.0, "lower": -1.0, "upper": 2.0, "max_velocity": 1.5},
     {"joint": "b", "a": 1.0, "lower": -3.0, "upper": 3.0, "max_velocity": 1.5},

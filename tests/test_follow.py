@@ -110,15 +110,15 @@ def test_leaf_following_with_few_samples_finds_the_same_joints_as_with_many() ->
 
 
 def test_one_long_step_never_lands_on_another_branch() -> None:
-    """q1 held: two elbows reach each point. A line done in one sample ends as it does in 400, if it can be done."""
+    """q1 held: two elbows reach each point. A line done in one sample ends as it does in 100, if it can be done."""
     strategy = r3(hk.lock("q1"))
     start = tool(strategy, R3_START)
     rng = np.random.default_rng(1)
     done = 0
-    for end in start + np.column_stack([rng.uniform(-2, 2, (60, 2)), np.zeros(60)]):
+    for end in start + np.column_stack([rng.uniform(-2, 2, (30, 2)), np.zeros(30)]):
         line = hk.line(start, end)
         try:
-            many = hk.follow(strategy, line, R3_START, samples=400, limits=False)
+            many = hk.follow(strategy, line, R3_START, samples=100, limits=False)
         except PathError:
             with pytest.raises(PathError):
                 hk.follow(strategy, line, R3_START, samples=1, limits=False)
@@ -126,7 +126,7 @@ def test_one_long_step_never_lands_on_another_branch() -> None:
         few = hk.follow(strategy, line, R3_START, samples=1, limits=False)
         assert np.abs(few.q[-1] - many.q[-1]).max() < 1e-10
         done += 1
-    assert 10 < done < 60
+    assert 5 < done < 30
 
 
 def test_same_pose_same_joints_whatever_the_speed_samples_and_way() -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from conftest import PANDA_START, Command, assert_refused, assert_untouched, write_job
 
+pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
+
 LINE = '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [0.03, 0, 0]]\nrelative = true\nsamples = 20\n'
 PANDA = {
     "robot": '[robot]\nname = "panda"\n',

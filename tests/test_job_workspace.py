@@ -73,6 +73,7 @@ def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     assert len(again.poses(1000)) == 200
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_share_that_was_expected_and_is_not_reached_fails_the_job(
     tmp_path: Path, out: Path, holokin: Command
 ) -> None:

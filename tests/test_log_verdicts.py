@@ -99,7 +99,7 @@ def test_noise_alone_is_neither_drift_nor_settling() -> None:
 
 def test_a_small_steady_drift_under_ten_times_its_noise_is_a_drift() -> None:
     """1e-4 rad a cycle under 1e-3 of noise: forty cycles add up 4e-3. It is less than the tolerance a cycle."""
-    assert verdicts(slow, 40, 1e-3, 12) == {"DRIFTS": 12}
+    assert verdicts(slow, 40, 1e-3, 6) == {"DRIFTS": 6}
     audit = hk.audit_recording(logged(motion(slow, 40, 0.0), 1e-3), PANDA)
     exact = hk.audit_recording(logged(motion(slow, 40, 0.0)), PANDA).visits
     phase = audit.leading.phase

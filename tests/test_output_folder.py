@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from conftest import Command, assert_refused, assert_untouched, shell, write_job
+from conftest import Command, assert_refused, assert_untouched, write_job
 from holokin.job import read_job
+
+pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
 
 
 def test_results_are_not_written_into_a_file(holokin: Command, tmp_path: Path) -> None:
@@ -41,9 +43,9 @@ def test_a_new_job_never_overwrites_a_file(holokin: Command, tmp_path: Path) -> 
     assert read_job(tmp_path / "job.toml").robot.name == "panda"
 
 
-def test_an_expectation_that_fails_exits_1_with_the_report_whole(tmp_path: Path, out: Path) -> None:
+def test_an_expectation_that_fails_exits_1_with_the_report_whole(holokin: Command, tmp_path: Path, out: Path) -> None:
     expect = "[expect.moore-penrose]\nholonomic = true\ntracking = { below = 1e-3 }\n"
-    outcome = shell("run", write_job(tmp_path, expect=expect), "--out", out)
+    outcome = holokin("run", write_job(tmp_path, expect=expect), "--out", out)
     assert (outcome.code, outcome.err) == (1, "")
     assert "FAILED" in outcome.out
     assert "expected holonomic true, found false" in outcome.out

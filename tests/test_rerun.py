@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from conftest import SOUND, Command, assert_refused, assert_untouched, write_job
+from sketches import Sketch
+
+pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
 
 SINGULAR = {
     "robot": '[robot]\nname = "planar-3r"\n',
@@ -78,7 +81,9 @@ def test_a_folder_that_may_not_be_written_is_refused_before_computing(
     out.chmod(0o755)
 
 
-def test_a_rerun_keeps_what_others_have_put_into_its_folder(holokin: Command, tmp_path: Path, out: Path) -> None:
+def test_a_rerun_keeps_what_others_have_put_into_its_folder(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = write_job(tmp_path)
     assert holokin("run", file, "--out", out, "--animate").code == 0
     folder = out / "job"
@@ -88,12 +93,13 @@ def test_a_rerun_keeps_what_others_have_put_into_its_folder(holokin: Command, tm
     (folder / "photos" / "arm.jpg").write_text("keep me too")
     (folder / "report.html").write_text("an old report")
     cycles = SOUND["path"] + "cycles = 2\n"
+    monkeypatch.setattr("holokin.output.report.figures", lambda _result: [("cycles", "a sketch", Sketch())])
     (folder / "cycles.png").write_text("mine, under a name that holokin needs next")
     assert holokin("run", write_job(tmp_path, path=cycles), "--out", out).code == 0
     assert (folder / "notes.txt").read_text() == "keep me"
     assert (folder / "photos" / "arm.jpg").read_text() == "keep me too"
     assert (folder / "cycles.png.kept").read_text().startswith("mine")
-    assert (folder / "cycles.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "cycles.png").read_bytes() == b"a sketch"
     assert "an old report" not in (folder / "report.html").read_text("utf-8")
     assert not (folder / "ways.mp4").exists()  # of the run before, and holokin's own
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from xml.sax.saxutils import quoteattr
-
 import numpy as np
 
 from ..arguments import typed
@@ -131,6 +129,13 @@ def to_mjcf(
     lines += ["  <equality>", *ties, "  </equality>"] if ties else []
     lines += ["  <actuator>", *_actuators(robot, servo, effort), "  </actuator>"] if servo is not None else []
     return "\n".join([*lines, "</mujoco>", ""])
+
+
+def quoteattr(text: str) -> str:
+    """A value as it stands in XML, in quotation marks."""
+    from xml.sax.saxutils import quoteattr as quoted  # it imports a client of the web: 30 ms
+
+    return quoted(text)
 
 
 def _remarks(robot: Robot, density: float) -> list[str]:
