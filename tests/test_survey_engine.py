@@ -193,7 +193,7 @@ def test_the_remaining_time_is_by_the_rows_of_the_last_minute_and_never_by_those
 def test_a_misspelt_robot_is_said_before_anything_runs(tmp_path: Path) -> None:
     """A file that does not load is a reason in its rows: see test_surveys.py."""
     for robots in (["planar-3r", "pandda"], [{"name": "pandda", "tip": "tool"}]):
-        with pytest.raises(UnknownNameError, match="unknown robot 'pandda'.*panda"):
+        with pytest.raises(UnknownNameError, match="unknown robot 'pandda'"):
             run_survey(planar(robots=robots), tmp_path, tmp_path / "m.sqlite", workers=0)
     assert not (tmp_path / "m.sqlite").exists()
 
