@@ -160,7 +160,7 @@ def test_a_batch_takes_about_a_second_and_the_last_ones_less() -> None:
     batches = Batches(range(3000), 3000, laws=4)
     sizes, taken = [], []
     while batch := batches.take(4):
-        done = batch[: len(batch) // 2] if len(taken) == 5 else batch
+        done = batch[: len(batch) // 2] if len(sizes) == 5 else batch
         batches.came(batch, [Row("", number, {}, "complete", "", {}, 0.01) for number in done])
         sizes.append(len(batch))
         taken += done
