@@ -7,11 +7,9 @@ to see, the colour of each law, and its joint error after each cycle, which appe
 from __future__ import annotations
 
 import base64
-import io
 import json
 import socket
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import pairwise
@@ -28,7 +26,7 @@ from ..output.scene import best_view
 from ..robot import Robot
 from ..trajectory import Status
 from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
-from .scene import FOV, Scene, viser_package
+from .scene import FOV, Scene, silent_viser, viser_package
 from .session import Session
 
 RATE = 25.0
@@ -230,7 +228,7 @@ class _Film:
             tape.insert_sleep(HOLD)
             return tape.serialize()
         finally:
-            with redirect_stdout(io.StringIO()):
+            with silent_viser():
                 server.stop()
 
     def view(self, scene: Scene, Q: Array, loop: Matrix) -> tuple[Vector, Vector]:
@@ -308,7 +306,7 @@ def _quiet_server() -> Any:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with redirect_stdout(io.StringIO()):
+    with silent_viser():
         return viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
 
 

@@ -85,9 +85,9 @@ class PosturePanel:
 
         @self.clear.on_click
         def _(_event: Any) -> None:
-            page.ask(self._take_away)
+            page.ask(self.take_away)
 
-    def _take_away(self) -> None:
+    def take_away(self) -> None:
         """For good: what was found until it was cancelled is known, and not drawn again."""
         self._cloud = self.page.session.cancel_cloud().cloud
         self._draw_cloud(None)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,19 @@ def viser_package() -> Any:
     return viser
 
 
+@contextmanager
+def silent_viser() -> Iterator[None]:
+    """viser prints by the console that rich shares; while this lasts, that says nothing. Other prints are heard."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
 class Scene:
     """The three-dimensional part of the page, of one robot. All it is told are joints and poses.
 
@@ -62,7 +76,7 @@ class Scene:
         self._ghosts: list[Any] = []
         self._start: list[Any] = []
         self._labels: list[Any] = []
-        self._lines: dict[str, Any] = {}
+        self._lines: dict[str, tuple[Any, str]] = {}
         self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
         self._scales = np.zeros(0)
         self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
@@ -75,7 +89,7 @@ class Scene:
         """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
         self.names, self.lead = tuple(names), lead
         self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
-        for handle in [*self._ghosts, *self._labels, *self._lines.values()]:
+        for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
             handle.remove()
         self._ghosts, self._labels, self._lines = [], [], {}
         tints = linear([rgb(color) for color in self.colors])
@@ -268,11 +282,11 @@ class Scene:
         if segments is None:
             self.server.scene.remove_by_name(name)
             self._lines.pop(name, None)
-        elif handle is None:
+        elif handle is None or handle[1] != color:
             line = self.server.scene.add_line_segments(name, segments, rgb(color), thickness=thickness)
-            self._lines[name] = line
+            self._lines[name] = line, color
         else:
-            handle.points = segments
+            handle[0].points = segments
 
 
 _LABELLED = 6

@@ -153,6 +153,7 @@ def cover(
 
     Once the worker is cancelled nothing is kept any more.
     """
+
     def work(closed: threading.Event) -> None:
         def tell(cloud: Cloud) -> bool:
             with shared.lock:
