@@ -58,7 +58,8 @@ class SavePanel:
             client.send_file_download(f"{file_name(self.name.value)}{name}", content, save_immediately=True)
 
     def _job(self, _client: Any) -> tuple[str, bytes]:
-        return ".toml", to_job(self.page.session, self.name.value or None).encode()
+        name, title = self.name.value, self.page.session.title
+        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name).encode()
 
     def _picture(self, client: Any) -> tuple[str, bytes]:
         from PIL import Image

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -22,6 +23,9 @@ APART = 0.03
 
 TOUCHING = 0.003
 """Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
+
+SAME = 0.001
+"""Distance [m] below which of two ghosts' links only the first is drawn; up to TOUCHING the other comes in softly."""
 
 FOV = np.deg2rad(40.0)
 """Of the camera, upright: as of a 50 mm lens."""
@@ -50,6 +54,18 @@ def silent_viser() -> Iterator[None]:
         yield
     finally:
         console.quiet = before
+
+
+def name_tab(server: Any, title: str) -> None:
+    """The title of the tab of all browsers. viser has no call for it; without its message the title is viser's."""
+    try:
+        from viser._messages import RunJavascriptMessage
+
+        server.gui._websock_interface.queue_message(
+            RunJavascriptMessage(source=f"document.title = {json.dumps(title)};")
+        )
+    except (ImportError, AttributeError):
+        return
 
 
 class Scene:
@@ -312,14 +328,20 @@ def elbow_joint(robot: Robot, q: Vector) -> int:
 
 
 def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
-    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4): none where it is within the robot's.
+    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4).
+
+    None where it is within the robot's own, or where a ghost before it is.
 
     Args:
         size: distance [m] from the frame to the farthest point of the link.
     """
-    turned = 2 * np.sqrt(np.clip(1 - np.einsum("ki,i->k", turns, turns[lead]) ** 2, 0.0, 1.0))
-    away = np.linalg.norm(positions - positions[lead], axis=1) + size * turned
-    return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    turned = 2 * np.sqrt(np.clip(1 - (turns @ turns.T) ** 2, 0.0, 1.0))
+    away = np.linalg.norm(positions[:, None] - positions, axis=2) + size * turned
+    opacity = OPACITY * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    before = np.tri(len(away), k=-1, dtype=bool)  # of two ghosts in one place the first is drawn
+    before[:, lead] = False
+    nearest = np.where(before, away, np.inf).min(axis=1)
+    return opacity * np.clip((nearest - SAME) / (TOUCHING - SAME), 0.0, 1.0)
 
 
 def linear(colors: ArrayLike) -> Any:

@@ -18,7 +18,7 @@ from ..robot import Robot
 from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .opening import open_session, session_of_robot
 from .page import Page
-from .scene import silent_viser, viser_package
+from .scene import name_tab, silent_viser, viser_package
 from .session import Session
 from .working import failure
 
@@ -30,6 +30,9 @@ HERE = "127.0.0.1"
 
 TRIED = 50
 """Ports that are tried."""
+
+ENDED = "Nothing moves any more on this page. Start the studio again, and load the page again."
+"""What browsers are told in the end."""
 
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
@@ -84,7 +87,10 @@ class Studio:
             before.session.close()
 
     def close(self) -> None:
-        """End page and server."""
+        """End page and server. Browsers that look at it are told."""
+        for client in self.server.get_clients().values():
+            client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
+            client.flush()
         self.page.close()
         self.page.session.close()
         with silent_viser():
@@ -106,6 +112,7 @@ class Studio:
         page = Page(self.server, session, self._reopen)
         session.start_work()
         page.start()
+        name_tab(self.server, f"{session.source or session.title} - holokin studio")
         return page
 
     def _reopen(self, name: str) -> None:
@@ -125,7 +132,7 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
     made = Studio(_session(what), port, host)
     for note in made.notes:
         tell(note)
-    tell(f"the studio is at {made.url}; Ctrl-C ends it" if wait else f"the studio is at {made.url}")
+    tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
     if browser:
         webbrowser.open(made.url)
     if wait:
