@@ -111,4 +111,5 @@ if __name__ == "__main__":
             sys.exit(f"there is no page {name!r}; known: {', '.join(pages())}")
     for name in sys.argv[1:] or pages():
         file = made_of(pages()[name])
-        print(f"{name}: {(file if file.is_file() else make(pages()[name])).stat().st_size / 1000:.0f} kB", flush=True)
+        file = file if file.is_file() else make(pages()[name])
+        print(f"{file.relative_to(HERE.parent)}: {file.stat().st_size / 1000:.0f} kB", flush=True)

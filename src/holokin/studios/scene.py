@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
-from ..robot import Robot, reach
+from ..robot import Robot, Tip, reach
 from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
@@ -178,10 +178,10 @@ class Scene:
         """The line that a part of a law's robot went, through points (k, 3) [m]."""
         self._line(f"/traces/{part}/{law}", np.asarray(points, dtype=float), self.colors[law], 0.004)
 
-    def points_of(self, Q: ArrayLike) -> tuple[Matrix, Matrix]:
-        """Where tool (k, 3) and elbow (k, 3) are at postures Q (k, n); the elbow moves most while the tool stands."""
+    def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
+        """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
         positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
-        tip = self.robot.tip()
+        tip = self.robot.tip() if tip is None else tip
         rotations = rotations_of(turns[tip.joint + 1])
         return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
 
@@ -313,10 +313,10 @@ _ABOVE = 0.09
 
 
 def elbow_joint(robot: Robot, q: Vector) -> int:
-    """The joint whose frame moves most while the tool stands still; -1 for a robot that cannot move so."""
+    """The joint whose frame moves most while the tools stand still; -1 for a robot that cannot move so."""
     if not robot.tips:
         return len(robot.joints) - 1
-    J = robot.jacobian(q)
+    J = np.vstack([robot.jacobian(q, tip=tip.name) for tip in robot.tips])
     _, s, Vt = np.linalg.svd(J)
     rest = Vt[int((s > 1e-6 * s[0]).sum()) :]
     if not len(rest):
