@@ -208,3 +208,9 @@ def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> Non
     for law in session.snapshot().laws:
         assert np.array_equal(law.q, done.law(law.name).q)
     assert [text for text in shown.problems if "WebSocket" not in text] == []
+
+
+def test_the_tab_has_the_name_of_the_job_and_whoever_looks_on_is_told_that_the_studio_ended(shown: Any) -> None:
+    assert shown.page.title() == "panda-circle - holokin studio"
+    shown.studio.close()
+    shown.page.get_by_text("The studio was ended").wait_for()

@@ -298,7 +298,7 @@ class Robot(Value):
         return array
 
     def beyond(self, q: ArrayLike) -> Array:
-        """How far joints are beyond their limits, max(lower - q, q - upper), at postures (n,), (k, n). Raises: ShapeError, ArgumentError."""
+        """How far joints are beyond their limits, max(lower - q, q - upper) (..., n). Raises: ShapeError."""
         array = numbers("q", q)
         if array.shape[-1:] != (self.n,):
             raise ShapeError("q", (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")

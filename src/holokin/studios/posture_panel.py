@@ -14,9 +14,6 @@ from .stage import Stage
 from .states import Cloud, LawState, Phase, Snapshot
 from .texts import block, line, plain, put, quiet, ramp, swatch, table
 
-TICKS = 1000
-"""Places of a slider."""
-
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
 """Colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none."""
 
@@ -38,9 +35,9 @@ class PosturePanel:
         gui.add_divider()
         self.law = gui.add_dropdown("Sliders of", names, initial_value=names[page.lead])
         gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
-        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.0)
+        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0)
         self.level_text = gui.add_markdown("")
-        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.0)
+        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=0.001, initial_value=0.0)
         gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
         holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
@@ -144,10 +141,10 @@ class PosturePanel:
         """A slider in the units of what it moves."""
         with self.page.server.atomic():
             handle.label = f"{_what(known)} [{known.unit}]" if known.unit else _what(known)
-            handle.min, handle.max = known.low, known.high
-            handle.step = (known.high - known.low) / TICKS
-            handle.precision = 1 if known.unit == DEGREES else 3
-            handle.value = float(np.clip(known.value, known.low, known.high))
+            fine = 10 if known.unit == DEGREES else 1000  # what is shown at its ends is rounded inwards
+            handle.min, handle.max = np.ceil(fine * known.low) / fine, np.floor(fine * known.high) / fine
+            handle.step, handle.precision = 1 / fine, 1 if known.unit == DEGREES else 3
+            handle.value = float(np.clip(known.value, handle.min, handle.max))
 
     def _range(self, name: str, law: LawState) -> Slider | None:
         if name == SELF:

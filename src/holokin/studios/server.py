@@ -51,7 +51,7 @@ class Studio:
 
     def __init__(self, session: Session, port: int = PORT, host: str = HERE):
         viser = viser_package()
-        self._lock = threading.Lock()
+        self._lock, self._over = threading.Lock(), False
         free = free_port(host, port)
         with silent_viser():  # our own sentence says more than its banner
             self.server = viser.ViserServer(host=host, port=free, verbose=False)
@@ -88,6 +88,9 @@ class Studio:
 
     def close(self) -> None:
         """End page and server. Browsers that look at it are told."""
+        if self._over:
+            return
+        self._over = True
         for client in self.server.get_clients().values():
             client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
             client.flush()
