@@ -14,7 +14,7 @@ import pytest
 
 import holokin as hk
 from holokin.studios import CloudStatus, Law, Phase, Session, circle_loop, reversed_loop
-from sessions import LAWS, TOOL, panda, run
+from sessions import TOOL, panda, run
 
 YUMI_START = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
 
@@ -108,7 +108,7 @@ def test_a_cancelled_cloud_holds_nobody_up_and_another_home_has_none(monkeypatch
     session.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def studio() -> Iterator[Any]:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
@@ -150,12 +150,16 @@ def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypa
     until(lambda: studio.page.drawn > before.number)  # it lives
 
 
-def test_viser_is_silent_and_nobody_else_is(studio: Any) -> None:
+def test_viser_is_silent_and_nobody_else_is() -> None:
+    pytest.importorskip("viser", reason="the extra `studio` is not installed")
+    import rich
+
     from holokin.studios.scene import silent_viser
 
     heard = io.StringIO()
     with contextlib.redirect_stdout(heard), silent_viser():
         print("a program's own line")
+        rich.print("viser's banner")
     assert heard.getvalue() == "a program's own line\n"
 
 
@@ -170,4 +174,30 @@ def test_an_address_with_colons_stands_in_brackets(host: str, url: str) -> None:
 def test_laws_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
     from holokin.studios import session_of_robot
 
-    assert session_of_robot(hk.load("ppr")).snapshot().cycles == 3 and LAWS
+    assert session_of_robot(hk.load("ppr")).snapshot().cycles == 3
+
+
+def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() -> None:
+    pytest.importorskip("viser", reason="the extra `studio` is not installed")
+    from holokin.studios.scene import OPACITY, seen
+
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
+    positions = np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.0005, 0], [0.2, 0.05, 0]])
+    assert seen(positions, turns, 0, 0.3) == pytest.approx([0.0, OPACITY, 0.0, OPACITY])
+    assert seen(positions[[1, 2, 0, 3]], turns, 2, 0.3) == pytest.approx([OPACITY, 0.0, 0.0, OPACITY])
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (["panda_joint1", "panda_joint2"], ["joint1", "joint2"]),
+        (["iiwa_joint_1", "iiwa_joint_2"], ["joint_1", "joint_2"]),
+        (["shoulder_pan_joint", "elbow_joint"], ["shoulder_pan", "elbow"]),
+        (["a_very_long_name_of_a_joint", "q2"], ["a_very_long_n\u2026", "q2"]),
+        (["q1"], ["q1"]),
+    ],
+)
+def test_joints_are_told_apart_by_what_is_left_of_their_names(names: list[str], short: list[str]) -> None:
+    from holokin.studios.texts import short_names
+
+    assert short_names(names) == short
