@@ -289,7 +289,7 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
         page.charts.draw(replace(snap, number=-2, laws=laws))
         plotted.append(np.array(page.charts.drift.data))
 
-    page.ask(panel._take_away)
+    page.ask(panel.take_away)
     page.ask(plot)
     until(lambda: plotted)
     time.sleep(0.5)  # two updates of the texts

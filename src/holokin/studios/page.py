@@ -26,7 +26,7 @@ RATE = 30.0
 SLOW = 0.2
 """Seconds between two updates of texts and plots, which nobody reads faster."""
 
-TRACED = 400
+TRACED = 150
 """Points of the lines that elbows leave behind."""
 
 MANY = 8

@@ -107,7 +107,10 @@ def look_after(shared: Shared) -> Worker:
             elif run is None:
                 closed.wait(REST)
             else:
+                again = run.judgement is not None
                 _look_at(shared, run, q, home)
+                if again:  # while laws move there is always one that is due: leave time for what draws them
+                    closed.wait(REST / len(runs))
 
     return Worker("holokin-studio", work, lambda problem: shared.tell_failure("The background work ended", problem))
 
