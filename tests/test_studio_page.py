@@ -137,8 +137,7 @@ def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_s
     session, page = shown.session, shown.page
     page.get_by_role("button", name="All back to the start posture").click()
     until(lambda: np.allclose(session.snapshot().laws[0].q, session.home))
-    time.sleep(1.0)
-    assert orange(shown.picture()) < 0.002
+    until(lambda: orange(shown.picture()) < 0.002)
     session.set_speed(8.0)
     page.get_by_role("button", name="Start", exact=True).click()
     snap = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
