@@ -1,15 +1,20 @@
 """How many laws the studio moves at 30 frames a second, and how soon a dragged tool is answered: a Panda, in memory.
 
-python -m benchmarks.studio [--quick]
+python -m benchmarks.studio [--quick] [--browser]
 
 A session of the studio without its page: on a loop every law makes its steps, and a snapshot of all that is drawn is
 made, for each frame; on a drag every law follows the tool by 2 mm, and out of reach none can. Processor time of the
 thread, so that what else the machine does counts little; medians, and the worst.
+
+With --browser the page is served, eight laws run with their plots, and what arrives is counted: postures a second at a
+headless chromium that draws them without a graphics card, and at 1, 3 and 8 clients that only listen.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
+import threading
 import time
 from collections.abc import Callable
 
@@ -62,11 +67,101 @@ def drags(subject: Session, count: int, *, out: bool = False) -> list[float]:
     return found
 
 
+GHOSTS = b"/ghosts/"
+"""What a message of the server that moves the robots has in it: the name of what it moves."""
+
+EIGHT, SECONDS, WARM = 8, 10.0, 5.0
+"""Laws of the page; how long it is counted [s], once it has run for so long."""
+
+
+def listen(port: int, counts: list[int], index: int, ended: threading.Event) -> None:
+    """A client that draws nothing, and counts."""
+    import viser
+    from websockets.sync.client import connect
+
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as line:  # type: ignore[list-item]
+        while not ended.is_set():
+            try:
+                counts[index] += GHOSTS in line.recv(timeout=1.0)  # type: ignore[operator]
+            except TimeoutError:
+                continue
+
+
+def counted(counts: list[int], seconds: float) -> tuple[list[float], float]:
+    """How many a second come to each, and the share of a core that this process takes."""
+    before, clock, busy = list(counts), time.perf_counter(), time.process_time()
+    time.sleep(seconds)
+    lasted = time.perf_counter() - clock
+    return [(now - then) / lasted for now, then in zip(counts, before, strict=True)], (
+        time.process_time() - busy
+    ) / lasted
+
+
+def listeners(studio: hk.studios.Studio, clients: int, seconds: float) -> tuple[list[float], float]:
+    """What comes to so many clients that listen, a second, and the share of a core."""
+    ended, counts = threading.Event(), [0] * clients
+    port = studio.server.get_port()
+    hands = [threading.Thread(target=listen, args=(port, counts, i, ended), daemon=True) for i in range(clients)]
+    for hand in hands:
+        hand.start()
+    time.sleep(min(WARM, seconds))
+    found = counted(counts, seconds)
+    ended.set()
+    for hand in hands:
+        hand.join(5.0)
+    return found
+
+
+def chromium(studio: hk.studios.Studio, seconds: float) -> tuple[list[float], float]:
+    """The same of a headless chromium that draws the page by software."""
+    from playwright.sync_api import sync_playwright
+
+    counts = [0]
+    flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage"]
+
+    def heard(payload: bytes | str) -> None:
+        counts[0] += isinstance(payload, bytes) and GHOSTS in payload
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
+        page = browser.new_page(viewport={"width": 1120, "height": 560})
+        page.on("websocket", lambda line: line.on("framereceived", heard))
+        page.goto(f"{studio.url}?fixedDpr=0.5")
+        page.get_by_role("button", name="Pause", exact=True).wait_for(timeout=120_000)
+        page.wait_for_timeout(1e3 * WARM)
+        before, clock, busy = counts[0], time.perf_counter(), time.process_time()
+        page.wait_for_timeout(1e3 * seconds)  # playwright hears while it waits
+        lasted = time.perf_counter() - clock
+        found = [(counts[0] - before) / lasted], (time.process_time() - busy) / lasted
+        browser.close()
+    return found
+
+
+def browsers(seconds: float) -> None:
+    """Print what arrives at browsers on a page of eight laws that run."""
+    subject = session(EIGHT)
+    subject.set_cycles(None)
+    studio = hk.studio(subject, port=0, browser=False, wait=False, tell=lambda _text: None)
+    while not all(state.judgement for state in subject.snapshot().laws):
+        time.sleep(0.2)
+    subject.play()
+    print(f"\n{EIGHT} laws with plots, {RATE:.0f} pictures a second wanted; what arrives a second; share of a core")
+    for name, measure in (
+        ("chromium, drawn by software", lambda: chromium(studio, seconds)),
+        *((f"{n} listening", lambda n=n: listeners(studio, n, seconds)) for n in (1, 3, 8)),
+    ):
+        rates, share = measure()
+        print(f"{name:30}{min(rates):6.1f} to {max(rates):5.1f}{share:8.2f}", flush=True)
+    studio.close()
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Print a table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few laws, frames and drags")
-    quick = parser.parse_args(arguments).quick
+    parser.add_argument("--browser", action="store_true", help="what arrives at browsers, too (playwright, chromium)")
+    chosen = parser.parse_args(arguments)
+    quick = chosen.quick
     sizes, count = ((4,), 4) if quick else ((1, 4, 8, 60), 300)
     print(f"{'':6}{'a frame of the loop [ms]':>28}{'updates':>10}{'a drag [ms]':>18}{'out of reach [ms]':>20}")
     print(f"{'laws':6}{'median':>14}{'worst':>14}{'a second':>10}{'median':>9}{'worst':>9}{'median':>10}{'worst':>10}")
@@ -81,6 +176,8 @@ def main(arguments: list[str] | None = None) -> int:
         numbers = f"{np.median(loop):14.2f}{max(loop):14.2f}{1e3 / np.median(loop):10.0f}"
         print(f"{size:<6}{numbers}{np.median(drag):9.2f}{max(drag):9.2f}{np.median(away):10.1f}{max(away):10.1f}")
     print("\nprocessor time of one thread; a drag moves the tool by 2 mm")
+    if chosen.browser:
+        browsers(1.0 if quick else SECONDS)
     return 0
 
 

@@ -26,7 +26,9 @@ MADE = HERE.parent / "build" / "recordings"
 MAKERS = ("src/holokin/studios/playback.py", "src/holokin/studios/scene.py", "src/holokin/studios/meshes.py")
 """What a recording depends on, beside its page and its example."""
 
-EXAMPLE = re.compile(r'^--8<-- "(examples/\w+\.py)"', re.MULTILINE)
+EXAMPLE = re.compile(r"^\[`(examples/\w+\.py)`\]\(\.\./\.\./\1\)$", re.MULTILINE)
+"""A link to the example, for who reads the page as it is; the site has the code in its place."""
+CODE = '``` { .py title="\\1" }\n--8<-- "\\1"\n```'
 PICTURE = re.compile(r"^!\[(?P<text>[^\]]+)\]\((?P<name>[\w-]+)\.png\)$", re.MULTILINE)
 FRAME = """<figure class="recording" markdown="0">
 <iframe loading="lazy" title="{text}" src="{folder}player.html?playbackPath={name}.viser"></iframe>
@@ -97,9 +99,12 @@ def on_files(files: Any, *, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, *, page: Any, files: Any, **_: Any) -> str:
-    """MkDocs calls this for each page: the recording in place of its picture."""
+    """MkDocs calls this for each page: the code in place of its link, the recording in place of its picture."""
     name = Path(page.file.src_uri)
-    if name.parts[:-1] != ("gallery",) or not files.get_file_from_path(f"gallery/recordings/{name.stem}.viser"):
+    if name.parts[:-1] != ("gallery",):
+        return markdown
+    markdown = EXAMPLE.sub(CODE, markdown)
+    if not files.get_file_from_path(f"gallery/recordings/{name.stem}.viser"):
         return markdown
     folder = "../recordings/" if page.file.use_directory_urls else "recordings/"
     return PICTURE.sub(lambda m: FRAME.format(text=escape(m["text"]), folder=folder, name=m["name"]), markdown, count=1)
@@ -111,4 +116,5 @@ if __name__ == "__main__":
             sys.exit(f"there is no page {name!r}; known: {', '.join(pages())}")
     for name in sys.argv[1:] or pages():
         file = made_of(pages()[name])
-        print(f"{name}: {(file if file.is_file() else make(pages()[name])).stat().st_size / 1000:.0f} kB", flush=True)
+        file = file if file.is_file() else make(pages()[name])
+        print(f"{file.relative_to(HERE.parent)}: {file.stat().st_size / 1000:.0f} kB", flush=True)

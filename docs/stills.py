@@ -47,6 +47,7 @@ def main(names: list[str]) -> None:
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         for name in names:
             page = browser.new_page(viewport=SIZE)
+            page.set_default_timeout(120_000)  # without a graphics card all takes its time
             page.goto(f"http://127.0.0.1:{server.server_port}/player.html?playbackPath={name}.viser")
             slider = page.locator("[role=slider]")
             slider.wait_for(state="attached", timeout=120_000)

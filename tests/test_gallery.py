@@ -149,3 +149,4 @@ def test_the_site_shows_a_recording_where_there_is_one_and_else_the_picture(tmp_
         file = type("File", (), {"src_uri": f"gallery/{name}.md", "use_directory_urls": True})()
         shown = recordings.on_page_markdown(markdown, page=type("Page", (), {"file": file})(), files=files)
         assert wanted in shown and ("<iframe" in shown) == known
+        assert '--8<-- "examples/paper_ppr.py"' in shown and "](../../examples" not in shown  # the code, not a link

@@ -137,8 +137,7 @@ def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_s
     session, page = shown.session, shown.page
     page.get_by_role("button", name="All back to the start posture").click()
     until(lambda: np.allclose(session.snapshot().laws[0].q, session.home))
-    time.sleep(1.0)
-    assert orange(shown.picture()) < 0.002
+    until(lambda: orange(shown.picture()) < 0.002)
     session.set_speed(8.0)
     page.get_by_role("button", name="Start", exact=True).click()
     snap = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
@@ -208,3 +207,9 @@ def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> Non
     for law in session.snapshot().laws:
         assert np.array_equal(law.q, done.law(law.name).q)
     assert [text for text in shown.problems if "WebSocket" not in text] == []
+
+
+def test_the_tab_has_the_name_of_the_job_and_whoever_looks_on_is_told_that_the_studio_ended(shown: Any) -> None:
+    assert shown.page.title() == "panda-circle - holokin studio"
+    shown.studio.close()
+    shown.page.get_by_text("The studio was ended").wait_for()

@@ -13,6 +13,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_START, urdf
 from holokin.job import Job, packaged_jobs, run_job
 from holokin.studios import (
+    CloudStatus,
     Law,
     Origin,
     Phase,
@@ -179,7 +180,7 @@ def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
     for _ in range(600):
         snap = session.snapshot()
         cloud = snap.cloud
-        if all(state.judgement for state in snap.laws) and cloud is not None and cloud.state == "done":
+        if all(state.judgement for state in snap.laws) and cloud is not None and cloud.status is CloudStatus.DONE:
             break
         time.sleep(0.05)
     session.close()

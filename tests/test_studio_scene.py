@@ -289,11 +289,11 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
         page.charts.draw(replace(snap, number=-2, laws=laws))
         plotted.append(np.array(page.charts.drift.data))
 
-    page.ask(panel._take_away)
+    page.ask(panel.take_away)
     page.ask(plot)
     until(lambda: plotted)
     time.sleep(0.5)  # two updates of the texts
-    assert session.snapshot().cloud.state == "cancelled" and panel.cloud_text.content == ""  # type: ignore[union-attr]
+    assert session.snapshot().cloud.status.value == "cancelled" and panel.cloud_text.content == ""  # type: ignore[union-attr]
     assert not page.handles._held
     assert plotted[0].shape[1] <= KEPT and plotted[0][:, 0].tolist() == [0.0] * len(plotted[0])
     assert plotted[0][0, -1] == 5000 and plotted[0][1, -1] == 4999

@@ -246,6 +246,7 @@ def calls() -> dict[str, Call]:
         "Robot.pose_batch": (robot.pose_batch, (Q,), {"tip": None}),
         "Robot.skeleton": (robot.skeleton, (q,), {}),
         "Robot.checked": (robot.checked, (q,), {"what": "q"}),
+        "Robot.beyond": (robot.beyond, (q,), {}),
         "Robot.check_limits": (robot.check_limits, (q,), {}),
         "Robot.joint_index": (robot.joint_index, (robot.joint_names[0],), {}),
         "Task": (task, (q,), {}),

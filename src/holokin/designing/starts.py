@@ -123,7 +123,7 @@ def unwound(robot: Robot, Q: Matrix) -> Matrix:
     lower, upper = allowed(robot)
     turns = np.where(_returns(robot), np.round((Q - (lower + upper) / 2) / (2 * np.pi)), 0.0)
     found = Q - 2 * np.pi * turns
-    return np.where((robot.lower <= found) & (found <= robot.upper), found, Q)
+    return np.where(robot.beyond(found) <= 0, found, Q)
 
 
 def _returns(robot: Robot) -> Flags:
@@ -136,7 +136,7 @@ def _returns(robot: Robot) -> Flags:
 
 def inside(robot: Robot, Q: Matrix) -> Flags:
     """Which postures (k, n) are within the joint limits (k,)."""
-    return np.all((robot.lower <= Q) & (robot.upper >= Q), axis=1)
+    return (robot.beyond(Q) <= 0).all(axis=1)
 
 
 def regular(task: Task, q: Vector) -> float:

@@ -64,8 +64,7 @@ def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     try:
         robot.check_limits(q)
     except JointLimitError as problem:
-        inside = (robot.lower <= scales * q) & (scales * q <= robot.upper)
-        if job.start.degrees or not inside.all():
+        if job.start.degrees or robot.beyond(scales * q).max() > 0:
             raise
         fact = f"puts joint {problem.joint!r} at {problem.value:.6g} rad, outside its limits"
         limits = f"[{problem.lower:.6g}, {problem.upper:.6g}]"

@@ -104,7 +104,7 @@ def _in_the_way(task: Task, position: Vector, rotation: Matrix, q: Vector, limit
     free = nearest_postures(task, position[None], rotation[None], q[None], limits=False)
     if not free.reached[0]:
         return ", with any posture: joint limits are not in the way"
-    past = np.maximum(robot.lower - free.q[0], free.q[0] - robot.upper)
+    past = robot.beyond(free.q[0])
     k = int(np.argmax(past))
     name, unit = robot.joint_names[k], robot.coordinates[k].unit
     lower, upper = robot.lower[k], robot.upper[k]

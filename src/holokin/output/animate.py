@@ -36,6 +36,12 @@ DPI = 100
 TOP, STRIP, SIDE = 52, 120, 60
 """Room for the titles, for the drift below, and left of it [pixels]."""
 
+CONTROLS = 44
+"""Room below the drift [pixels]: browsers lay the buttons of a film over its lower edge."""
+
+MOST_LAWS = 3
+"""Panels of a film: all laws of a job that has no more, else the two that differ."""
+
 
 @dataclass(frozen=True, eq=False)
 class Panel:
@@ -83,7 +89,11 @@ def animate(
 
 
 def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
-    """Two laws to compare: the first that is not holonomic, such as the pseudo-inverse, and the first holonomic one."""
+    """All of up to MOST_LAWS laws; of more the first that is not holonomic, such as the pseudo-inverse, and the first
+    holonomic one.
+    """
+    if len(result.drawn) <= MOST_LAWS:
+        return result.drawn
     first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
     found = tuple(first[kind] for kind in (False, True) if kind in first)
     return found if len(found) == 2 else result.drawn[:2]
@@ -183,7 +193,7 @@ class _Sheet:
         from matplotlib.figure import Figure
 
         side = SIDE if self.robot.planar or self.drift else 12
-        below = (STRIP + 46 if self.drift else 8) + (40 if self.robot.planar else 0)
+        below = (STRIP + 46 + CONTROLS if self.drift else 8) + (40 if self.robot.planar else 0)
         width = len(self.panels) * (WIDTH + side) + 16
         height = self.window.rows + TOP + below
         width, height = width + width % 2, height + height % 2
@@ -199,7 +209,7 @@ class _Sheet:
             title = figure.text(left / width, 1 - 6 / height, "", va="top", ha="left", fontsize=10.5, color=INK)
             self.titles.append(title)
             if self.drift:
-                strip = figure.add_axes((left / width, 42 / height, WIDTH / width, (STRIP - 26) / height))
+                strip = figure.add_axes((left / width, (42 + CONTROLS) / height, WIDTH / width, (STRIP - 26) / height))
                 self.dots.append(self._strip(strip, i))
         for artist in (*self.titles, *self.dots):
             artist.set_animated(True)

@@ -297,10 +297,17 @@ class Robot(Value):
             raise ShapeError("a batch of postures", ("k", self.n), array.shape)
         return array
 
+    def beyond(self, q: ArrayLike) -> Array:
+        """How far joints are beyond their limits, max(lower - q, q - upper) (..., n). Raises: ShapeError."""
+        array = numbers("q", q)
+        if array.shape[-1:] != (self.n,):
+            raise ShapeError("q", (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
+        return np.maximum(self.lower - array, array - self.upper)
+
     def check_limits(self, q: ArrayLike) -> None:
         """Raises: JointLimitError naming the joint that is farthest outside its limits."""
         array = self.checked(q)
-        past = np.maximum(self.lower - array, array - self.upper)
+        past = self.beyond(array)
         i = int(np.argmax(past))
         if past[i] > TOLERANCES.limit:
             facts = float(array[i]), float(self.lower[i]), float(self.upper[i])

@@ -20,7 +20,7 @@ def start_posture(robot: Robot, q: ArrayLike) -> Vector:
         beyond its limits, as degrees are.
     """
     start = robot.checked(q, "the start posture")
-    if np.maximum(robot.lower - start, start - robot.upper).max() > WOUND:
+    if robot.beyond(start).max() > WOUND:
         robot.check_limits(start)
     return start
 

@@ -170,7 +170,7 @@ class SelfMotions(Value):
             at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
             ends[on[~sound]] = "singular"
             if limits:
-                beyond = sound & ((at < robot.lower) | (at > robot.upper)).any(axis=1)
+                beyond = sound & (robot.beyond(at) > 0).any(axis=1)
                 ends[on[beyond]], sound = "limit", sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
             back &= away(self.task, at, Q[on]) < CLOSED * step

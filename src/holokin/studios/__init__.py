@@ -9,11 +9,12 @@ from .server import DEFAULT, Studio
 from .session import Session
 from .sliders import Slider
 from .spreading import LawWays, TwoWays
-from .states import Cloud, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
+from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
 
 __all__ = [
     "DEFAULT",
     "Cloud",
+    "CloudStatus",
     "Judgement",
     "Law",
     "LawState",

@@ -10,7 +10,7 @@ from ..output.palette import INK, PALE
 from ..types import Indices, Vector
 from .stage import Stage
 from .states import Snapshot
-from .texts import block, marks, plain, quiet, table
+from .texts import block, marks, plain, quiet, short_names, table
 
 MOST = 12
 """Laws in a plot at most: more lines nobody tells apart."""
@@ -35,6 +35,7 @@ class Charts:
         self.joint = 0
         self._drawn: tuple[Any, ...] = ()
         names = page.session.robot.joint_names
+        self._names = short_names(names)
         with self.panel.add_tab("What the joints do"):
             gui = page.server.gui
             gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
@@ -97,8 +98,7 @@ class Charts:
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
             values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
             number = plain(f"{snap.laws[self.page.lead].q[index]:.3f}", right=True)
-            short = c.name if len(c.name) <= 12 else f"...{c.name[-9:]}"
-            rows.append((plain(short), marks(values, self.page.colors, bounded), number))
+            rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
             hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
         return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
 

@@ -12,7 +12,7 @@ from ..strategies import HolonomicStrategy
 from ..task import Task
 from ..types import Matrix, Vector
 from ..workspaces import Workspace, pose_cloud, workspace
-from .states import Cloud
+from .states import Cloud, CloudStatus
 
 PIECE = 32
 """Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
@@ -38,33 +38,35 @@ def covered(
     try:
         poses = region.poses(samples)
         parts: list[Coverage] = []
-        if not tell(_cloud(name, parts, len(poses), "running")):
+        if not tell(_cloud(name, parts, len(poses), CloudStatus.RUNNING)):
             return
         for first in range(0, len(poses), PIECE):
             some = poses[first : first + PIECE]
             parts.append(coverage(strategy, start, pose_cloud(some), samples=len(some), limits=limits))
-            if not tell(_cloud(name, parts, len(poses), "running" if first + PIECE < len(poses) else "done")):
+            ended = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
+            if not tell(_cloud(name, parts, len(poses), ended)):
                 return
     except HolokinError as problem:
-        tell(_failed(name, str(problem)))
+        tell(failed_cloud(name, str(problem)))
 
 
-def _cloud(name: str, parts: list[Coverage], total: int, state: str) -> Cloud:
+def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus) -> Cloud:
     """What the pieces so far show."""
     if not parts:
         none = np.zeros(0)
-        return Cloud(name, 0, total, state, "", np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+        return Cloud(name, 0, total, status, "", np.zeros((0, 3)), none > 0, none, none, none.astype(int))
     poses, q = np.concatenate([part.poses for part in parts]), np.concatenate([part.q for part in parts])
-    status = np.concatenate([part.status for part in parts])
+    why = np.concatenate([part.status for part in parts])
     reached = np.concatenate([part.reached for part in parts])
     margin = np.where(reached, _margins(q, parts[0].lower, parts[0].upper), np.nan)
     rcond = np.where(reached, np.concatenate([part.rcond for part in parts]), np.nan)
-    return Cloud(name, len(poses), total, state, "", poses[:, :3, 3].copy(), reached, margin, rcond, status)
+    return Cloud(name, len(poses), total, status, "", poses[:, :3, 3].copy(), reached, margin, rcond, why)
 
 
-def _failed(name: str, sentence: str) -> Cloud:
+def failed_cloud(name: str, sentence: str) -> Cloud:
+    """That of a coverage that could not be found."""
     none = np.zeros(0)
-    return Cloud(name, 0, 0, "failed", sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+    return Cloud(name, 0, 0, CloudStatus.FAILED, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
 
 
 def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:

@@ -115,8 +115,7 @@ def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follow
 
 def _beyond(task: Task, q: Vector) -> bool:
     """Whether a posture (n,) is beyond the joint limits."""
-    robot, slack = task.robot, TOLERANCES.limit
-    return bool(((q < robot.lower - slack) | (q > robot.upper + slack)).any())
+    return bool((task.robot.beyond(q) > TOLERANCES.limit).any())
 
 
 def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
@@ -206,8 +205,7 @@ def stopped(task: Task, name: str, *seen: Vector) -> tuple[LawStatus, str]:
 def limit_sentence(task: Task, q: Vector) -> str:
     """Which joint is at or beyond its limit at a posture (n,), with the cure."""
     robot = task.robot
-    past = np.maximum(robot.lower - q, q - robot.upper)
-    i = int(np.argmax(past))
+    i = int(np.argmax(robot.beyond(q)))
     bound = robot.lower[i] if robot.lower[i] - q[i] >= q[i] - robot.upper[i] else robot.upper[i]
     unit = robot.coordinates[i].unit
     return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."

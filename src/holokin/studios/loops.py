@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..path import Path, arc, figure_eight, polyline
-from ..synchronized_paths import AnyPath
+from ..synchronized_paths import AnyPath, synchronized
 from ..task import Task
 from ..tolerances import TOLERANCES
 from ..types import ArrayLike, Matrix, Value, Vector, finite, positive
@@ -103,17 +103,24 @@ def reversed_loop(loop: Loop) -> Loop:
     Raises:
         ArgumentError: a job's path of another kind, which no job file says the other way round.
     """
-    keys, way = dict(loop.keys), not loop.clockwise
-    if loop.kind in ("circle", "spiral") and not keys.get("others"):
+    found, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
+    keys = {**found, "others": others} if others else found
+    return Loop(loop.kind, loop.path.reversed(), keys, loop.samples, not loop.clockwise)
+
+
+def _reversed(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """[path] of one tool the other way round. Raises: ArgumentError: as `reversed_loop`."""
+    keys, kind = dict(given), given.get("kind", kind)
+    if kind in ("circle", "spiral"):
         keys["clockwise"] = not keys.get("clockwise", False)
-    elif loop.kind == "polyline" and keys.get("closed") and not {"turns_deg", "others", "blend"} & keys.keys():
+    elif kind == "polyline" and keys.get("closed") and not {"turns_deg", "blend"} & keys.keys():
         keys["points"] = [keys["points"][0], *keys["points"][:0:-1]]
-    elif loop.kind == "figure-eight" and keys.get("along") and not keys.get("others"):
+    elif kind == "figure-eight" and keys.get("along"):
         keys["along"] = [-v for v in keys["along"]]
     else:
         cure = "it has one direction only: circles, polygons and figure eights have two"
-        raise ArgumentError("the way round of the path", loop.kind, cure)
-    return Loop(loop.kind, loop.path.reversed(), keys, loop.samples, way)
+        raise ArgumentError("the way round of the path", kind, cure)
+    return keys
 
 
 def _unit(direction: ArrayLike) -> Vector:
@@ -125,8 +132,30 @@ def _unit(direction: ArrayLike) -> Vector:
     return found / size
 
 
+def for_tools(loop: Loop, places: Matrix) -> Loop:
+    """The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do."""
+    first = loop.points(2)[0, 0]
+    tables = [_shifted(loop.keys, place - first) for place in places]
+    paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
+    return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
+
+
+def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
+    """[path] of the curve moved by a vector (3,) [m]."""
+    found = dict(keys)
+    for key in ("center", "at", "points"):
+        if found.get(key) is not None:
+            found[key] = (np.asarray(found[key], dtype=float) + by).tolist()
+    return found
+
+
 def entered(loop: Loop, task: Task, home: Vector) -> Loop:
-    """The loop with the entry of a job where it begins away from the tool at a posture (n,), and else without."""
+    """The loop as laws begin it at a posture (n,): with the entry of a job where it begins away from the tool.
+
+    A task of several tools has no entry: the curve begins where each of them is.
+    """
+    if task.frames > 1 and isinstance(loop.path, Path):
+        return for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
     if task.frames > 1 or not isinstance(loop.path, Path):
         return loop
     R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation

@@ -13,6 +13,7 @@ import numpy as np
 from ..designing import fitting_task, regular_starts
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
+from ..frame_tasks import pose
 from ..job import Job, open_one_job, packaged_jobs
 from ..job.build import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
@@ -22,14 +23,15 @@ from ..robot import Robot
 from ..strategies import moore_penrose
 from ..synchronized_paths import AnyPath
 from ..task import Task
+from ..task_kinds import stacked
 from ..types import ArrayLike, Matrix, Vector
 from .laws import Law, default_laws, redundant
-from .loops import Loop, circle_loop
+from .loops import Loop, circle_loop, entered
 from .session import Session
 from .states import Origin
 
 TRIED = 4
-"""Start postures that are tried for a robot."""
+"""Start postures that are tried for a robot; half of them with two hands, where each takes twice the time."""
 
 AMONG, DOWN = 300, -0.8
 """Of so many of the most regular postures those are preferred in which the tool's z axis points down: its z."""
@@ -45,6 +47,12 @@ LARGEST = 0.15
 
 LOOK, TRY = 100, 40
 """Steps a circle with which loops are compared, and laws are tried."""
+
+CYCLES = 3
+"""Of a robot's loop, as of the packaged job."""
+
+ARM = 4
+"""Joints of its own that a hand has whose arm is one of two."""
 
 LASTING = 8
 """Cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit."""
@@ -134,16 +142,18 @@ def session_of_robot(
     """A session of a robot, with laws and a loop to begin with.
 
     Args:
-        task: by default the pose, or else the position, or less, so that a joint is to spare.
+        task: by default the pose, of each hand of a robot with two arms, or else the position, or less, so that a joint
+            is to spare.
         start: by default a regular posture in the middle of the joint limits, with the tool down where there is one.
         origin: what a job says of the robot: its [robot]. With a task of your own no job can be written.
 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: no law is defined at the start.
     """
-    chosen = fitting_task(robot) if task is None else task
+    chosen = _task_of(robot) if task is None else task
     redundant(chosen)
-    starts = _ready(chosen)[:TRIED] if start is None else robot.checked(start, "the start posture")[None]
+    tried = TRIED // chosen.frames
+    starts = _ready(chosen)[:tried] if start is None else robot.checked(start, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
     told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
@@ -151,8 +161,27 @@ def session_of_robot(
     for i, loop in _loops(chosen, starts):
         laws = known[i] = known.get(i) or default_laws(chosen, starts[i])
         if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
-            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told)
-    return Session(default_laws(chosen, starts[0]), starts[0], title=robot.name, source=source, origin=told)
+            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told, cycles=CYCLES)
+    laws = default_laws(chosen, starts[0])
+    return Session(laws, starts[0], title=robot.name, source=source, origin=told, cycles=CYCLES)
+
+
+def _task_of(robot: Robot) -> Task:
+    """The task that leaves joints free: the poses of the hands of two arms, else as `fitting_task`."""
+    arms = [_moving(robot, tip.joint) for tip in robot.tips]
+    apart = len(arms) == 2 and min(len(arms[0] - arms[1]), len(arms[1] - arms[0])) >= ARM
+    if apart and robot.n > 12:
+        return stacked(*(pose(robot, tip=tip.name) for tip in robot.tips))
+    return fitting_task(robot)
+
+
+def _moving(robot: Robot, joint: int) -> set[int]:
+    """The coordinates that move a joint."""
+    found: set[int] = set()
+    while joint >= 0:
+        found.add(robot.joints[joint].coordinate)
+        joint = robot.joints[joint].parent
+    return found
 
 
 def _ready(task: Task) -> Matrix:
@@ -179,7 +208,7 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
         for i, normal in product(range(len(starts)), normals):
             tool = task.pose(starts[i]).reshape(-1, 4, 4)[0][:3, 3]
             for inward in _inward(tool, normal):
-                loop = circle_loop(tool + radius * inward, radius, normal, near=tool)
+                loop = entered(circle_loop(tool + radius * inward, radius, normal, near=tool), task, starts[i])
                 try:
                     size = float(drift(given, loop.path, starts[i], samples=LOOK).largest[0])
                 except HolokinError:
@@ -207,7 +236,9 @@ def _follows(law: Law, loop: Loop, q: Vector, cycles: int) -> bool:
 
 
 def _task_keys(task: Task) -> dict[str, Any]:
-    """[task] of a job, for what `fitting_task` chooses."""
+    """[task] of a job, for what is chosen for a robot."""
+    if task.frames > 1:
+        return {"kind": "stacked", "parts": [{"kind": "pose", "tip": tip.name} for tip in task.robot.tips]}
     if task.orientation is not None:
         return {"kind": "pose", "orientation": "twist"}
     if task.m == (2 if task.robot.planar else 3):

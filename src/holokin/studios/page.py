@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import law_colors
+from ..output.palette import BAD, LOOP, law_colors
 from ..types import Matrix
 from .charts import Charts
 from .handles import Handles
@@ -26,7 +26,7 @@ RATE = 30.0
 SLOW = 0.2
 """Seconds between two updates of texts and plots, which nobody reads faster."""
 
-TRACED = 400
+TRACED = 150
 """Points of the lines that elbows leave behind."""
 
 MANY = 8
@@ -52,20 +52,27 @@ class Page:
         self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
         self.paused_drawing = False
         self.drawn = -1
-        self._loop_drawn, self._slow_at = -1, 0.0
+        self._loop_drawn: tuple[int, str] | None = None
+        self._slow_at = 0.0
         self._waiting: dict[object, Action] = {}
         self._wake = threading.Condition()
         self._over = False
         self.said = ""
-        self.colors = law_colors([law.holonomic for law in session.laws])
         self.scene = Scene(server, session.robot, session.home)
-        self.scene.set_laws([law.name for law in session.laws], self.colors, self.lead)
         self.handles = Handles(self)
-        self.charts = Charts(self)
-        self.panels = Panels(self)
+        self._arrange()
         self._look()
         self.draw(session.snapshot(), slow=True)
         self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
+
+    def _arrange(self) -> None:
+        """A robot, a line in each plot and a place in each list for every law that there is."""
+        laws = self.session.laws
+        self.lead = min(self.lead, len(laws) - 1)
+        self.colors = law_colors([law.holonomic for law in laws])
+        self.scene.set_laws([law.name for law in laws], self.colors, self.lead)
+        self.charts = Charts(self)
+        self.panels = Panels(self)
 
     def start(self) -> None:
         """Begin to move."""
@@ -100,13 +107,18 @@ class Page:
 
     def draw(self, snap: Snapshot, slow: bool) -> None:
         """Bring scene, and with `slow` texts and plots, to a snapshot."""
+        if tuple(law.name for law in snap.laws) != self.scene.names:  # a program added or removed one
+            self.server.gui.reset()
+            self._arrange()
+            self.drawn, self._loop_drawn = -1, None
         if snap.number != self.drawn and not self.paused_drawing:
             self.drawn = snap.number
             self.scene.show(np.array([law.q for law in snap.laws]))
             self.handles.draw(snap)
-        if snap.loop != self._loop_drawn:
-            self._loop_drawn = snap.loop
-            self._draw_loop()
+        if (snap.loop, snap.loop_fault) != self._loop_drawn:
+            moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
+            self._loop_drawn = snap.loop, snap.loop_fault
+            self._draw_loop(moved, bool(snap.loop_fault))
         if slow:
             self.panels.draw(snap)
             self.charts.draw(snap)
@@ -131,17 +143,17 @@ class Page:
                     return
                 actions, self._waiting = list(self._waiting.values()), {}
             for action in actions:
-                self._do(action)
+                self.attempt(action)
             now = time.perf_counter()
             if now - before >= 1 / RATE:
-                self._do(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
+                self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before = now
             slow = now - self._slow_at >= SLOW
             self._slow_at = now if slow else self._slow_at
-            self._do(lambda slow=slow: self.draw(self.session.snapshot(), slow))
+            self.attempt(lambda slow=slow: self.draw(self.session.snapshot(), slow))
 
-    def _do(self, action: Action) -> None:
-        """What the user could not know is said; the page goes on whatever happens."""
+    def attempt(self, action: Action) -> None:
+        """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
         try:
             action()
         except HolokinError as problem:
@@ -155,13 +167,19 @@ class Page:
         points: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
         self.scene.look_from(*self.scene.view(points))
 
-    def _draw_loop(self) -> None:
+    def _draw_loop(self, moved: bool, red: bool) -> None:
+        """The line of the loop, red where a law does not get round it; what elbows drew belongs to the loop before."""
         loop = self.session.loop
         curves = () if loop is None else loop.points(240)
         for index in range(self.session.task.frames):
-            self.scene.path(curves[index] if len(curves) else [], f"loop{index or ''}")
-        self.handles.place_loop(loop)
-        for law in range(len(self.session.laws)):
+            self.scene.path(curves[index] if len(curves) else [], f"loop{index or ''}", BAD if red else LOOP)
+        if moved:
+            self.handles.place_loop(loop)
+            self.clear_traces()
+
+    def clear_traces(self) -> None:
+        """Take the lines away that elbows drew."""
+        for law in range(len(self.scene.names)):
             self.scene.trace(law, np.zeros((0, 3)), "elbow")
 
     def _draw_traces(self, snap: Snapshot) -> None:

@@ -131,6 +131,8 @@ class Panels:
         """All laws to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""
         page, home = self.page, self.page.session.home
         snapshot = page.session.reset()
+        page.clear_traces()
+        self.posture.take_away()
         away = [law.name for law in snapshot.laws if law.following and np.abs(law.q - home).max() > ELSEWHERE]
         page.say(f"On a leaf that was chosen by its level, not that of the start: {', '.join(away)}." if away else "")
 
@@ -145,8 +147,8 @@ class Panels:
     def _doing(self, snap: Snapshot) -> str:
         text = _DOING[snap.phase].format(cycle=snap.cycle + 1, share=100 * snap.progress, done=snap.cycle)
         faults = [f"{law.name}: {law.sentence}" for law in snap.laws if law.sentence]
-        red = self.page.said or snap.message or (faults[0] if faults else "")
-        return block(line(text), gauge(snap.progress), warning(red))
+        red = self.page.said or snap.message or (faults[0] if faults else snap.loop_fault)
+        return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
 
     def _table(self, snap: Snapshot) -> str:
         rows = [

@@ -7,11 +7,9 @@ to see, the colour of each law, and its joint error after each cycle, which appe
 from __future__ import annotations
 
 import base64
-import io
 import json
 import socket
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import pairwise
@@ -28,7 +26,7 @@ from ..output.scene import best_view
 from ..robot import Robot
 from ..trajectory import Status
 from ..types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
-from .scene import FOV, Scene, viser_package
+from .scene import FOV, Scene, silent_viser, viser_package
 from .session import Session
 
 RATE = 25.0
@@ -46,6 +44,12 @@ PIECES = 8
 ASPECT, LEFT, RIGHT, UPRIGHT = 1.6, -0.2, 0.96, 0.86
 """Width of the picture over its height, and where the robots are in it: from LEFT to RIGHT of half its width, the
 caption being on the left, and up to UPRIGHT of half its height."""
+
+BELOW = (-0.8, 0.04)
+"""From where to where of half the picture's height wide scenes are, which have its whole width, below the caption."""
+
+ASIDE = np.deg2rad(20.0)
+"""Of the camera, from the middle between two hands that it looks at from the front."""
 
 ELEVATION = np.deg2rad(18.0)
 """Of the camera; planar robots are seen from above."""
@@ -143,7 +147,8 @@ def record(
         motions: name of each law -> its `Trajectory`, `TimedTrajectory` or `Motion`. One that ends early stays there.
         file: where to write it; None writes nothing.
         title, text: what it shows and what to see, for people.
-        path: points (k, 3) [m] of the line that the tool shall follow; by default where the lead's tool went.
+        path: points (k, 3) [m] of the line that the tool shall follow, or (F, k, 3) of the lines of several tools; by
+            default where the tools of the lead went.
         lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
 
@@ -190,7 +195,7 @@ def record_session(session: Session, file: str | FilePath | None = None, *, text
     holonomic = [law.name for law in snapshot.laws if law.holonomic and law.name in motions]
     points = loop.points(200)
     lead = holonomic[0] if holonomic else list(motions)[-1]
-    return record(session.robot, motions, file, title=session.title, text=text, path=points[0], lead=lead)
+    return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
 
 
 class _Film:
@@ -203,6 +208,8 @@ class _Film:
         self.pace = max(1.0, self.length / seconds)
         self.count = max(2, round(self.length / self.pace * RATE) + 1)
         self.colors = law_colors([name == lead or clip.returns for name, clip in clips.items()])
+        carried = {tip.joint: tip for tip in reversed(robot.tips)}
+        self.tools = list(carried.values())[::-1]  # one for each link that has a tip
         self.lift = ABOVE if robot.planar else np.zeros(3)
 
     def clock(self, t: float) -> float:
@@ -217,9 +224,10 @@ class _Film:
         try:
             scene = Scene(server, self.robot, Q[0, self.lead], TRIANGLES)
             scene.set_laws([""] * len(self.clips), self.colors, self.lead)
-            loop = (scene.points_of(Q[:, self.lead])[0] if path is None else finite("path", path)) + self.lift
-            scene.path(loop)
-            scene.look_from(*self.view(scene, Q, loop))
+            loops = [loop + self.lift for loop in self._loops(scene, Q, path)]
+            for index, loop in enumerate(loops):
+                scene.path(loop, f"loop{index or ''}")
+            scene.look_from(*self.view(scene, Q, np.vstack(loops)))
             pieces = self._pieces(scene)
             tape = server.get_scene_serializer()
             for frame in range(self.count):
@@ -230,8 +238,15 @@ class _Film:
             tape.insert_sleep(HOLD)
             return tape.serialize()
         finally:
-            with redirect_stdout(io.StringIO()):
+            with silent_viser():
                 server.stop()
+
+    def _loops(self, scene: Scene, Q: Array, path: ArrayLike | None) -> list[Matrix]:
+        """The lines (k, 3) of the tools: given ones, else where those of the lead went."""
+        if path is not None:
+            given = finite("path", path)
+            return [*given] if given.ndim == 3 else [given]
+        return [scene.points_of(Q[:, self.lead], tip)[0] for tip in self.tools]
 
     def view(self, scene: Scene, Q: Array, loop: Matrix) -> tuple[Vector, Vector]:
         """(place of the camera, point it looks at): from where the laws are seen best apart, beside the caption."""
@@ -244,9 +259,14 @@ class _Film:
             if self.robot.planar
             else np.deg2rad(best_view([body for body, _ in pairs], [loop], pairs).azimuth)
         )
+        if len(self.tools) > 1:
+            hands = np.mean([scene.points_of(Q[:1, self.lead], tip)[0][0] for tip in self.tools], axis=0)
+            side = float(np.arctan2(hands[1], hands[0])) - ASIDE
         gap = sum((one - other).sum(axis=0) for one, other in pairs)
         ahead = np.array([np.cos(side), np.sin(side), 0.0])
-        if not self.robot.planar and ahead @ gap < -1e-9:  # the ghosts in front of the robot, not behind it
+        if (
+            not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
+        ):  # the ghosts in front of the robot, not behind it
             ahead, side = -ahead, side + np.pi
         away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
         right = np.array([-np.sin(side), np.cos(side), 0.0])
@@ -254,11 +274,13 @@ class _Film:
         points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop])
         seen = points @ np.stack([right, above, away], axis=1)
         low, high = seen.min(axis=0), seen.max(axis=0)
-        tan, share = np.tan(FOV / 2), (RIGHT - LEFT) / 2
-        near = max((high[0] - low[0]) / (2 * share * ASPECT), (high[1] - low[1]) / (2 * UPRIGHT)) / tan
+        tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]
+        places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))  # beside the caption, or below it
+        sizes = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
+        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda one: one[0])
         far = near + (high[2] - low[2]) / 2
         middle = (low + high) / 2 @ np.stack([right, above, away])
-        at = middle - (LEFT + RIGHT) / 2 * ASPECT * tan * near * right
+        at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
         return at + far * away, at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
@@ -308,7 +330,7 @@ def _quiet_server() -> Any:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with redirect_stdout(io.StringIO()):
+    with silent_viser():
         return viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
 
 

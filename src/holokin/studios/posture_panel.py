@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import BLUE, ORANGE, VERMILLION, rgb
-from .sliders import Slider
+from ..output.palette import BLUE, GREY, YELLOW, rgb
+from .sliders import DEGREES, Slider
 from .stage import Stage
 from .states import Cloud, LawState, Phase, Snapshot
-from .texts import block, line, plain, put, quiet, swatch, table
+from .texts import block, line, plain, put, quiet, ramp, swatch, table
 
-TICKS = 1000
-"""Places of a slider."""
+FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
+"""Colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none."""
 
 SINGULAR = 0.01
 """An rcond below this is written in red."""
@@ -35,9 +35,9 @@ class PosturePanel:
         gui.add_divider()
         self.law = gui.add_dropdown("Sliders of", names, initial_value=names[page.lead])
         gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
-        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.5)
+        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0)
         self.level_text = gui.add_markdown("")
-        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=1 / TICKS, initial_value=0.5)
+        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=0.001, initial_value=0.0)
         gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
         holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
@@ -85,9 +85,9 @@ class PosturePanel:
 
         @self.clear.on_click
         def _(_event: Any) -> None:
-            page.ask(self._take_away)
+            page.ask(self.take_away)
 
-    def _take_away(self) -> None:
+    def take_away(self) -> None:
         """For good: what was found until it was cancelled is known, and not drawn again."""
         self._cloud = self.page.session.cancel_cloud().cloud
         self._draw_cloud(None)
@@ -96,13 +96,14 @@ class PosturePanel:
         known = self._ranges.get(SELF)
         if known is not None:
             self.page.say("")
-            self.page.session.move_self(self.law.value, known.low + self.self_motion.value * (known.high - known.low))
+            place = float(np.clip(self.self_motion.value, known.low, known.high))
+            self.page.session.move_self(self.law.value, place)
             self._fitted[SELF] = self._key(self.page.session.snapshot())
 
     def _lift(self) -> None:
         known = self._ranges.get(LEVEL)
         if known is not None:
-            value = known.low + self.level.value * (known.high - known.low)
+            value = float(np.clip(self.level.value, known.low, known.high))
             self.page.say("")
             self.page.session.move_level(self.law.value, value)
             self._fitted[LEVEL] = self._key(self.page.session.snapshot())
@@ -132,9 +133,18 @@ class PosturePanel:
             self._ranges[name] = found
             handle.disabled = found is None
             if found is not None:
-                handle.value = float(np.clip((found.value - found.low) / (found.high - found.low), 0.0, 1.0))
+                self._scale(handle, found)
                 if name == LEVEL:
                     self._say_level(found)
+
+    def _scale(self, handle: Any, known: Slider) -> None:
+        """A slider in the units of what it moves."""
+        with self.page.server.atomic():
+            handle.label = f"{_what(known)} [{known.unit}]" if known.unit else _what(known)
+            fine = 10 if known.unit == DEGREES else 1000  # what is shown at its ends is rounded inwards
+            handle.min, handle.max = np.ceil(fine * known.low) / fine, np.floor(fine * known.high) / fine
+            handle.step, handle.precision = 1 / fine, 1 if known.unit == DEGREES else 3
+            handle.value = float(np.clip(known.value, handle.min, handle.max))
 
     def _range(self, name: str, law: LawState) -> Slider | None:
         if name == SELF:
@@ -145,9 +155,9 @@ class PosturePanel:
         return None
 
     def _say_level(self, known: Slider) -> None:
-        what, unit = ("Elbow angle", " deg") if known.unit == "deg" else (f"Level of {known.label}", f" {known.unit}")
+        unit = f" {known.unit}" if known.unit else ""
         span = f"{known.value:.4g}{unit}, from {known.low:.4g} ({known.why_low}) to {known.high:.4g} ({known.why_high})"
-        put(self.level_text, f"**{what}**: {span}. The law keeps the new leaf.")
+        put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The law keeps the new leaf.")
 
     def _known(self, snap: Snapshot) -> str:
         rows = [("", *(plain(text, grey=True) for text in ("law", "verdict about the start", "rcond")))]
@@ -169,14 +179,19 @@ class PosturePanel:
         self.page.scene.cloud(cloud.points, margin_colors(cloud))
         share = f"{100 * cloud.reached.mean():.0f} % are reached" if len(cloud.reached) else ""
         text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
-        put(
-            self.cloud_text,
-            block(line(text), quiet("Blue: far from joint limits; orange: near one; red: not reached.")),
-        )
+        scale = ramp(FAR, NEAR, "in the middle of the joints", "at a limit")
+        put(self.cloud_text, block(line(text), scale, table([(swatch(UNREACHED), plain("not reached"))])))
+
+
+def _what(known: Slider) -> str:
+    """What a slider moves, in a word or two."""
+    return (
+        "Self-motion" if known.label.startswith("self-motion") else "Elbow angle" if known.unit == DEGREES else "Level"
+    )
 
 
 def margin_colors(cloud: Cloud) -> Any:
-    """A colour (k, 3) for each pose: orange at a joint limit, blue in the middle; red where it is not reached."""
+    """A colour (k, 3) for each pose: from FAR in the middle of the joints to NEAR at a limit, or UNREACHED."""
     share = np.nan_to_num(np.sqrt(np.clip(cloud.margin, 0.0, 1.0)))[:, None]
-    colors = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
-    return np.where(cloud.reached[:, None], colors, np.array(rgb(VERMILLION))).astype(np.uint8)
+    colors = (1 - share) * np.array(rgb(NEAR)) + share * np.array(rgb(FAR))
+    return np.where(cloud.reached[:, None], colors, np.array(rgb(UNREACHED))).astype(np.uint8)

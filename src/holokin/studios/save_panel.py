@@ -7,7 +7,6 @@ import re
 import time
 from typing import Any
 
-from ..errors import HolokinError
 from .saving import to_job
 from .stage import Stage
 from .states import Phase
@@ -39,6 +38,7 @@ class SavePanel:
         self._connect()
 
     def _connect(self) -> None:
+        page = self.page
         for button, make in (
             (self.job, self._job), (self.picture, self._picture), (self.film, self._film),
             (self.recording, self._recording),
@@ -47,20 +47,19 @@ class SavePanel:
             @button.on_click
             def _(event: Any, make: Any = make) -> None:
                 if event.client is not None:
-                    self._out(event.client, make)
+                    page.attempt(lambda: self._out(event.client, make))
 
     def _out(self, client: Any, make: Any) -> None:
         try:
             name, content = make(client)
-        except HolokinError as problem:
-            self.page.say(str(problem))
         except (TimeoutError, RuntimeError) as problem:
             self.page.say(f"The browser gave no picture ({problem}): keep its window in sight and try again.")
         else:
             client.send_file_download(f"{file_name(self.name.value)}{name}", content, save_immediately=True)
 
     def _job(self, _client: Any) -> tuple[str, bytes]:
-        return ".toml", to_job(self.page.session, self.name.value or None).encode()
+        name, title = self.name.value, self.page.session.title
+        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name).encode()
 
     def _picture(self, client: Any) -> tuple[str, bytes]:
         from PIL import Image

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
-from ..robot import Robot, reach
+from ..robot import Robot, Tip, reach
 from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
@@ -21,6 +23,9 @@ APART = 0.03
 
 TOUCHING = 0.003
 """Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
+
+SAME = 0.001
+"""Distance [m] below which of two ghosts' links only the first is drawn; up to TOUCHING the other comes in softly."""
 
 FOV = np.deg2rad(40.0)
 """Of the camera, upright: as of a 50 mm lens."""
@@ -36,6 +41,31 @@ def viser_package() -> Any:
     except ImportError:
         raise MissingExtraError("viser", "studio") from None
     return viser
+
+
+@contextmanager
+def silent_viser() -> Iterator[None]:
+    """viser prints by the console that rich shares; while this lasts, that says nothing. Other prints are heard."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
+def name_tab(server: Any, title: str) -> None:
+    """The title of the tab of all browsers. viser has no call for it; without its message the title is viser's."""
+    try:
+        from viser._messages import RunJavascriptMessage
+
+        server.gui._websock_interface.queue_message(
+            RunJavascriptMessage(source=f"document.title = {json.dumps(title)};")
+        )
+    except (ImportError, AttributeError):
+        return
 
 
 class Scene:
@@ -62,7 +92,7 @@ class Scene:
         self._ghosts: list[Any] = []
         self._start: list[Any] = []
         self._labels: list[Any] = []
-        self._lines: dict[str, Any] = {}
+        self._lines: dict[str, tuple[Any, str]] = {}
         self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
         self._scales = np.zeros(0)
         self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
@@ -75,7 +105,7 @@ class Scene:
         """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
         self.names, self.lead = tuple(names), lead
         self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
-        for handle in [*self._ghosts, *self._labels, *self._lines.values()]:
+        for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
             handle.remove()
         self._ghosts, self._labels, self._lines = [], [], {}
         tints = linear([rgb(color) for color in self.colors])
@@ -148,10 +178,10 @@ class Scene:
         """The line that a part of a law's robot went, through points (k, 3) [m]."""
         self._line(f"/traces/{part}/{law}", np.asarray(points, dtype=float), self.colors[law], 0.004)
 
-    def points_of(self, Q: ArrayLike) -> tuple[Matrix, Matrix]:
-        """Where tool (k, 3) and elbow (k, 3) are at postures Q (k, n); the elbow moves most while the tool stands."""
+    def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
+        """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
         positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
-        tip = self.robot.tip()
+        tip = self.robot.tip() if tip is None else tip
         rotations = rotations_of(turns[tip.joint + 1])
         return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
 
@@ -268,11 +298,11 @@ class Scene:
         if segments is None:
             self.server.scene.remove_by_name(name)
             self._lines.pop(name, None)
-        elif handle is None:
+        elif handle is None or handle[1] != color:
             line = self.server.scene.add_line_segments(name, segments, rgb(color), thickness=thickness)
-            self._lines[name] = line
+            self._lines[name] = line, color
         else:
-            handle.points = segments
+            handle[0].points = segments
 
 
 _LABELLED = 6
@@ -283,10 +313,10 @@ _ABOVE = 0.09
 
 
 def elbow_joint(robot: Robot, q: Vector) -> int:
-    """The joint whose frame moves most while the tool stands still; -1 for a robot that cannot move so."""
+    """The joint whose frame moves most while the tools stand still; -1 for a robot that cannot move so."""
     if not robot.tips:
         return len(robot.joints) - 1
-    J = robot.jacobian(q)
+    J = np.vstack([robot.jacobian(q, tip=tip.name) for tip in robot.tips])
     _, s, Vt = np.linalg.svd(J)
     rest = Vt[int((s > 1e-6 * s[0]).sum()) :]
     if not len(rest):
@@ -298,14 +328,20 @@ def elbow_joint(robot: Robot, q: Vector) -> int:
 
 
 def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
-    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4): none where it is within the robot's.
+    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4).
+
+    None where it is within the robot's own, or where a ghost before it is.
 
     Args:
         size: distance [m] from the frame to the farthest point of the link.
     """
-    turned = 2 * np.sqrt(np.clip(1 - np.einsum("ki,i->k", turns, turns[lead]) ** 2, 0.0, 1.0))
-    away = np.linalg.norm(positions - positions[lead], axis=1) + size * turned
-    return OPACITY * np.clip((away - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    turned = 2 * np.sqrt(np.clip(1 - (turns @ turns.T) ** 2, 0.0, 1.0))
+    away = np.linalg.norm(positions[:, None] - positions, axis=2) + size * turned
+    opacity = OPACITY * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    before = np.tri(len(away), k=-1, dtype=bool)  # of two ghosts in one place the first is drawn
+    before[:, lead] = False
+    nearest = np.where(before, away, np.inf).min(axis=1)
+    return opacity * np.clip((nearest - SAME) / (TOUCHING - SAME), 0.0, 1.0)
 
 
 def linear(colors: ArrayLike) -> Any:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
-import io
 import ipaddress
 import os
 import socket
@@ -15,13 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import ArgumentError, HolokinError
+from ..errors import ArgumentError
 from ..robot import Robot
-from .meshes import trimesh_package
+from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .opening import open_session, session_of_robot
 from .page import Page
-from .scene import viser_package
+from .scene import name_tab, silent_viser, viser_package
 from .session import Session
+from .working import failure
 
 PORT = 8080
 """Where the page is, unless it is in use."""
@@ -31,6 +30,9 @@ HERE = "127.0.0.1"
 
 TRIED = 50
 """Ports that are tried."""
+
+ENDED = "Nothing moves any more on this page. Start the studio again, and load the page again."
+"""What browsers are told in the end."""
 
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
@@ -49,12 +51,12 @@ class Studio:
 
     def __init__(self, session: Session, port: int = PORT, host: str = HERE):
         viser = viser_package()
-        self._lock = threading.Lock()
+        self._lock, self._over = threading.Lock(), False
         free = free_port(host, port)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner; ours says more
+        with silent_viser():  # our own sentence says more than its banner
             self.server = viser.ViserServer(host=host, port=free, verbose=False)
         found = self.server.get_port()
-        self.url = f"http://{'localhost' if host == HERE else host}:{found}"
+        self.url = url_of(host, found)
         self.notes: list[str] = []
         if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
@@ -71,19 +73,30 @@ class Studio:
     def open(self, name: str) -> None:
         """Show another job or robot instead. Raises: what `open_session` raises, and the page stays as it is."""
         session = open_session(name)
+        for triangles in (SOLID, GHOST):  # what takes time, and may fail, while the page before stands
+            looks_of(session.robot, triangles)
         with self._lock:
             before = self.page
             before.close()
+            try:
+                self.page = self._shown(session)
+            except BaseException:
+                session.close()
+                self.page = self._shown(before.session)
+                raise
             before.session.close()
-            self.server.scene.reset()
-            self.server.gui.reset()
-            self.page = self._shown(session)
 
     def close(self) -> None:
-        """End page and server."""
+        """End page and server. Browsers that look at it are told."""
+        if self._over:
+            return
+        self._over = True
+        for client in self.server.get_clients().values():
+            client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
+            client.flush()
         self.page.close()
         self.page.session.close()
-        with contextlib.redirect_stdout(io.StringIO()):
+        with silent_viser():
             self.server.stop()
 
     def wait(self) -> None:
@@ -97,17 +110,20 @@ class Studio:
             self.close()
 
     def _shown(self, session: Session) -> Page:
+        self.server.scene.reset()
+        self.server.gui.reset()
         page = Page(self.server, session, self._reopen)
         session.start_work()
         page.start()
+        name_tab(self.server, f"{session.source or session.title} - holokin studio")
         return page
 
     def _reopen(self, name: str) -> None:
         """Asked for in the page: what is wrong is said there."""
         try:
             self.open(name)
-        except HolokinError as problem:
-            self.page.say(str(problem))
+        except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
+            self.page.say(failure(f"{name} was not opened", problem))
 
 
 def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
@@ -119,7 +135,7 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
     made = Studio(_session(what), port, host)
     for note in made.notes:
         tell(note)
-    tell(f"the studio is at {made.url}; Ctrl-C ends it" if wait else f"the studio is at {made.url}")
+    tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
     if browser:
         webbrowser.open(made.url)
     if wait:
@@ -149,6 +165,12 @@ def free_port(host: str, port: int) -> int:
     else:
         raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
     raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
+
+
+def url_of(host: str, port: int) -> str:
+    """Where a browser finds a page; an IPv6 address stands in brackets (RFC 3986, section 3.2.2)."""
+    name = "localhost" if host == HERE else f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}"
 
 
 def _session(what: What) -> Session:

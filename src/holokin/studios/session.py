@@ -5,27 +5,20 @@ All that changes is in a `Session`, behind one lock; what it tells are frozen va
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable
 from dataclasses import replace
 
-import numpy as np
-
-from ..errors import ArgumentError, HolokinError, OpenPathError, UnknownNameError
-from ..motion import move_to_leaf
-from ..robot import Robot
-from ..task import Task
-from ..types import Array, ArrayLike, Vector, finite, frozen, not_negative, positive, whole
+from ..errors import ArgumentError, OpenPathError
+from ..types import ArrayLike, frozen, not_negative, positive, whole
 from ..workspaces import Workspace
 from .clouds import default_workspace
-from .following import Move, poses_of
+from .law_group import LawGroup
 from .laws import Law, rebuilt
 from .loops import Loop, entered, reversed_loop
 from .playing import Playing, begin, gather, go, target_of
-from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of, state_of
-from .sliders import Slider, leaves_of
-from .spreading import WIDTH, TwoWays, two_ways
-from .states import Cloud, LawStatus, Origin, Phase, Snapshot
+from .runs import Run, new_run, state_of
+from .sliders import leaves_of
+from .states import Cloud, CloudStatus, Origin, Phase, Snapshot
 from .walking import leaf_start
 from .working import Shared, Worker, cover, look_after
 
@@ -33,7 +26,7 @@ SAMPLES = 512
 """Poses of a cloud."""
 
 
-class Session:
+class Session(LawGroup):
     """Several laws of one robot on one tool target. Make one with `open_session`.
 
     Threads may share it: every method takes its lock, and `snapshot` gives a value that never changes. What changes
@@ -59,88 +52,25 @@ class Session:
                 `home`, or it is beyond the limits.
         """
         given = tuple(laws)
-        if not given:
-            raise ArgumentError("the laws of a session", 0, "give at least one")
-        self._lock = threading.RLock()
-        self.task: Task = given[0].task
-        self.robot: Robot = self.task.robot
-        self.title, self.source, self.limits, self.origin = title or self.task.name, source, limits, origin
-        self.home: Vector = frozen(self.robot.checked(home, "the start posture"))
-        if limits:
-            self.robot.check_limits(self.home)
-        self._runs: dict[str, Run] = {}
+        super().__init__(given, home, limits)
+        self.title, self.source, self.origin = title or self.task.name, source, origin
         self._playing = Playing(cycles=cycles)
         self._loop: Loop | None = None
-        self._loops, self._number, self._message = 0, 0, ""
+        self._loops, self._number = 0, 0
+        self._fault, self._loop_fault = "", ""
         self._known: Snapshot | None = None
         self._cloud: Cloud | None = None
-        self._shared = Shared(self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed)
+        self._shared = Shared(
+            self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed, self._failed,
+            self._unseen_loop, self._looked_at, limits,
+        )  # fmt: skip
+        self._looked = 0
         self._worker: Worker | None = None
         self._covering: Worker | None = None
-        self._target: Array = frozen(self._home_target())
         for law in given:
             self.add_law(law)
         if loop is not None:
             self.set_loop(loop)
-
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """The laws, in order."""
-        with self._lock:
-            return tuple(run.law for run in self._runs.values())
-
-    def add_law(self, law: Law) -> Snapshot:
-        """One more law, from home; the loop stops. Raises: ArgumentError: its name, its robot. HolokinError."""
-        with self._lock:
-            if law.name in self._runs:
-                raise ArgumentError("the name of a law", law.name, "it is taken: give another one")
-            if law.task.robot is not self.robot:
-                raise ArgumentError("the robot of the law", law.task.robot.name, "take that of the session")
-            self._playing.stop()
-            run = self._runs[law.name] = new_run(law, leaf_start(law, self.home), self.limits)
-            if not np.array_equal(self._target, self._home_target()):
-                run.put(run.follow(run.q, self._target, self._native(run)))
-            return self._changed()
-
-    def remove_law(self, name: str) -> Snapshot:
-        """One law less. Raises: UnknownNameError; ArgumentError: it is the last one."""
-        with self._lock:
-            self._run(name)
-            if len(self._runs) == 1:
-                raise ArgumentError("the law to remove", name, "it is the last one: add another first")
-            del self._runs[name]
-            return self._changed()
-
-    def drag(self, pose: ArrayLike) -> Snapshot:
-        """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
-
-        Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight way. A
-        law that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
-        target is within its reach again. Nothing is raised for such a pose.
-
-        Raises:
-            ShapeError, NotFiniteError, ArgumentError: what is no pose.
-        """
-        poses = poses_of(self.task, pose)
-        with self._lock:
-            self._playing.stop()
-            self._target, self._message = frozen(poses), ""
-            for run in self._runs.values():
-                run.put(run.follow(run.q, self._target, self._native(run)))
-            return self._changed()
-
-    def reset(self) -> Snapshot:
-        """All laws at their home again, each on its leaf; the loop stops, and what was recorded is forgotten."""
-        with self._lock:
-            self._playing.stop()
-            self._target, self._message = frozen(self._home_target()), ""
-            for run in self._runs.values():
-                try:
-                    run.put(Move(leaf_start(run.law, self.home), LawStatus.FOLLOWING))
-                except HolokinError as problem:
-                    run.put(Move(run.q, LawStatus.STOPPED, f"Its leaf has no posture at home: {problem}."))
-                run.forget()
-            return self._changed()
 
     def set_home(self, q: ArrayLike) -> Snapshot:
         """Another posture (n,) at which all laws begin; all go there, on their leaves through it.
@@ -161,8 +91,9 @@ class Session:
             self._runs = {law.name: new_run(law, home, self.limits) for law in laws}
             self.home, self._message = home, ""
             self._target = frozen(self._home_target())
-            self.set_loop(self._loop)
-            return self._changed()
+            self.cancel_cloud()
+            self._cloud = None
+            return self.set_loop(self._loop)
 
     @property
     def loop(self) -> Loop | None:
@@ -176,6 +107,7 @@ class Session:
             self._playing.stop()
             self._loop, self._message = None if loop is None else entered(loop, self.task, self.home), ""
             self._loops += 1
+            self._loop_fault = ""
             for run in self._runs.values():
                 run.forget()
             return self._changed()
@@ -249,75 +181,6 @@ class Session:
                 return self.snapshot()
             return self._changed()
 
-    def two_ways(self, pose: ArrayLike, *, width: float = WIDTH, samples: int = 200) -> TwoWays:
-        """Each law by two ways from its posture to a tool pose (4, 4), and how far its joints end apart.
-
-        As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.
-
-        Raises:
-            ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools.
-        """
-        wanted = poses_of(self.task, pose)[0]
-        with self._lock:
-            runs = [(run.law, run.q, run.status) for run in self._runs.values()]
-        return two_ways(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
-
-    def self_motion(self, name: str, direction: int = 0) -> Slider:
-        """The slider of one law along its self-motion, from where it stands; see `move_self`.
-
-        direction: which one, from 0 to n - m - 1, where several joints are to spare.
-
-        Raises: UnknownNameError; ArgumentError: no such direction.
-        """
-        with self._lock:
-            return slider_of(self._run(name), direction, self.limits)
-
-    def move_self(self, name: str, s: float, direction: int = 0) -> Snapshot:
-        """One law goes to the place s of its slider (arc length from where it stood when the slider was made).
-
-        The tool stays where it is, to 1e-9. A holonomic law is then on another leaf, and keeps it. The loop stops.
-
-        Raises:
-            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the law is not defined there.
-        """
-        with self._lock:
-            run = self._run(name)
-            slide(run, direction, s, self.limits)
-            self._playing.stop()
-            return self._changed()
-
-    def level_slider(self, name: str, row: int = 0) -> Slider:
-        """The slider of a row of the level of a holonomic law, with the tool still; degrees for an angle of the arm.
-
-        Raises:
-            UnknownNameError; ArgumentError: a law without leaves, or no such row.
-        """
-        with self._lock:
-            return level_slider_of(self._run(name), row, self.limits)
-
-    def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
-        """One law goes to a value of its slider, in the slider's unit, through all between. As `set_level`."""
-        with self._lock:
-            move_across(self._run(name), row, value, self.limits)
-            self._playing.stop()
-            return self._changed()
-
-    def set_level(self, name: str, level: ArrayLike) -> Snapshot:
-        """One holonomic law goes to another leaf g(q) = level (r,), the tool still, and keeps it. The loop stops.
-
-        Raises:
-            UnknownNameError; ArgumentError: a law without leaves. SingularityError, BranchError, JointLimitError: the
-                self-motion does not lead there; nothing changes then. ShapeError, NotFiniteError.
-        """
-        with self._lock:
-            run = self._run(name)
-            q = move_to_leaf(leaves_of(run.law), run.q, np.atleast_1d(finite("level", level)))
-            if self.limits:
-                self.robot.check_limits(q)
-            put_on_leaf(run, q, self.limits)
-            self._playing.stop()
-            return self._changed()
-
     def start_work(self) -> None:
         """Compile and judge the laws in a thread, and keep the curvature at their postures: `LawState.judgement`.
 
@@ -336,20 +199,25 @@ class Session:
         Raises:
             UnknownNameError; ArgumentError: a law without leaves, or a bad number of samples.
         """
-        self.cancel_cloud()
         with self._lock:
             run = self._run(name)
             strategy, count = leaves_of(run.law), whole("samples", samples)
             where = default_workspace(run.law.task, self.home) if region is None else region
             q = leaf_start(run.law, self.home)
+            self.cancel_cloud()
             self._covering = cover(self._shared, name, strategy, q, where, count, self.limits, self._keep)
             return self._changed()
 
     def cancel_cloud(self) -> Snapshot:
-        """Look at no more poses; those that are known stay."""
-        if self._covering is not None:
-            self._covering.close()
-        return self.snapshot()
+        """Look at no more poses, and wait for nothing; those that are known stay."""
+        with self._lock:
+            if self._covering is None:
+                return self.snapshot()
+            self._covering.cancel()
+            self._covering = None
+            if self._cloud is not None and self._cloud.status is CloudStatus.RUNNING:
+                self._cloud = replace(self._cloud, status=CloudStatus.CANCELLED)
+            return self._changed()
 
     def close(self) -> None:
         """End all threads of the session."""
@@ -366,7 +234,8 @@ class Session:
                 states, way = tuple(map(state_of, self._runs.values())), loop is not None and loop.clockwise
                 self._known = Snapshot(
                     self._number, playing.phase, states, self._target, self._loops, playing.progress, playing.cycle,
-                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud,
+                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud, self._loop_fault,
+                    self._fault,
                 )  # fmt: skip
             return self._known
 
@@ -374,25 +243,32 @@ class Session:
         self._number += 1
         return self.snapshot()
 
+    def _halt(self) -> None:
+        self._playing.stop()
+
     def _keep(self, cloud: Cloud) -> None:
         self._cloud = cloud
+
+    def _failed(self, sentence: str) -> None:
+        self._fault = sentence
+
+    def _unseen_loop(self) -> tuple[int, Loop] | None:
+        """The loop, and its number, that nobody has looked at yet."""
+        return None if self._loop is None or self._looked == self._loops else (self._loops, self._loop)
+
+    def _looked_at(self, number: int, sentence: str) -> None:
+        """What was found on the loop of a number; another loop may be there by now."""
+        if number == self._loops:
+            self._looked, self._loop_fault = number, sentence
 
     def _needed(self) -> Loop:
         if self._loop is None:
             raise ArgumentError("the loop", None, "set one first")
         return self._loop
 
-    def _run(self, name: str) -> Run:
-        if name not in self._runs:
-            raise UnknownNameError("law", name, list(self._runs))
-        return self._runs[name]
-
     def _native(self, run: Run) -> bool:
         """Whether a law may wait for its compiler: not while the worker is about to do it."""
         return run.ready or self._worker is None
-
-    def _home_target(self) -> Array:
-        return self.task.pose(self.home).reshape(-1, 4, 4)
 
     def _aim(self) -> None:
         target = target_of(self._playing, self._runs.values())

@@ -180,7 +180,7 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
         new, ended = walk(at, straight_way(here, here, (c, c + sign * size * unit)))
-        beyond = ended is WayEnd.REACHED and limits and bool(((new < robot.lower) | (new > robot.upper)).any())
+        beyond = ended is WayEnd.REACHED and limits and bool((robot.beyond(new) > 0).any())
         if ended is not WayEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"

@@ -29,6 +29,14 @@ class Stage(Protocol):
     drawn: int
     handles: Any
 
+    def attempt(self, action: Callable[[], Any]) -> None:
+        """Do something in this thread; what it raises is said in the page."""
+        ...
+
+    def clear_traces(self) -> None:
+        """Take the lines away that elbows drew."""
+        ...
+
     def ask(self, action: Callable[[], Any], key: object = None) -> None:
         """Have something done by the page's thread; of several with one key only the last is done."""
         ...

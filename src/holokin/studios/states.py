@@ -32,6 +32,15 @@ class LawStatus(Enum):
     STOPPED = "stopped"
 
 
+class CloudStatus(Enum):
+    """How far a coverage has got."""
+
+    RUNNING = "running"
+    DONE = "done"
+    CANCELLED = "cancelled"
+    FAILED = "failed"
+
+
 class Phase(Enum):
     """What a session is doing."""
 
@@ -100,7 +109,7 @@ class Cloud:
 
     Attributes:
         law: its name. done, total: poses looked at, of how many.
-        state: "running", "done", "cancelled", or "failed" with its `sentence`.
+        status: whether it goes on; `sentence` says why it failed, else empty.
         points: positions (k, 3) [m] of the poses looked at. reached: (k,).
         margin: (k,) least distance to a joint limit over half the joint's range, 1 in the middle, 0 at a limit; NaN
             where it is not reached. rcond: (k,), NaN where it is not reached.
@@ -110,7 +119,7 @@ class Cloud:
     law: str
     done: int
     total: int
-    state: str
+    status: CloudStatus
     sentence: str
     points: Matrix
     reached: Flags
@@ -133,6 +142,8 @@ class Snapshot:
         factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
         cloud: the coverage, if one was asked for.
+        loop_fault: the first law that does not get round the loop, and why; empty until it is known, and if all do.
+        fault: what failed in the background; empty if nothing did.
     """
 
     number: int
@@ -148,6 +159,8 @@ class Snapshot:
     clockwise: bool
     message: str
     cloud: Cloud | None = None
+    loop_fault: str = ""
+    fault: str = ""
 
     def law(self, name: str) -> LawState:
         """The state of a law by name."""

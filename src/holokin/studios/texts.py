@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -42,6 +43,30 @@ def swatch(color: str, framed: bool = False) -> Cell:
     """A square of a colour; `framed` with an edge round it."""
     edge = f"outline:2px solid {INK};outline-offset:1px;" if framed else ""
     return f'<div style="width:12px;height:12px;border-radius:3px;background:{color};{edge}"></div>'
+
+
+def ramp(low: str, high: str, left: str, right: str) -> str:
+    """A bar whose colour goes from one to another, with a word at each end."""
+    bar = f'<div style="height:8px;border-radius:4px;background:linear-gradient(to right,{low},{high})"></div>'
+    ends = f'<div style="display:flex;justify-content:space-between"><span>{escape(left)}</span><span>{escape(right)}'
+    return f'<div style="font-size:12px;color:{INK};margin:5px 2px">{bar}{ends}</span></div></div>'
+
+
+def short_names(names: Sequence[str], most: int = 14) -> list[str]:
+    """Names without the words that all of them begin or end with, and what is too long still without its end."""
+    words = [re.split("([_/.])", name) for name in names]
+    first = 2 * (_shared([one[::2] for one in words]) if len(words) > 1 else 0)
+    last = 2 * (_shared([one[first:][::-2] for one in words]) if len(words) > 1 else 0)
+    if any(one[first : first + 1][0].isdigit() for one in words):  # "joint_1" tells more than "1"
+        first = max(first - 2, 0)
+    found = ["".join(one[first : len(one) - last]) for one in words]
+    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in found]
+
+
+def _shared(words: Sequence[Sequence[str]]) -> int:
+    """How many words all begin with; of each at least one is left."""
+    least = min(map(len, words)) - 1
+    return next((i for i in range(least) if len({one[i] for one in words}) > 1), max(least, 0))
 
 
 def plain(text: str, red: bool = False, grey: bool = False, right: bool = False) -> Cell:

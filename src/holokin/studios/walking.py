@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .states import LawStatus
 
 PIECES = 200
 """Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""
+
+LOOK = 60
+"""Steps of a cycle with which it is tried whether a law gets round a loop: 30 ms in Python."""
 
 Stepper = Callable[[Vector, int], Vector]
 """(posture, step of the plan) -> the posture after it."""
@@ -151,3 +154,22 @@ def compiled(law: Law, begin: Vector) -> None:
             path_rate(law.rule).follower("velocity")
     except HolokinError:  # told when the law is asked to follow
         return
+
+
+def loop_fault(law: Law, loop: Loop, home: Vector, limits: bool) -> str:
+    """Why a law does not get round a loop that begins at a posture (n,), and where; empty where it does.
+
+    A few coarse steps; of control laws, which have memory, nothing is known.
+    """
+    if law.strategy is None:
+        return ""
+    try:
+        begin = loop_start(law, loop, home)
+        walked = walk(law, replace(loop, samples=LOOK), begin, limits)
+    except HolokinError as problem:
+        return f"{law.name} cannot begin this loop: {problem}."
+    steps = len(walked.plan.h)
+    rows, (status, sentence) = walked.run(begin, 0, steps)
+    if status is LawStatus.FOLLOWING:
+        return ""
+    return f"{law.name} gets round {100 * len(rows) / steps:.0f} % of this loop only. {sentence}"
