@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any
@@ -49,10 +50,21 @@ def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
     return drawn
 
 
-def _figure(height: float) -> tuple[Any, Any]:
+def _empty(height: float) -> Any:
+    """A figure that notebooks show without pyplot."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.4, height), layout="constrained")
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            self.savefig(stream, format="png", facecolor="white")
+            return stream.getvalue()
+
+    return Shown(figsize=(10.4, height), layout="constrained")
+
+
+def _figure(height: float) -> tuple[Any, Any]:
+    figure = _empty(height)
     return figure, figure.add_subplot()
 
 
@@ -188,10 +200,8 @@ def status_figure(found: Findings) -> Any:
 @_styled
 def boxes_figure(found: Findings) -> Any:
     """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
-    from matplotlib.figure import Figure
-
     laws, looks = found.laws, _looks(found)
-    figure = Figure(figsize=(10.4, 1.5 + 0.34 * len(laws)), layout="constrained")
+    figure = _empty(1.5 + 0.34 * len(laws))
     axes = figure.subplots(1, 2, sharey=True)
     panels = (
         ("cost", "joint speed over that of the pseudo-inverse"),

@@ -54,6 +54,9 @@ class Findings(Value):
             "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
         )
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""
         head, rows = self.table()
