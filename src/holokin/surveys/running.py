@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import time
 import zlib
 from collections.abc import Callable
@@ -46,6 +47,9 @@ from .tables import LoopTable
 
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""
+
+STEP = 0.02
+"""Longest step of a control law [s]: a large, slow loop gets more of them than samples."""
 
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
@@ -222,7 +226,7 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 
 @when_replaced
 def _forget() -> None:
-    for known in (_robot, _starts, _task):
+    for known in (_robot, _starts, _task, _job_path):
         known.cache_clear()
     _laws.clear()
 
@@ -252,7 +256,8 @@ def _run(
                 law, path, q0, samples=rest["samples"], cycles=rest["cycles"], limits=rest["limits"], native=True
             )
             return walk, "", None
-        walk = simulate(law, task, path, q0, dt=path.duration / rest["samples"], cycles=rest["cycles"])
+        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / STEP)
+        walk = simulate(law, task, path, q0, dt=path.duration / steps, cycles=rest["cycles"])
     except PathError as problem:
         if problem.trajectory is None:
             raise
