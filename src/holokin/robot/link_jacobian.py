@@ -7,7 +7,7 @@ keeps null vectors and det J J^T.
 
 from __future__ import annotations
 
-from ..symbolic import SX, cross, horzcat, n_nodes, vertcat
+from ..symbolic import SX, cross, horzcat, n_nodes, sparsify, vertcat
 from ..symbolic.geometry import rotation_about
 from .model import Joint, Robot, Tip
 
@@ -15,7 +15,7 @@ Frames = dict[int, tuple[SX, SX]]
 
 
 def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool = True) -> SX:
-    """A(q) J (6, n), det A = 1, of the link and the point with the fewest operations; as many rows as J has.
+    """A(q) J (6, n), det A = 1, of the link and the point that leave most zeros in it.
 
     A turns with the fixed rotations of the model, whose inverses are their transposes: of right angles exactly, else
     to the rounding of their doubles.
@@ -32,7 +32,7 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
         frames = _seen_from(robot, q, chain[::-1], middle, end)
         points = chain if turned else [-1]
         found += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
-    return min(found, key=n_nodes)
+    return min(found, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
 
 
 def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> Frames:
