@@ -13,8 +13,8 @@ which shares nothing with holokin:
   lies in the tubes; the determinant keeps its sign; a closed path ends where the certificate says.
 
 With `--kinds turned` the boxes turn, too, where an orientation is held, and most constraints of one redundant joint are
-stationary; these problems are of a random stream of their own. Where the proof has further unknowns, the null vector,
-its determinant is that of all of them and a tube is one about them, too: then neither is compared with the joints alone.
+stationary; these problems are of a random stream of their own. Where the proof has further unknowns, a null vector, its
+determinant is that of all of them, and so are its tubes: then neither is compared with what the joints alone give.
 
 Whatever is not so is a fault. One certificate of every tenth seed is written and verified by the checker.
 """
@@ -123,7 +123,9 @@ class Examined:
             self.need((arm.lower - TINY <= q) & (q <= arm.upper + TINY), "a root is beyond a joint limit")
         alone = proof.equation.n == self.problem.arm.n
         least = np.abs(det).min()
-        self.need(not alone or least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}")
+        self.need(
+            not alone or least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}"
+        )
         self.need(np.abs(np.sign(det).sum()) == len(det), "the determinant has both signs")
         self.counts["roots"] += len(cell)
         self.sign = float(np.sign(det[0]))

@@ -1,4 +1,4 @@
-"""Proofs of leaves that hang on rotation vectors, and of stationary manipulability: smooth where the code has switches."""
+"""Proofs of leaves that depend on rotation vectors, and of stationary manipulability: without switches and kinks."""
 
 from __future__ import annotations
 

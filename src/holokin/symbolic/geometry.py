@@ -128,7 +128,7 @@ def log_s2(d: ca.SX) -> ca.SX:
 def _angle_over_sine(square: ca.SX, c: ca.SX) -> ca.SX:
     """atan2(s, c) / s as a smooth function of s^2 >= 0 and of c, across s = 0; singular at s = 0 > c.
 
-    With t = tan of half the angle it is 2 A(t^2) / (|(s, c)| + c), A(z) = atan(sqrt z) / sqrt z = sum (-z)^k / (2k + 1).
+    It is 2 A(t^2) / (|(s, c)| + c), t = tan of half the angle, A(z) = atan(sqrt z) / sqrt z = sum (-z)^k / (2k + 1).
     A(z) = 2 A(y) / (1 + r), y = z / (1 + r)^2, r = sqrt(1 + z), halves the angle: thrice, so that z < 0.04 up to half a
     turn, and what the series leaves out is below 1e-18.
     """
