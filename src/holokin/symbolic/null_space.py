@@ -61,7 +61,7 @@ def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
     sum minor^2 = det J J^T. Row by row, each minor from smaller ones, so that zeros of J leave nothing behind.
     """
     m, n = J.shape
-    found = {(j,): J[0, j] for j in range(n)}
+    found: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
     for i in range(1, m):
         smaller, found = found, {}
         for columns in combinations(range(n), i + 1):
@@ -69,7 +69,7 @@ def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
                 (-1) ** (i + at) * J[i, column] * smaller[columns[:at] + columns[at + 1 :]]
                 for at, column in enumerate(columns)
             ]
-            found[columns] = sum(terms[1:], terms[0])
+            found[columns] = ca.SX(sum(terms[1:], terms[0]))
     return found
 
 
