@@ -86,14 +86,14 @@ def turned_problem(rng: np.random.Generator) -> Problem:
 
 
 def turned_motion(kind: str, problem: Problem, q: Array, rng: np.random.Generator) -> Motion:
-    """As `random_motion`; a box of 1 to 10 mm turns by 1 to 20 mrad where the orientation is held."""
+    """As `random_motion`; a box of 0.3 to 5 mm turns by 0.3 to 5 mrad where the orientation is held."""
     arm = problem.arm
     if kind != "box" or not arm.turned:
         return random_motion(kind, problem, q, rng)
     frame = arm.frames(q[None])[0, -1]
     x, R0 = frame[:3, 3], frame[:3, :3]
-    half = 10.0 ** rng.uniform(-3, -2) * np.array([1.0, 1.0, 0.0 if arm.planar else 1.0])
-    tilt, spin = (0.0 if arm.planar else 10.0 ** rng.uniform(-3, -1.7)), 10.0 ** rng.uniform(-3, -1.7)
+    half = 10.0 ** rng.uniform(-3.5, -2.3) * np.array([1.0, 1.0, 0.0 if arm.planar else 1.0])
+    tilt, spin = (0.0 if arm.planar else 10.0 ** rng.uniform(-3.5, -2.3)), 10.0 ** rng.uniform(-3.5, -2.3)
     turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)])  # Cayley's parameters
 
     def in_box(_piece: Array, u: Array) -> tuple[Array, Array]:
