@@ -12,6 +12,10 @@ which shares nothing with holokin:
 - a continuation from the start, along the path or out to random poses of a box, gets through all that is proven and
   lies in the tubes; the determinant keeps its sign; a closed path ends where the certificate says.
 
+With `--kinds turned` the boxes turn, too, where an orientation is held, and most constraints of one redundant joint are
+stationary; these problems are of a random stream of their own. Where the proof has further unknowns, a null vector, its
+determinant is that of all of them, and so are its tubes: then neither is compared with what the joints alone give.
+
 Whatever is not so is a fault. One certificate of every tenth seed is written and verified by the checker.
 """
 
@@ -26,6 +30,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -34,10 +39,16 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.random_arms import Motion, Problem, random_motion, random_posture, random_problem
+from benchmarks.random_turns import turned_motion, turned_problem
 from holokin.proof import Certificate, certify
 
 Array = np.ndarray
 KINDS = ("line", "circle", "triangle", "box")
+DRAWN: dict[str, Any] = {
+    "plain": (random_problem, random_motion, (14,)), "turned": (turned_problem, turned_motion, (14, 2))
+}  # fmt: skip
+"""Problems, motions and the random stream that they come from."""
+
 AGAIN = 2
 """Motions of each kind for a robot."""
 
@@ -88,7 +99,8 @@ class Examined:
         i, j = np.triu_indices(y.shape[1])
         squares = y[:, i] * y[:, j] * np.where(i == j, 0.5, 1.0)
         bend = np.einsum("knp,kp->kn", self.cells.Q[cell], squares)
-        return self.cells.q0[cell] + np.einsum("knd,kd->kn", self.cells.V[cell], y) + bend
+        found = self.cells.q0[cell] + np.einsum("knd,kd->kn", self.cells.V[cell], y) + bend
+        return found[:, : self.problem.arm.n]
 
     def roots(self, rng: np.random.Generator) -> None:
         """Of every cell."""
@@ -109,17 +121,23 @@ class Examined:
         if proof.limits is not None:
             arm = self.problem.arm
             self.need((arm.lower - TINY <= q) & (q <= arm.upper + TINY), "a root is beyond a joint limit")
+        alone = proof.equation.n == self.problem.arm.n
         least = np.abs(det).min()
-        self.need(least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}")
+        self.need(
+            not alone or least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}"
+        )
         self.need(np.abs(np.sign(det).sum()) == len(det), "the determinant has both signs")
+        self.counts["roots"] += len(cell)
+        self.sign = float(np.sign(det[0]))
+        if not alone:
+            return
         away = rng.normal(size=q.shape)
         away *= (0.95 * f.alone[cell] / np.linalg.norm(away, axis=1))[:, None]
         other, _, again = self.problem.roots(guess + away, p, R, self.level)
         inside = again & (np.linalg.norm(other - guess, axis=1) < f.alone[cell] * (1 - 1e-9))
         apart = np.linalg.norm(other - q, axis=1)[inside]
         self.need(apart < 1e-7, f"two roots in a tube, {apart.max(initial=0.0):.3g} apart")
-        self.counts += Counter({"roots": len(cell), "starts elsewhere that led to it": int(inside.sum())})
-        self.sign = float(np.sign(det[0]))
+        self.counts["starts elsewhere that led to it"] += int(inside.sum())
 
     def in_tube(self, q: Array, piece: int, u: Array, what: str) -> None:
         """A posture at a pose lies in the tubes of all cells that hold it."""
@@ -161,7 +179,7 @@ class Examined:
         b, q = self.boxes, self.start
         if self.motion.kind == "box":
             for _ in range(WAYS if self.proof.whole else 0):
-                end = rng.uniform(-1, 1, 3)
+                end = rng.uniform(-1, 1, self.proof.equation.d)
                 at: Array | None = q
                 for k in range(WAYS):
                     at = self.along(at, 0, k / WAYS * end, (k + 1) / WAYS * end, "a way through the box")
@@ -184,15 +202,16 @@ class Examined:
             self.counts["of them after whole turns"] += int(closed and self.proof.turns.any())
 
 
-def tried(seed: int) -> dict[str, Any]:
+def tried(seed: int, kinds: str = "plain") -> dict[str, Any]:
     """The certificates of a seed: how many ended how, what was examined, the faults."""
-    rng, began = np.random.default_rng([seed, 14]), time.process_time()
-    problem = random_problem(rng)
+    new_problem, new_motion, stream = DRAWN[kinds]
+    rng, began = np.random.default_rng([seed, *stream]), time.process_time()
+    problem = new_problem(rng)
     n, kind = problem.arm.n, "planar" if problem.arm.planar else "spatial"
     counts, faults = Counter[str](), []
     for motion_kind in KINDS * AGAIN:
         start = random_posture(problem, rng, near=motion_kind != "box" and rng.random() < NEAR)
-        motion = random_motion(motion_kind, problem, start, rng)
+        motion = new_motion(motion_kind, problem, start, rng)
         counts["certificates"] += 1
         try:
             proof = certify(problem.strategy, motion.where, start, budget=BUDGET[motion_kind])
@@ -206,6 +225,7 @@ def tried(seed: int) -> dict[str, Any]:
         if not len(proof):
             counts["without a cell"] += 1
             continue
+        counts["in boxes that turn"] += int(proof.equation.d == 6)
         made = ["with cells", f"{kind}, {n} joints", f"constraint: {problem.law[0]}"]
         made += ["with an orientation"] * problem.arm.turned + ["with a slider"] * bool(problem.arm.slides.any())
         counts += Counter([*made, *["within limits"] * bool(np.isfinite(problem.arm.lower).any())])
@@ -235,13 +255,14 @@ def rejected(proof: Certificate) -> str | None:
     return None
 
 
-def campaign(seeds: list[int], workers: int) -> Iterator[dict[str, Any]]:
+def campaign(seeds: list[int], workers: int, kinds: str = "plain") -> Iterator[dict[str, Any]]:
     """`tried` of all seeds, in any number of processes."""
+    one = partial(tried, kinds=kinds)
     if workers == 1:
-        yield from map(tried, seeds)
+        yield from map(one, seeds)
     else:
         with ProcessPoolExecutor(workers) as pool:
-            yield from pool.map(tried, seeds)
+            yield from pool.map(one, seeds)
 
 
 def summary(rows: list[dict[str, Any]]) -> str:
@@ -262,6 +283,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1000, help="Certificates to try, eight a seed.")
     parser.add_argument("--seed", type=int, default=0, help="The first one.")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--kinds", choices=list(DRAWN), default="plain", help="Of problems; each in a file of its own.")
     parser.add_argument("--out", type=Path, help="A line of JSON for each seed; those that it has are not done again.")
     parser.add_argument("--quick", action="store_true", help="One robot.")
     asked = parser.parse_args()
@@ -274,7 +296,7 @@ def main() -> int:
         rows = [json.loads(line) for line in asked.out.read_text("utf-8").splitlines()]
         rows = [row for row in rows if row["seed"] in wanted]
     done = {row["seed"] for row in rows}
-    for row in campaign([seed for seed in wanted if seed not in done], asked.workers):
+    for row in campaign([seed for seed in wanted if seed not in done], asked.workers, asked.kinds):
         rows.append(row)
         for fault in row["faults"]:
             print(fault, flush=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, files
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,37 @@ def every_constraint() -> Iterator[Case]:
     radial = hk.radial(hk.moore_penrose(task), PANDA)
     fit = hk.strategies.fitted(radial, Q, degree=3, rows=(0, 1, 2))
     yield "Panda, radial fitted, degree 3, circle of 0.1 m", fit, loop, PANDA
+    other = hk.circle(x, center=x + [0.1, 0, 0])  # across the first circle this leaf has a fold
+    volume = hk.holonomic(task, hk.stationary(C.manipulability_cost()))
+    yield "Panda, stationary manipulability, another circle of 0.1 m", volume, other, PANDA
+    yield from with_masses()
+    yield from where_the_tool_turns(task, x)
+
+
+def with_masses() -> Iterator[Case]:
+    """The Panda of the package example-robot-data, if it is there (the extra `test`)."""
+    try:
+        listed = files("example-robot-data") or []
+    except PackageNotFoundError:
+        return
+    for file in (f for f in listed if f.name == "panda.urdf"):
+        heavy = hk.from_urdf(str(file.locate()), tip="panda_hand_tcp")
+        x, law = heavy.pose(PANDA)[:3, 3], hk.holonomic(hk.pose(heavy), hk.stationary(C.gravity_cost()))
+        yield "Panda, stationary gravity, circle of 0.1 m", law, hk.circle(x, center=x - [0.1, 0, 0]), PANDA
+
+
+def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
+    """Along 0.05 m and back while the tool turns by 0.08 rad, from the rotation that rotation vectors count from."""
+    turn = np.array([0.04, 0.06, -0.03])
+    there = hk.line(x, x - [0.05, 0, 0], turn=turn)
+    loop = there + hk.line(x - [0.05, 0, 0], x, turn=-turn)
+    chart = hk.pose(task.robot).counted_from(task.pose(PANDA)[:3, :3])
+    tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
+    yield "Panda, tilted by the rotation, 0.05 m and 0.08 rad and back", hk.holonomic(task, tilt), loop, PANDA
+    near, rng = hk.follow(hk.moore_penrose(task), there, PANDA, samples=60).q, np.random.default_rng(0)
+    Q = np.vstack([near, *(near[::2] + rng.normal(scale=0.03, size=near[::2].shape) for _ in range(6))])
+    fit = hk.strategies.fitted(hk.radial(hk.moore_penrose(task), PANDA), Q, degree=2)
+    yield "Panda, radial fitted, degree 2, all six rows, the same", fit, loop, PANDA
 
 
 def two_hands() -> Iterator[Case]:

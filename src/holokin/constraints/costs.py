@@ -10,10 +10,12 @@ import numpy as np
 
 from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
-from ..robot import Kinematics, potential_expression
-from ..symbolic import SX, as_expression, factorise, jacobian, log, solve, sumsqr, vertcat
-from ..symbolic.null_space import null_vector, null_vector_expression
+from ..frames import TipFrame
+from ..robot import Kinematics, link_jacobian, potential_expression
+from ..symbolic import SX, as_expression, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat
+from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
 from ..task import Task
+from ..task_kinds import FrameTask
 from ..types import ArrayLike, Value, Vector, finite, frozen
 from .base import Constraint
 from .implicit import Implicit
@@ -25,8 +27,8 @@ class Cost(Made, Value):
 
     name: str
     expression: Callable[[Task, Kinematics, SX], SX]
-    implicit: Implicit | None = None
-    """Its gradient (n,) by auxiliary unknowns, where U itself has kinks: for proofs."""
+    smooth: Callable[[Task, Kinematics, SX], SX] | None = None
+    """U(q) where `expression` has kinks, but for a constant: for proofs. [(task, kinematics, q) -> (1,)]"""
 
 
 @made
@@ -83,33 +85,47 @@ def _null_space_implicit(
     cost: Cost, gradient: Callable[[Task, Kinematics, SX], SX], split: Callable[[Task], tuple[list[int], list[int]]],
     rows: int, chang: bool,
 ) -> Implicit:  # fmt: skip
-    """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0; then those of U."""
-    inner = cost.implicit
+    """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0.
 
-    def null(task: Task) -> int:
-        return task.m * rows if chang else task.n
+    Of a cost that is a function of J, and r = 1, no unknown is needed: N is along the minors n of a `short_jacobian`.
+    """
+    smooth = cost.smooth
+
+    def by_minors(task: Task) -> bool:
+        return smooth is not None and task.n - task.m == 1
 
     def size(task: Task) -> tuple[int, int]:
-        unknowns, numbers = inner.size(task) if inner else (0, 0)
-        return null(task) + unknowns, numbers
+        return 0 if by_minors(task) else task.m * rows if chang else task.n, 0
 
-    def equations(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
-        J, N = task.jacobian_expression(k, q), z[: null(task)]
-        slope, h = inner.rows(task, k, q, z[null(task) :], scale) if inner else (gradient(task, k, q), SX(0, 1))
-        if not chang:
-            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2, h)
+    def equations(task: Task, k: Kinematics, q: SX, N: SX, _scale: SX) -> tuple[SX, SX]:
         a, b = split(task)
+        if smooth is not None and by_minors(task):
+            n = minors_expression(short_jacobian(task, k, q))
+            return directional(smooth(task, k, q), q, n) / (n[b] if chang else norm_2(n)), SX(0, 1)
+        J = task.jacobian_expression(k, q)
+        slope = gradient(task, k, q) if smooth is None else jacobian(smooth(task, k, q), q).T
+        if not chang:
+            return N.T @ slope, vertcat(J @ N, (sumsqr(N) - 1) / 2)
         N = N.reshape((task.m, rows))
-        return slope[b] + N.T @ slope[a], vertcat((J[:, a] @ N + J[:, b]).reshape((-1, 1)), h)
+        return slope[b] + N.T @ slope[a], (J[:, a] @ N + J[:, b]).reshape((-1, 1))
 
-    def at(task: Task, q: Vector, scale: Vector) -> Vector:
+    def at(task: Task, q: Vector, _scale: Vector) -> Vector:
+        if by_minors(task):
+            return np.zeros(0)
         J = task.jacobian(q)
         a, b = split(task)
         N = np.linalg.solve(J[:, a], -J[:, b]).T.ravel() if chang else null_vector(J)
-        found = np.concatenate([N, inner.at(task, q, scale)]) if inner else N
-        return found.astype(np.float64, copy=False)
+        return N.astype(np.float64, copy=False)
 
-    return Implicit(size, equations, at, inner.scale if inner else lambda _task, _q: np.zeros(0))
+    return Implicit(size, equations, at)
+
+
+def short_jacobian(task: Task, k: Kinematics, q: SX) -> SX:
+    """A(q) J (m, n) with det A = 1, of few operations where J is that of a tool's pose or position: for proofs."""
+    geometric = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and task.geometric
+    if geometric and task.rows in (tuple(range(6)), tuple(range(3))):
+        return link_jacobian(task.robot, q, task.tip, turned=task.m == 6)
+    return task.jacobian_expression(k, q)
 
 
 @made
@@ -171,38 +187,8 @@ def manipulability_cost() -> Cost:
             total = total - 0.5 * log(R[i, i] ** 2)
         return total
 
-    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
-        """By a lower triangular W with W^T T J J^T T^T W = 1: U' = -1/2 d tr(W^T T J J^T T^T W), W held."""
-        thin = (_triangle(scale, task.m) @ task.jacobian_expression(k, q)).T @ _triangle(z, task.m)
-        gap = (thin.T @ thin - SX.eye(task.m)) / 2
-        return -0.5 * jacobian(sumsqr(thin), q).T, vertcat(*(gap[i, : i + 1].T for i in range(task.m)))
+    def smooth(task: Task, k: Kinematics, q: SX) -> SX:
+        """det J J^T is the sum of the squares of all minors of J."""
+        return -log(sumsqr(vertcat(*every_minor(short_jacobian(task, k, q)).values()))) / 2
 
-    def at(task: Task, q: Vector, scale: Vector) -> Vector:
-        lower = np.tril_indices(task.m)
-        T = np.zeros((task.m, task.m))
-        T[lower] = scale
-        J = T @ task.jacobian(q)
-        return np.linalg.cholesky(np.linalg.inv(J @ J.T))[lower].astype(np.float64, copy=False)
-
-    def whitening(task: Task, q: Vector) -> Vector:
-        """T = L^-1 with J J^T = L L^T there, so that W is near 1."""
-        J = task.jacobian(q)
-        T = np.linalg.inv(np.linalg.cholesky(J @ J.T))
-        return T[np.tril_indices(task.m)].astype(np.float64, copy=False)
-
-    return Cost(
-        "manipulability", cost, Implicit(lambda task: (_numbers(task.m), _numbers(task.m)), rows, at, whitening)
-    )
-
-
-def _numbers(m: int) -> int:
-    """Of a triangle of m rows."""
-    return m * (m + 1) // 2
-
-
-def _triangle(z: SX, m: int) -> SX:
-    """A lower triangular matrix (m, m) from its rows, one after the other."""
-    W = SX.zeros(m, m)
-    for i in range(m):
-        W[i, : i + 1] = z[_numbers(i) : _numbers(i + 1)].T
-    return W
+    return Cost("manipulability", cost, smooth)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
+from ..symbolic.geometry import one_formula
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.separated import Separated
 from ..types import Flags, Matrix, Value, Vector
@@ -79,10 +80,11 @@ class Equation(Value):
         scale = symbol("scale", constraint.implicit.size(task)[1] if constraint.implicit else 0)
         k, others = e.kinematics, symbol("others", self.n - self.joints)
         rows, facing = rows_of(task, k.position, k.rotation, *self.family.pose(y, numbers))
-        if constraint.implicit is None:
-            g, h = self.strategy.constraint_expression, SX(0, 1)
-        else:
-            g, h = constraint.implicit.rows(task, k, e.q, others, scale)
+        with one_formula():
+            if constraint.implicit is None:
+                g, h = constraint.bind(task, k, e.q), SX(0, 1)
+            else:
+                g, h = constraint.implicit.rows(task, k, e.q, others, scale)
         inputs = {"q": vertcat(e.q, others), "y": y, "numbers": numbers, "c": vertcat(c, scale)}
         return inputs, vertcat(rows, g - c, h), facing
 

@@ -6,7 +6,9 @@ derivative. Rotation vectors are axis times angle [rad]; quaternions are (w, x, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TypeVar
 
 import casadi as ca
@@ -18,6 +20,22 @@ Angles = TypeVar("Angles", ca.SX, Array)
 
 _SMALL = 1e-4
 """Squared angle below which series are used; their first dropped term is then below 1e-17."""
+
+_one_formula = ContextVar("one_formula", default=False)
+
+
+@contextmanager
+def one_formula() -> Iterator[None]:
+    """Within it `log_so3` and `log_s2` are written down without a switch between formulas: for proofs.
+
+    They are the same functions, to 1e-16 as far as 2 rad and to 1e-15 as far as 3 rad, and smooth but at half a turn,
+    beside which the formulas with switches keep more digits.
+    """
+    token = _one_formula.set(True)
+    try:
+        yield
+    finally:
+        _one_formula.reset(token)
 
 
 def skew(w: ca.SX) -> ca.SX:
@@ -78,6 +96,10 @@ def log_so3(R: ca.SX) -> ca.SX:
     Through the quaternion: 2 atan2(|v|, w) v / |v|, smooth at a half turn, where the sign of the axis is
     chosen by w >= 0, and a series in |v|^2 at the identity.
     """
+    if _one_formula.get():
+        w = ca.sqrt(1 + R[0, 0] + R[1, 1] + R[2, 2]) / 2
+        v = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / (4 * w)
+        return 2 * v * _angle_over_sine(ca.dot(v, v), w)
     quaternion = quaternion_wxyz(R)
     w, v = quaternion[0], quaternion[1:]
     v2 = ca.dot(v, v)
@@ -95,10 +117,33 @@ def log_s2(d: ca.SX) -> ca.SX:
     theta (-d_y, d_x) / sin theta with cos theta = d_z, and a series in sin^2 theta near z; singular at -z.
     """
     across = d[0] * d[0] + d[1] * d[1]
+    if _one_formula.get():
+        return ca.vertcat(-d[1], d[0]) * _angle_over_sine(across, d[2])
     small = ca.logic_and(across < _SMALL, d[2] > 0)
     sine = ca.sqrt(ca.if_else(small, 1, across))
     series = 1 + across * (1 / 6 + across * (3 / 40 + across * (15 / 336 + across * (105 / 3456))))
     return ca.vertcat(-d[1], d[0]) * ca.if_else(small, series, ca.atan2(sine, d[2]) / sine)
+
+
+def _angle_over_sine(square: ca.SX, c: ca.SX) -> ca.SX:
+    """atan2(s, c) / s as a smooth function of s^2 >= 0 and of c, across s = 0; singular at s = 0 > c.
+
+    It is 2 A(t^2) / (|(s, c)| + c), t = tan of half the angle, A(z) = atan(sqrt z) / sqrt z = sum (-z)^k / (2k + 1).
+    A(z) = 2 A(y) / (1 + r), y = z / (1 + r)^2, r = sqrt(1 + z), halves the angle: thrice, so that z < 0.04 up to half a
+    turn, and what the series leaves out is below 1e-18.
+    """
+    reach = ca.sqrt(square + c * c) + c
+    z, factor = square / (reach * reach), 2 / reach
+    for _ in range(_HALVINGS):
+        over = 1 + ca.sqrt(1 + z)
+        z, factor = z / (over * over), 2 * factor / over
+    series = ca.SX(0)
+    for k in reversed(range(_TERMS)):
+        series = series * -z + 1 / (2 * k + 1)
+    return factor * series
+
+
+_HALVINGS, _TERMS = 3, 12
 
 
 def frame_about(axis: Vector) -> Matrix:

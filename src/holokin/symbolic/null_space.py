@@ -3,10 +3,13 @@
 A basis N (n, r) is never unique. Which one is right hangs on what is done with it:
 - its span alone counts: `null_space`, `null_space_expression`, orthonormal;
 - r = 1 and the sign counts: `null_vector`, `null_vector_expression`, of length 1 with det [J; n^T] > 0;
-- r = 1 and J may lose rank: `minors`, which vanish there.
+- r = 1 and J may lose rank: `minors`, `minors_expression`, which vanish there;
+- of any r all minors: `every_minor`, whose squares sum up to det J J^T.
 """
 
 from __future__ import annotations
+
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -50,3 +53,28 @@ def null_vector_expression(J: ca.SX) -> ca.SX:
 def minors(J: Matrix) -> Vector:
     """The signed minors (n,) of a J (n - 1, n): `null_vector` of length sqrt(det J J^T), smooth in q everywhere."""
     return null_vector(J) * np.sqrt(max(np.linalg.det(J @ J.T), 0.0))  # (19): the signed minors
+
+
+def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
+    """The determinants of all square matrices of m columns of a J (m, n), by their columns: polynomials of J.
+
+    sum minor^2 = det J J^T. Row by row, each minor from smaller ones, so that zeros of J leave nothing behind.
+    """
+    m, n = J.shape
+    found: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
+    for i in range(1, m):
+        smaller, found = found, {}
+        for columns in combinations(range(n), i + 1):
+            terms = [
+                (-1) ** (i + at) * J[i, column] * smaller[columns[:at] + columns[at + 1 :]]
+                for at, column in enumerate(columns)
+            ]
+            found[columns] = ca.SX(sum(terms[1:], terms[0]))
+    return found
+
+
+def minors_expression(J: ca.SX) -> ca.SX:
+    """`minors` as an expression: det [J; w^T] = n^T w for every w."""
+    n, found = J.shape[1], every_minor(J)
+    columns = tuple(range(n))
+    return ca.vertcat(*((-1) ** (n - 1 + j) * found[columns[:j] + columns[j + 1 :]] for j in range(n)))
