@@ -115,17 +115,13 @@ def test_two_branches_are_not_glued(file: Path) -> None:
 
 
 def test_a_root_that_is_double_is_not_certified(file: Path) -> None:
-    data = parabola(offset=1e-9)
-    data["claims"]["determinant"] = 0.0
-    assert outcome(data, file) == REJECTED
+    false = changed(parabola(offset=1e-9), lambda data: data["claims"].update(determinant=0.0))
+    assert outcome(false, file) == REJECTED
 
 
-@pytest.mark.parametrize(("offset", "expected"), [(1.0, VERIFIED), (0.1, VERIFIED), (0.08, VERIFIED), (0.02, REJECTED)])
-def test_a_wide_cell_is_verified_part_by_part_until_its_tube_holds_both_roots(
-    offset: float, expected: str, file: Path
-) -> None:
-    """q = sqrt(offset + u) for 0 <= u <= 1 in one cell: the other root is -q, and the predictor errs more and more as
-    they come near."""
+@pytest.mark.parametrize(("offset", "expected"), [(0.1, VERIFIED), (0.08, VERIFIED), (0.02, REJECTED)])
+def test_a_wide_cell_is_verified_part_by_part_but_not_two_roots(offset: float, expected: str, file: Path) -> None:
+    """q = sqrt(offset + u) for 0 <= u <= 1 in one cell; the other root is -q."""
     data, q = parabola(offset=offset), math.sqrt(offset + 0.5)
     data["pieces"][0]["cells"] = {"q0": [q], "V": [[0.25 / q]], "Q": [[[-0.0625 / q**3]]], "Y": [[0.5 / q]]}
     data["claims"] |= {"determinant": 0.0, "joints": [[-9.0], [-9.0], [9.0], [9.0]]}

@@ -58,14 +58,15 @@ def follow_certified(
         q = np.vstack([once, *(once[1:] + k * turns for k in range(1, cycles))])
     status = Status.COMPLETE if proof.whole else STATUS.get(proof.extent, Status.LOST)
 
-    def rates() -> Matrix:
+    def rates(samples: int) -> Matrix:
         ends = plan.rates_at_ends()
-        index = 1 + np.arange(len(q) - 1) % plan.steps
-        return strategy.rate.batch(q, np.vstack([ends[:1], ends[index]]))[0].reshape(len(q), task.n)
+        index = 1 + np.arange(samples - 1) % plan.steps
+        targets = np.vstack([ends[:1], ends[index]])[:samples]
+        return strategy.rate.batch(q[:samples], targets)[0].reshape(samples, task.n)
 
-    def residual() -> Vector:
+    def residual(samples: int) -> Vector:
         leaf = proof.equation.strategy
-        values = leaf.constraint_value.batch(q).reshape(len(q), -1)
+        values = leaf.constraint_value.batch(q[:samples]).reshape(samples, -1)
         return np.abs(leaf.constraint.nearest(values - proof.c[: leaf.constraint.rows])).max(axis=1, initial=0.0)
 
     walk = record(task, plan, q, rates, cycles, status, residual)

@@ -62,7 +62,7 @@ class Cell:
 
     def __init__(self, data: Any, box: Any) -> None:
         d, self.sides, self.joined = len(box), box, {self}
-        self.Y = self.M = self.rho = self.r = arb_mat(data["Y"])
+        self.Y = self.M = self.eta = self.rho = self.r = arb_mat(data["Y"])
         self.x = arb_mat([[q] for q in data["q0"]] + [[(arb(a) + b) / 2] for a, b in box])
         self.V = arb_mat(data["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(box)])
         self.Q = [(arb_mat(Q) + arb_mat(Q).transpose()) / 2 for Q in data["Q"]] + [arb_mat(d, d)] * d
@@ -121,14 +121,14 @@ class Checker:
     def prove(self, cell: Cell) -> Cell:
         """The cell with its theorem, and what is claimed of it."""
         for cuts, factor in product([k for k in (1, 2, 4, 8) if k**self.d <= MOST], (3, 2, 1.5)):
-            M, eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
-            some = arb_mat(self.n, 1, [max(eta.entries()) / 64 + 1e-15] * self.n)
-            cell.rho = factor * size((self.one - M).solve(eta + some))
+            M, cell.eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
+            some = arb_mat(self.n, 1, [max(cell.eta.entries()) / 64 + 1e-15] * self.n)
+            cell.rho = factor * size((self.one - M).solve(cell.eta + some))
             cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
-            cell.r = size((self.one - cell.M).solve(eta + some / 64))
-            if below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho):
+            cell.r = size((self.one - cell.M).solve(cell.eta + some / 64))
+            if below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho):
                 break
-        need(below(eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
+        need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
         self.say()
         need(self.claims["determinant"] <= (self.one - cell.M).det() / abs(cell.Y.det()), "|det D_q E| is less")
         hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)

@@ -10,7 +10,7 @@ from .extent import reach
 from .free_coordinates import coordinates
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
-from .link_jacobian import link_jacobian
+from .link_frames import link_jacobian
 from .links import DENSITY, knows_masses, weighed
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip

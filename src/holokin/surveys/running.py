@@ -63,7 +63,7 @@ METRICS = {
     "cycles": "complete cycles before it stopped",
     "drift": "largest joint error after the first cycle [rad, m]",
     "drift_mean": "the same, mean over its cycles",
-    "drift_last": "the same of its last complete cycle: what is left when a law has settled",
+    "drift_last": "the same of its last complete cycle: what is left when a law has converged",
     "drift_total": "largest joint error between the start and the end of its last cycle [rad, m]",
     "tracking": "largest error of the tool's position [m]",
     "sigma": "smallest singular value of J on its way",
