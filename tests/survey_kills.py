@@ -46,7 +46,7 @@ def rows_of(file: Path) -> list[dict[str, Any]]:
 
 
 def same(found: list[dict[str, Any]], expected: list[dict[str, Any]]) -> bool:
-    """Row for row; numbers but for rounding, which may differ by where arrays lie in memory (seen: 1e-16 rad)."""
+    """Row for row; numbers but for rounding: 1e-16 rad once, in a copy whose kills were not survived."""
     return len(found) == len(expected) and all(
         math.isclose(a[k], b[k], rel_tol=1e-9, abs_tol=1e-12) if isinstance(b[k], float) else a[k] == b[k]
         for a, b in zip(found, expected, strict=True)

@@ -136,7 +136,7 @@ def _returns(robot: Robot) -> Flags:
 
 def inside(robot: Robot, Q: Matrix) -> Flags:
     """Which postures (k, n) are within the joint limits (k,)."""
-    return (robot.beyond(Q) <= 0).all(axis=1)
+    return np.asarray((robot.beyond(Q) <= 0).all(axis=1))
 
 
 def regular(task: Task, q: Vector) -> float:
