@@ -13,8 +13,8 @@ from .links import DENSITY, drawn_links, knows_masses, merged, rest, size, weigh
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""What a moving link without mass gets in MJCF [kg, kg m^2], of a robot whose other links have theirs: MuJoCo wants
-some, and so little changes nothing."""
+"""What a moving link without mass, or with one at a point, gets in MJCF [kg, kg m^2]: MuJoCo wants some, and so little
+changes nothing."""
 
 EFFORT = 1000.0
 """Largest torque or force of a joint in a URDF [N m, N], which must name one: more than arms of the catalogue have."""
@@ -254,7 +254,7 @@ def _mjcf_inertial(body: Body | None) -> str:
     moments, axes = np.linalg.eigh(body.inertia)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = axes * np.linalg.det(axes), body.center
-    return f'<inertial {_pose(T)} mass="{float(body.mass)!r}" diaginertia="{_numbers(moments)}"/>'
+    return f'<inertial {_pose(T)} mass="{float(body.mass)!r}" diaginertia="{_numbers(np.maximum(moments, LEAST_INERTIA))}"/>'
 
 
 def _numbers(values: object) -> str:
