@@ -112,8 +112,8 @@ def test_mujoco_takes_a_mass_at_a_point(tmp_path: Path) -> None:
     """As the wrist of an iCub has it: 0.1 kg without any moment of inertia."""
     mujoco = pytest.importorskip("mujoco")
     iner = '<inertial><mass value="0.1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
-    text = f'<robot name="r"><link name="a"/><link name="b">{iner}</link><joint name="j" type="continuous"><parent link="a"/>'
-    (tmp_path / "r.urdf").write_text(text + '<child link="b"/><axis xyz="0 0 1"/></joint></robot>')
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a"/><link name="b">{iner}</link>{joint}</robot>')
     robot = hk.load(tmp_path / "r.urdf")
     model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot))
     assert model.body_mass[-1] == 0.1 and 0 < model.body_inertia[-1].max() < 1e-9

@@ -252,9 +252,9 @@ def _mjcf_inertial(body: Body | None) -> str:
     if body is None or not body.mass:
         return f'<inertial pos="0 0 0" mass="{LEAST_MASS!r}" diaginertia="{_numbers([LEAST_INERTIA] * 3)}"/>'
     moments, axes = np.linalg.eigh(body.inertia)
-    T = np.eye(4)
+    T, moments = np.eye(4), np.maximum(moments, LEAST_INERTIA)
     T[:3, :3], T[:3, 3] = axes * np.linalg.det(axes), body.center
-    return f'<inertial {_pose(T)} mass="{float(body.mass)!r}" diaginertia="{_numbers(np.maximum(moments, LEAST_INERTIA))}"/>'
+    return f'<inertial {_pose(T)} mass="{float(body.mass)!r}" diaginertia="{_numbers(moments)}"/>'
 
 
 def _numbers(values: object) -> str:
