@@ -9,6 +9,9 @@ import numpy as np
 
 from ..types import Indices, Matrix
 
+COMPARED = 4096
+"""Pairs of boxes that are compared without a further cut."""
+
 
 def partition(low: Matrix, high: Matrix, sides: Sequence[tuple[float, float]], leaf: Callable[[int], Any]) -> Any:
     """A tree of boxes low <= u <= high (k, d) within a box: [axis, at, below, above], leaf(i) for box i, None for none.
@@ -41,3 +44,33 @@ def _tree(low: Matrix, high: Matrix, those: Indices, sides: list[Any], leaf: Cal
     lower[axis], upper[axis] = (sides[axis][0], at), (at, sides[axis][1])
     below = _tree(low, high, those[is_below], lower, leaf)
     return [axis, at, below, _tree(low, high, those[~is_below], upper, leaf)]
+
+
+def overlapping(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> tuple[Indices, Indices]:
+    """All pairs (one, other) whose boxes low <= u <= high (k, d) have an inside in common, cut until few are left."""
+    found, waiting = [np.zeros((0, 2), dtype=int)], [(ones, others)]
+    while waiting:
+        ones, others = waiting.pop()
+        parts = _cut(low, high, ones, others) if len(ones) * len(others) > COMPARED else None
+        if parts is not None:
+            waiting += parts
+        elif len(ones) and len(others):
+            for some in np.array_split(ones, -(-len(ones) * len(others) // (16 * COMPARED))):
+                start, end = np.maximum(low[some][:, None], low[others]), np.minimum(high[some][:, None], high[others])
+                i, j = np.nonzero((start < end).all(axis=2))
+                found.append(np.column_stack([some[i], others[j]]))
+    pairs = np.unique(np.concatenate(found), axis=0)  # a pair that a cut goes through was found on both sides
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _cut(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> list[tuple[Indices, Indices]] | None:
+    """The boxes below and above the cut that leaves the fewest pairs; None where none leaves much fewer."""
+    best, parts = 0.75 * len(ones) * len(others), None
+    for axis in range(low.shape[1]):
+        for cut in (np.median(low[ones, axis]), np.median(high[ones, axis])):
+            below = ones[low[ones, axis] < cut], others[low[others, axis] < cut]
+            above = ones[high[ones, axis] > cut], others[high[others, axis] > cut]
+            pairs = len(below[0]) * len(below[1]) + len(above[0]) * len(above[1])
+            if pairs < best:
+                best, parts = pairs, [below, above]
+    return parts

@@ -16,6 +16,7 @@ from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation
+from .partition import overlapping
 from .search import TUBE, Domain, on_grid, proven
 from .targets import PoseBox
 from .tube import centred, examined
@@ -33,6 +34,9 @@ FINENESS = np.geomspace(0.5, 500, 48)
 
 MOST = 200_000
 """Cells of a grid, at most."""
+
+PORTION = 10_000
+"""Pairs of cells that are compared at a time."""
 
 
 @kept
@@ -165,9 +169,8 @@ class PoseRegion(Value, Domain):
     def unglued(self, found: Covered) -> Flags:
         """Those that share a part of a face with a neighbour whose root in its middle is not shown to be theirs."""
         out = np.zeros(len(found), dtype=bool)
-        for i, js, bad in self.faces(found):
-            out[i] |= bad.any()
-            out[js[bad]] = True
+        for i, j, bad in self.faces(found):
+            out[i[bad]] = out[j[bad]] = True
         return out
 
     def connected(self, found: Covered) -> Covered:
@@ -175,13 +178,12 @@ class PoseRegion(Value, Domain):
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
-        faces = [(i, js, bad) for i, js, bad in self.faces(found)]
+        faces = list(self.faces(found))
         glued = not any(bad.any() for _, _, bad in faces)
         if not len(found) or (found.extent is Extent.WHOLE and glued):
             return found
-        ones = np.concatenate([np.full(int((~bad).sum()), i) for i, _, bad in faces] or [np.zeros(0, dtype=int)])
-        others = np.concatenate([js[~bad] for _, js, bad in faces] or [np.zeros(0, dtype=int)])
-        k = len(found)
+        none, k = np.zeros(0, dtype=int), len(found)
+        ones, others = (np.concatenate([none, *(face[side][~face[2]] for face in faces)]) for side in (0, 1))
         part = connected_components(coo_matrix((np.ones(len(ones)), (ones, others)), (k, k)), directed=False)[1]
         middle = np.flatnonzero((found.boxes.low <= 0).all(axis=1) & (found.boxes.high >= 0).all(axis=1))
         chosen = part == (part[middle[0]] if len(middle) else np.argmax(np.bincount(part)))
@@ -192,25 +194,20 @@ class PoseRegion(Value, Domain):
         stopped = int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
         return Covered(kept.boxes, kept.cells, kept.findings, Extent.APART, stopped)
 
-    def faces(self, found: Covered) -> Iterator[tuple[int, Indices, Flags]]:
-        """(cell, those that touch it from above along an axis (j,), where they are not shown to share a root (j,))."""
+    def faces(self, found: Covered) -> Iterator[tuple[Indices, Indices, Flags]]:
+        """(cells, their neighbours above along an axis, where they are not shown to share a root), in portions."""
         b, findings, slip = found.boxes, found.findings, found.cells.slip
         for axis in range(self.equation.d):
-            order = np.argsort(b.low[:, axis], kind="stable")
-            starts = b.low[order, axis]
-            others = [a for a in range(self.equation.d) if a != axis]
-            for i in range(len(b)):
-                first, last = np.searchsorted(starts, [b.high[i, axis], np.nextafter(b.high[i, axis], np.inf)])
-                js = order[first:last]
-                low, high = np.maximum(b.low[js], b.low[i]), np.minimum(b.high[js], b.high[i])
-                touching = (low[:, others] < high[:, others]).all(axis=1)
-                if not touching.any():
-                    continue
-                js, y = js[touching], (low[touching] + high[touching]) / 2
-                y[:, axis] = b.high[i, axis]
-                mine, theirs = _within(found, np.full(len(js), i), y), _within(found, js, y)
-                apart = np.linalg.norm(mine - theirs, axis=1) + findings.r[i] + slip[i] + slip[js]
-                yield i, js, ~(apart <= findings.alone[js] / UP)
+            across = [a for a in range(self.equation.d) if a != axis]
+            for at in np.unique(b.high[:, axis]):
+                below, above = np.flatnonzero(b.high[:, axis] == at), np.flatnonzero(b.low[:, axis] == at)
+                ones, others = overlapping(b.low[:, across], b.high[:, across], below, above)
+                for first in range(0, len(ones), PORTION):
+                    i, j = ones[first : first + PORTION], others[first : first + PORTION]
+                    y = (np.maximum(b.low[i], b.low[j]) + np.minimum(b.high[i], b.high[j])) / 2
+                    y[:, axis] = at
+                    off = np.linalg.norm(_within(found, i, y) - _within(found, j, y), axis=1)
+                    yield i, j, ~(off + findings.r[i] + slip[i] + slip[j] <= findings.alone[j] / UP)
 
     def place(self, found: Covered) -> str:
         """The pose."""
