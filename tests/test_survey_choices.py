@@ -51,6 +51,28 @@ def test_so_many_cases_are_asked_whatever_is_left_out(asked: int) -> None:
     assert len({case.id for case in cases}) == len(cases)
 
 
+@pytest.mark.parametrize("asked", [8, 20, 46, 97, 150])
+def test_few_cases_are_even_over_robots_and_then_over_tasks_loops_and_starts(asked: int) -> None:
+    """Four robots, two laws: of 20 cases the robots once had 6, 6, 8 and 0. Counts differ by one loop, of starts by two."""
+    table = survey(
+        robots=["panda", "iiwa14", "fr3", "gen3"], cases=asked, starts={"regular": 1, "random": 5},
+        tasks={"position": {"kind": "position"}, "pose": {"kind": "pose"}},
+        laws={"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}},
+    )  # fmt: skip
+    cases = list(Cases(table, Path()))
+    counts = {"robot": 4, "task": 2, "loop": 2, "start": 6}
+    for what, many in counts.items():
+        told = [str(case.start) if what == "start" else case.names[what] for case in cases]
+        found = Counter(told).values()
+        least = min(found) if len(found) == many else 0
+        assert max(found) - least <= 2 * (1 + (what == "start")), (what, Counter(told))
+
+
+def test_with_more_cases_the_fewer_remain() -> None:
+    fewer, more = ({case.id for case in Cases(survey(cases=n), Path())} for n in (40, 70))
+    assert fewer < more
+
+
 def test_leaving_out_everything_or_nothing_is_refused() -> None:
     with pytest.raises(JobError, match="without"):
         survey(without=[{}])
