@@ -9,10 +9,10 @@ import json
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, islice
+from itertools import accumulate, count, islice
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -28,6 +28,9 @@ SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 
 LOOKED_AT = 16
 """Starts of which the least used one is next: to look at all of a survey with many would take too long."""
+
+SEARCHED = 20_000
+"""Cases among which that of a row is looked for whose number is of another run: less than a second."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +157,13 @@ class Cases(Value):
     def case(self, number: int) -> Case:
         """The case of a number, from 0."""
         k = bisect_right(self._ends, number)
+        laws = self.strata[k].laws
+        repetition, law = divmod(number - (self._ends[k - 1] if k else 0), len(laws))
+        return self._of(k, repetition, laws[law], number)
+
+    def _of(self, k: int, repetition: int, name: str, number: int) -> Case:
+        """The case of a stratum, of one of its loops and of a law."""
         stratum, t = self.strata[k], self.table
-        repetition, law = divmod(number - (self._ends[k - 1] if k else 0), len(stratum.laws))
-        name = stratum.laws[law]
         kind, index = stratum.start
         start: dict[str, Any] = {"kind": kind, "index": index}
         if kind == "random":
@@ -176,6 +183,23 @@ class Cases(Value):
         own = table.model_dump(exclude_unset=True)
         of = own.pop("of", None)
         return [own] if of is None else [own, *self._law(of)]
+
+    def of_row(self, row: Mapping[str, Any]) -> Case | None:
+        """The case of a row by its id, if there is one: its number may be of a run with more cases, or fewer."""
+        number = int(row["number"])
+        if number < len(self) and (case := self.case(number)).id == row["id"]:
+            return case
+        same = [
+            k for k, s in enumerate(self.strata)
+            if (self.labels[s.robot], s.task, s.loop) == (row["robot"], row["task"], row["loop"])
+            and row["law"] in s.laws
+        ]  # fmt: skip
+        near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
+        for k, repetition in islice(near, SEARCHED):
+            found = self._of(k, repetition, str(row["law"]), number)
+            if found.id == row["id"]:
+                return found
+        return None
 
     def __iter__(self) -> Iterator[Case]:
         return (self.case(k) for k in range(len(self)))
