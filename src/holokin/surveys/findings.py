@@ -167,7 +167,7 @@ class Findings(Value):
         cycles = np.nan_to_num(columns["cycles"], nan=-1.0)
         first = [(len(rows), min(rows, key=lambda i: cycles[i])) for rows in kinds.values()]
         first.sort(key=lambda pair: (pair[0], cycles[pair[1]]))
-        return [(many, *self._rows(np.array([i]))) for many, i in first[:count]]
+        return [(many, self._rows(np.array([i]))[0]) for many, i in first[:count]]
 
     def rows(self) -> list[dict[str, Any]]:
         """All rows, column -> value."""
