@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from conftest import Command
-from holokin.surveys import Findings, Store, coverage_figure, survey_of, survival_figure
+from holokin.surveys import Findings, Store, coverage_figure, read_survey, run_survey, survey_of, survival_figure
 from holokin.surveys.cases import Cases
 from holokin.surveys.findings import short_names
 from holokin.surveys.running import METRICS
@@ -58,6 +58,18 @@ def test_a_survey_without_rows_is_said_and_not_reported(holokin: Command, tmp_pa
     told = holokin("survey", "report", tmp_path / "s.sqlite")
     assert told.code == 2 and "none of its 24 cases has a row yet" in told.err and "--resume" in told.err
     assert not (tmp_path / "s.html").exists()
+
+
+def test_the_survey_to_start_from_runs_and_says_which_law_returns(tmp_path: Path) -> None:
+    """It is docs/gallery.md that says so: with locked joints all return, with the pseudo-inverse none."""
+    file = Path(__file__).parents[1] / "examples" / "survey.toml"
+    run_survey(read_survey(file), file.parent, tmp_path / "s.sqlite", workers=0)
+    with Store.opened(tmp_path / "s.sqlite", None) as store:
+        found = Findings.of(store.rows())
+    assert len(found) == 24
+    head, rows = found.table()
+    returns = {row[0]: row[head.index("returns")] for row in rows}
+    assert returns == {"pseudo-inverse": "0.0%", "pseudo-inverse, feedback": "0.0%", "lock": "100.0%"}
 
 
 def test_a_law_of_which_nothing_is_known_is_no_law_that_covers_nothing(tmp_path: Path) -> None:
