@@ -165,7 +165,7 @@ def coverage_figure(found: Findings) -> Any:
         for column in range(len(laws)):
             value = share[robot, column]
             if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
-                axes.text(column, row, "faults", ha="center", va="center", fontsize=7, color=GREY)
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=7, color=INK)
             if np.isfinite(value):
                 ink = "white" if value > 0.9 or value < 0.1 else INK
                 axes.text(

@@ -67,7 +67,8 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         drawn(
             lambda: coverage_figure(found),
             "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
-            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Empty: not asked. " + _faults(found),
+            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
+            + _faults(found),
         ),
         drawn(lambda: status_figure(found), "How the cases of each law ended."),
         drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
