@@ -24,7 +24,7 @@ WORST = 10
 KINDS = 40
 """Laws with a reason to stop, of each of which a case is shown."""
 
-LONGEST_REASON = 160
+LONGEST_REASON = 240
 """Characters of a reason in the line of a case; the whole one is below it."""
 
 
