@@ -150,8 +150,10 @@ def middle(values: np.ndarray, share: float = 0.5, form: str = ".1e") -> str:
 def same_loops(cases: Cases, found: Findings) -> np.ndarray:
     """Of each row whether its loop was asked of every law."""
     keys = []
-    for number in found.columns["number"]:
-        case = cases.case(int(number))
+    for row in found.rows():
+        case = cases.of_row(row)
+        if case is None:
+            raise SystemExit(f"row {row['number']} is of another survey")
         keys.append(json.dumps([case.robot, case.task, case.start, case.loop], sort_keys=True))
     many = Counter(keys)
     return np.array([many[key] >= len(found.laws) for key in keys], dtype=bool)

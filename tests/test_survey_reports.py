@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from conftest import Command
-from holokin.surveys import Findings, Store
+from holokin.surveys import Findings, Store, coverage_figure, read_survey, run_survey, survey_of, survival_figure
+from holokin.surveys.cases import Cases
 from holokin.surveys.findings import short_names
+from holokin.surveys.running import METRICS
 from survey_laws import CIRCLES
 
 
@@ -29,12 +32,82 @@ def test_the_survival_of_arms_is_the_estimate_of_kaplan_and_meier() -> None:
         assert at[week] == pytest.approx(value, abs=6e-4)
 
 
-def test_of_the_cases_that_stopped_the_rarest_of_each_law_are_shown_first() -> None:
-    law = np.array(["a", "a", "a", "b", "b"], dtype=object)
-    status = np.array(["limit", "limit", "branch", "complete", "singular"], dtype=object)
-    found = Findings({"law": law, "status": status, "cycles": np.array([3.0, 1.0, 2.0, 9.0, 0.0])})
-    shown = [(row["law"], row["status"], row["cycles"]) for row in found.stopped()]
-    assert shown == [("b", "singular", 0.0), ("a", "branch", 2.0), ("a", "limit", 1.0), ("a", "limit", 3.0)]
+def test_of_the_cases_that_stopped_one_stands_for_all_of_its_law_and_reason() -> None:
+    """Reasons that differ in the names of robots and joints, and in numbers, are one; the rarest is first."""
+    rows = [  # robot, law, status, cycles, reason
+        ("panda", "a", "limit", 3, "went beyond a limit of 'panda_joint4', which nothing stopped"),
+        ("lib:arm_x tool0", "a", "limit", 1, "went beyond a limit of 'wrist_3', which nothing stopped"),
+        ("panda", "a", "fault", None, "panda has 1 such start postures"),
+        ("lib:arm_x tool0", "a", "fault", None, "arm_x has 12 such start postures"),
+        ("gen3", "a", "fault", None, "gen3 has 4 such start postures"),
+        ("gen3", "a", "fault", None, "pink is not installed"),
+        ("panda", "b", "complete", 9, ""),
+        ("panda", "b", "singular", 0, "stopped"),
+    ]  # fmt: skip
+    keys = ("robot", "law", "status", "cycles", "reason")
+    shown = Findings.of(dict(zip(keys, row, strict=True)) for row in rows).stopped()
+    assert [(many, row["law"], row["status"], row["robot"]) for many, row in shown] == [
+        (1, "a", "fault", "gen3"), (1, "b", "singular", "panda"), (2, "a", "limit", "lib:arm_x tool0"),
+        (3, "a", "fault", "panda"),
+    ]  # fmt: skip
+
+
+def test_a_survey_without_rows_is_said_and_not_reported(holokin: Command, tmp_path: Path) -> None:
+    with Store.opened(tmp_path / "s.sqlite", survey_of(tomllib.loads(CIRCLES), "s.toml"), tmp_path):
+        pass
+    told = holokin("survey", "report", tmp_path / "s.sqlite")
+    assert told.code == 2 and "none of its 24 cases has a row yet" in told.err and "--resume" in told.err
+    assert not (tmp_path / "s.html").exists()
+
+
+def test_the_survey_to_start_from_runs_and_says_which_law_returns(tmp_path: Path) -> None:
+    """It is docs/gallery.md that says so: with locked joints all return, with the pseudo-inverse none."""
+    file = Path(__file__).parents[1] / "examples" / "survey.toml"
+    run_survey(read_survey(file), file.parent, tmp_path / "s.sqlite", workers=0)
+    with Store.opened(tmp_path / "s.sqlite", None) as store:
+        found = Findings.of(store.rows())
+    assert len(found) == 24
+    head, rows = found.table()
+    returns = {row[0]: row[head.index("returns")] for row in rows}
+    assert returns == {"pseudo-inverse": "0.0%", "pseudo-inverse, feedback": "0.0%", "lock": "100.0%"}
+
+
+def test_a_law_of_which_nothing_is_known_is_no_law_that_covers_nothing(tmp_path: Path) -> None:
+    """Never asked: empty. All faults: said. Some faults: they count as not gone round."""
+    rows = [
+        ("a", "x", "complete"), ("a", "x", "fault"), ("a", "y", "fault"), ("b", "x", "limit"),
+    ]  # fmt: skip
+    keys = ("robot", "law", "status")
+    numbers = dict.fromkeys(METRICS, 0.0)
+    found = Findings.of(numbers | dict(zip(keys, row, strict=True)) for row in rows)
+    _, _, share = found.coverage()
+    assert share[0, 0] == 0.5 and share[1, 0] == 0.0 and np.isnan(share[:, 1]).all()
+    assert found.faults() == {("a", "x"): 1, ("a", "y"): 1}
+    written = [text.get_text() for text in coverage_figure(found).axes[0].texts]
+    assert sorted(written) == ["0", "50", "faults"]
+
+
+def test_shares_of_survivors_are_labelled_up_to_a_hundred_percent() -> None:
+    status = np.array(["limit"] + 9 * ["complete"], dtype=object)
+    nothing = np.full(10, np.nan)
+    found = Findings({
+        "law": np.array(10 * ["x"], dtype=object), "status": status, "cycles": np.arange(10.0), "drift_last": nothing,
+    })  # fmt: skip
+    (axes,) = survival_figure(found).axes
+    assert max(axes.get_yticks()) == pytest.approx(1.0) and axes.get_ylim()[1] < 1.02
+
+
+def test_the_case_of_a_row_is_found_by_its_id_when_its_number_is_of_a_larger_survey() -> None:
+    fewer, more = (
+        Cases(survey_of(tomllib.loads(CIRCLES) | {"cases": n}, "s.toml"), Path()) for n in (12, 60)
+    )  # fmt: skip
+    moved = 0
+    for case in more:
+        found = fewer.of_row({"number": case.number, "id": case.id} | case.names)
+        assert found is not None and found.id == case.id
+        moved += case.number < len(fewer) and fewer.case(case.number).id != case.id
+    assert moved
+    assert fewer.of_row({"number": 0, "id": "?"} | more.case(0).names) is None
 
 
 def test_a_loop_is_covered_when_it_was_gone_round_with_the_tool_on_the_path() -> None:

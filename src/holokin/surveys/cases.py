@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import fnmatch
 import hashlib
+import heapq
 import json
+import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, count, islice
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -22,6 +25,12 @@ from ..types import Value
 from .tables import SurveyTable
 
 SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
+
+LOOKED_AT = 16
+"""Starts of which the least used one is next: to look at all of a survey with many would take too long."""
+
+SEARCHED = 20_000
+"""Cases among which that of a row is looked for whose number is of another run: less than a second."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +71,8 @@ class Stratum:
 class Cases(Value):
     """All cases of a survey in a fixed order: those of one robot and task beside each other, all laws of a loop, too.
 
-    With `cases` in the survey about so many are taken, always all laws of a loop; else all `count` loops of each kind.
+    With `cases` in the survey about so many are taken, always all laws of a loop, as even as can be over the robots,
+    then over tasks, loops and starts; else all `count` loops of each kind.
     """
 
     table: SurveyTable
@@ -97,8 +107,7 @@ class Cases(Value):
     @cached_property
     def strata(self) -> list[Stratum]:
         """All of them, those of one robot and task beside each other."""
-        s = self.table.starts
-        starts = [("regular", i) for i in range(s.regular)] + [("random", i) for i in range(s.random)]
+        starts = self._starts
         found = [
             Stratum(r, task, start, loop, laws)
             for r, robot in enumerate(self.labels)
@@ -110,6 +119,11 @@ class Cases(Value):
         if not found:
             raise ArgumentError("without", "every case", "leave some of them in")
         return found
+
+    @property
+    def _starts(self) -> list[tuple[str, int]]:
+        s = self.table.starts
+        return [("regular", i) for i in range(s.regular)] + [("random", i) for i in range(s.random)]
 
     @cached_property
     def labels(self) -> list[str]:
@@ -129,10 +143,12 @@ class Cases(Value):
             counts = np.array([self.table.loops[s.loop].count for s in self.strata])
         else:
             counts = np.full(len(laws), self.table.cases // int(laws.sum()))
-            order = np.random.default_rng(self.table.seed).permutation(len(laws))
             left = self.table.cases - int(counts @ laws)
-            before = np.concatenate([[0], np.cumsum(laws[order])[:-1]])
-            counts[order[before < left]] += 1
+            order = evenly(self.strata, {start: i for i, start in enumerate(self._starts)}) if left else iter(())
+            while left > 0:
+                one = next(order)
+                counts[one] += 1
+                left -= int(laws[one])
         return list(accumulate((counts * laws).tolist()))
 
     def __len__(self) -> int:
@@ -141,9 +157,13 @@ class Cases(Value):
     def case(self, number: int) -> Case:
         """The case of a number, from 0."""
         k = bisect_right(self._ends, number)
+        laws = self.strata[k].laws
+        repetition, law = divmod(number - (self._ends[k - 1] if k else 0), len(laws))
+        return self._of(k, repetition, laws[law], number)
+
+    def _of(self, k: int, repetition: int, name: str, number: int) -> Case:
+        """The case of a stratum, of one of its loops and of a law."""
         stratum, t = self.strata[k], self.table
-        repetition, law = divmod(number - (self._ends[k - 1] if k else 0), len(stratum.laws))
-        name = stratum.laws[law]
         kind, index = stratum.start
         start: dict[str, Any] = {"kind": kind, "index": index}
         if kind == "random":
@@ -164,8 +184,65 @@ class Cases(Value):
         of = own.pop("of", None)
         return [own] if of is None else [own, *self._law(of)]
 
+    def of_row(self, row: Mapping[str, Any]) -> Case | None:
+        """The case of a row by its id, if there is one: its number may be of a run with more cases, or fewer."""
+        number = int(row["number"])
+        if number < len(self) and (case := self.case(number)).id == row["id"]:
+            return case
+        same = [
+            k for k, s in enumerate(self.strata)
+            if (self.labels[s.robot], s.task, s.loop) == (row["robot"], row["task"], row["loop"])
+            and row["law"] in s.laws
+        ]  # fmt: skip
+        near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
+        for k, repetition in islice(near, SEARCHED):
+            found = self._of(k, repetition, str(row["law"]), number)
+            if found.id == row["id"]:
+                return found
+        return None
+
     def __iter__(self) -> Iterator[Case]:
         return (self.case(k) for k in range(len(self)))
+
+
+def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterator[int]:
+    """The places of all strata in an order of which any beginning is even.
+
+    The robot with the fewest cases so far is next; of its tasks and loops those which it, and then which all robots,
+    had least; and the starts take turns.
+
+    Args:
+        starts: each start posture -> its place among them.
+    """
+    groups: dict[int, dict[tuple[str, str], dict[int, int]]] = {}
+    for i, s in enumerate(strata):
+        groups.setdefault(s.robot, {}).setdefault((s.task, s.loop), {})[starts[s.start]] = i
+    turns, many = [(0, robot) for robot in groups], len(starts)
+    own, of_all, round_ = Counter[Hashable](), Counter[str](), math.lcm(len(groups), many)
+    for taken in range(len(strata)):
+        cases, robot = heapq.heappop(turns)
+        left = groups[robot]
+        task, loop = min(
+            left,
+            key=lambda of: (
+                own[robot, "task", of[0]], own[robot, "loop", of[1]], own[robot, *of],
+                of_all["task " + of[0]], of_all["loop " + of[1]],
+            ),
+        )  # fmt: skip
+        free, first = left[task, loop], taken + taken // round_
+        next_ones = islice((k % many for k in range(first, first + many) if k % many in free), LOOKED_AT)
+        start = min(next_ones, key=lambda k: (of_all[f"start {k}"], own[robot, k]))
+        place = free.pop(start)
+        if not free:
+            del left[task, loop]
+        size = len(strata[place].laws)
+        for what in ((robot, "task", task), (robot, "loop", loop), (robot, task, loop), (robot, start)):
+            own[what] += size
+        for what in (f"task {task}", f"loop {loop}", f"start {start}"):
+            of_all[what] += size
+        if left:
+            heapq.heappush(turns, (cases + size, robot))
+        yield place
 
 
 def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:

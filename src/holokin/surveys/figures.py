@@ -126,7 +126,10 @@ def survival_figure(found: Findings) -> Any:
             (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
             handles.append((float(share[-1]), line))
             least = min(least, float(share.min()))
-    axes.set_ylim(max(0.0, 1.0 - 1.15 * max(1.0 - least, 0.05)), 1.01)
+    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - least, 0.05))
+    axes.set_ylim(bottom, 1.0)
+    axes.set_yticks([tick for tick in axes.get_yticks() if bottom <= tick <= 1.0 + 1e-9])
+    axes.set_ylim(bottom, 1.0 + 0.02 * (1.0 - bottom))  # a line along the top is seen whole
     axes.set_xlim(left=0)
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.yaxis.set_major_formatter(_percent)
@@ -143,12 +146,17 @@ def _percent(value: float, _place: Any) -> str:
 
 @_styled
 def coverage_figure(found: Findings) -> Any:
-    """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above."""
+    """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above.
+
+    What was not asked is empty; where all cases are faults it says so.
+    """
     from matplotlib.colors import LinearSegmentedColormap
 
     robots, laws, share = found.coverage()
     names = short_names(robots)
-    order = np.argsort(-np.nanmean(share, axis=1), kind="stable")
+    known = np.isfinite(share)
+    order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
+    faults = found.faults()
     figure, axes = _figure(2.2 + 0.25 * len(robots))
     scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
     colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
@@ -156,6 +164,8 @@ def coverage_figure(found: Findings) -> Any:
     for row, robot in enumerate(order):
         for column in range(len(laws)):
             value = share[robot, column]
+            if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=7, color=INK)
             if np.isfinite(value):
                 ink = "white" if value > 0.9 or value < 0.1 else INK
                 axes.text(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,10 +14,12 @@ import numpy as np
 
 from ..errors import MissingExtraError
 from ..output.page import html_table
+from ..trajectory import Status
 from ..types import Array, Flags, Indices, Value, Vector
 from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())
+FAULT = STATUSES[Status.FAULT]
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
@@ -88,7 +91,8 @@ class Findings(Value):
     def survival(self) -> tuple[Vector, Vector, int]:
         """(k, share of cases that met no joint limit within k cycles, cases): the estimate of Kaplan and Meier.
 
-        A case that ends for another reason is counted up to there. [KM58]
+        A case that ends complete, or for another reason, counts as one without a limit up to its last cycle, and as
+        none of the arms beyond it. [KM58]
         """
         cycles, status = self.columns["cycles"], self.columns["status"]
         known = np.isfinite(cycles)
@@ -116,14 +120,26 @@ class Findings(Value):
             return (self.columns["status"] == STATUS_ORDER[0]) & (self.columns["tracking"] <= ON_PATH)
 
     def coverage(self) -> tuple[list[str], list[str], Array]:
-        """(robots, laws, share of the loops asked that the law covers (robots, laws)); NaN where none was asked."""
+        """(robots, laws, share of the loops asked that the law covers (robots, laws)); NaN where none was asked.
+
+        It is NaN, too, where all are faults: nothing is known of such a law.
+        """
+        if not len(self):
+            return [], [], np.zeros((0, 0))
         robots = list(dict.fromkeys(self.columns["robot"].tolist()))
         rows = np.array([robots.index(robot) for robot in self.columns["robot"]], dtype=int)
         columns = np.array([self.laws.index(law) for law in self.columns["law"]], dtype=int)
-        asked, done = np.zeros((2, len(robots), len(self.laws)))
+        answered, asked, done = np.zeros((3, len(robots), len(self.laws)))
         np.add.at(asked, (rows, columns), 1.0)
+        np.add.at(answered, (rows, columns), (self.columns["status"] != FAULT).astype(float))
         np.add.at(done, (rows, columns), self.covered.astype(float))
-        return robots, self.laws, np.divide(done, asked, out=np.full(asked.shape, np.nan), where=asked > 0)
+        return robots, self.laws, np.divide(done, asked, out=np.full(asked.shape, np.nan), where=answered > 0)
+
+    def faults(self) -> dict[tuple[str, str], int]:
+        """(robot, law) -> its cases that are faults, where there are."""
+        failed = self.columns["status"] == FAULT
+        pairs = zip(self.columns["robot"][failed].tolist(), self.columns["law"][failed].tolist(), strict=True)
+        return dict(Counter(pairs))
 
     def frame(self) -> Any:
         """The rows as a pandas DataFrame. Raises: MissingExtraError: pandas is not installed."""
@@ -138,16 +154,24 @@ class Findings(Value):
         drift = np.nan_to_num(self.columns["drift_last"], nan=0.0)
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
-    def stopped(self, count: int = 10) -> list[dict[str, Any]]:
-        """Rows that are not complete: of each law and cause one, the rarest first, then after the fewest cycles."""
-        pairs = list(zip(self.columns["law"].tolist(), self.columns["status"].tolist(), strict=True))
-        many = Counter(pairs)
-        cycles = np.nan_to_num(self.columns["cycles"], nan=-1.0)
-        ended = [i for i in range(len(self)) if pairs[i][1] != STATUS_ORDER[0]]
-        first = sorted(ended, key=lambda i: (many[pairs[i]], cycles[i]))
-        once = {pairs[i]: i for i in reversed(first)}
-        chosen = sorted(once.values(), key=first.index) + [i for i in first if i not in once.values()]
-        return self._rows(np.array(chosen[:count], dtype=int))
+    def stopped(self, count: int = 30) -> list[tuple[int, dict[str, Any]]]:
+        """(how many there are, the one with the fewest cycles) of rows that stopped, for each law, status and reason.
+
+        Reasons that differ in names and numbers alone are the same; the rarest are first.
+        """
+        columns = self.columns
+        kinds: dict[tuple[str, str, str], list[int]] = {}
+        for i in np.flatnonzero(columns["status"] != STATUS_ORDER[0]):
+            said = plain_reason(columns["reason"][i], columns["robot"][i])
+            kinds.setdefault((columns["law"][i], columns["status"][i], said), []).append(int(i))
+        cycles = np.nan_to_num(columns["cycles"], nan=-1.0)
+        first = [(len(rows), min(rows, key=lambda i: cycles[i])) for rows in kinds.values()]
+        first.sort(key=lambda pair: (pair[0], cycles[pair[1]]))
+        return [(many, self._rows(np.array([i]))[0]) for many, i in first[:count]]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows, column -> value."""
+        return self._rows(np.arange(len(self)))
 
     def _rows(self, which: Indices) -> list[dict[str, Any]]:
         return [{name: values[i] for name, values in self.columns.items()} for i in which]
@@ -173,6 +197,17 @@ class Findings(Value):
                 f"{np.median(margin):.1%}" if margin.size else "",
             ])  # fmt: skip
         return head, rows
+
+
+def plain_reason(reason: str, robot: str) -> str:
+    """A reason without what is quoted, without numbers, and without the names of the robot and of its parts."""
+    own = set(re.findall(r"\w+", robot.lower()))
+    words = re.sub(r"'[^']*'|\"[^\"]*\"", " ", reason).split()
+    return " ".join(
+        word
+        for word in words
+        if not re.search(r"[\d_/:]", word.rstrip(":")) and not own & set(re.findall(r"\w+", word.lower()))
+    )
 
 
 def short_names(robots: list[str]) -> list[str]:

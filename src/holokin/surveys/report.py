@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..errors import HolokinError
+from ..errors import HolokinError, SurveyError, brief
 from ..files import replacing
 from ..job.writing import table, toml
 from ..output.page import drawn, page
 from ..version import __version__
-from .cases import Cases
+from .cases import Case, Cases
 from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import ON_PATH, Findings
 from .running import repeating_job
 from .tables import SurveyTable
 
 WORST = 10
-"""Cases of a kind that are shown, each with a job that repeats it."""
+"""Cases with the largest drift that are shown, each with a job that repeats it."""
+
+KINDS = 40
+"""Laws with a reason to stop, of each of which a case is shown."""
+
+LONGEST_REASON = 240
+"""Characters of a reason in the line of a case; the whole one is below it."""
 
 
 _TERMS = (
@@ -31,8 +38,12 @@ _TERMS = (
 
 
 def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
-    """Write the page. Raises: WriteError."""
+    """Write the page. Raises: WriteError. SurveyError: there are no rows to report."""
     cases = Cases(survey, folder)
+    if not len(found):
+        cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
+        raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
+    stopped = found.stopped(len(found))
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
@@ -50,40 +61,59 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         drawn(
             lambda: survival_figure(found),
             "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
-            "Meier: a case that ends for another reason counts up to there).",
+            "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
+            "the cycles that it did, and is left out of the later ones.",
         ),
         drawn(
             lambda: coverage_figure(found),
             "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
-            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey: not asked.",
+            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
+            + _faults(found),
         ),
         drawn(lambda: status_figure(found), "How the cases of each law ended."),
         drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
         "<h2>The cases that drift most</h2>",
         *(_told(row, cases) for row in found.drifting(WORST)),
-        "<h2>Cases that stopped: of each law and cause one</h2>",
-        *([_told(row, cases) for row in found.stopped(WORST)] or ["<p>All were complete.</p>"]),
+        "<h2>Cases that stopped: one of each law and reason</h2>",
+        "<p class='small'>The rarest first; reasons that differ in names and numbers alone are one."
+        + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
+        *([_told(row, cases, many) for many, row in stopped[:KINDS]] or ["<p>All were complete.</p>"]),
     ]
     with replacing(file) as part:
         part.write_text(page(survey.title, parts), "utf-8")
 
 
-def _told(row: dict[str, Any], cases: Cases) -> str:
+def _faults(found: Findings) -> str:
+    """How many cases of each law are faults, and how they count."""
+    many: Counter[str] = Counter()
+    for (_, law), count in found.faults().items():
+        many[law] += count
+    if not many:
+        return "No case was a fault."
+    told = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
+    return f"Cases that are faults: {told}; where all are, the map says so, elsewhere they count as not gone round."
+
+
+def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
     told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
-    words = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
-    job = repeated(cases, int(row["number"]))
+    line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
+    if many:
+        reason = brief(row["reason"], LONGEST_REASON)
+        line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
+    case = cases.of_row(row)
+    job = repeated(cases, case) if case else "# no job repeats it: its survey, or the file of its robot, has changed"
     return (
-        f"<details><summary>{escape(words)}; {escape(', '.join(told))}</summary>"
+        f"<details><summary>{escape('; '.join([line, ', '.join(told)] if told else [line]))}</summary>"
         f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
     )
 
 
-def repeated(cases: Cases, number: int) -> str:
+def repeated(cases: Cases, case: Case | int) -> str:
     """A job file that repeats a case; of a control law, which jobs do not run, that of its loop and start."""
     try:
-        job = repeating_job(cases.case(number), cases)
+        job = repeating_job(cases.case(case) if isinstance(case, int) else case, cases)
     except HolokinError as problem:
         return f"# no job repeats it: {problem}"
     title = f"title = {toml(job['title'])}\n"
