@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -107,12 +108,18 @@ def report_one(
 def case_one(
     results: Results, case: Annotated[str, typer.Argument(metavar="ID", help="The id of a case, or its number.")]
 ) -> None:
-    """Print the job file that repeats a case."""
+    """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
+    from .errors import HolokinError
     from .surveys import Store, repeated
     from .surveys.cases import Cases
+    from .surveys.running import repeating_job
 
     with Store.opened(results, None) as store:
-        show(repeated(Cases(store.content(), store.folder()), store.number_of(case)))
+        cases, number = Cases(store.content(), store.folder()), store.number_of(case)
+    show(repeated(cases, number))
+    with suppress(HolokinError):  # what it is says the comment that is printed instead of a job
+        if why := repeating_job(cases.case(number), cases)[1]:
+            print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
 
 
 def _print(head: list[str], rows: list[list[str]], console: Any) -> None:

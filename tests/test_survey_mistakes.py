@@ -1,0 +1,56 @@
+"""What users get wrong with surveys: it is said before anything runs, in words, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import Command
+from holokin.job import Job, run_job
+from holokin.surveys import Store, read_survey, repeat, run_survey
+from survey_laws import CIRCLES
+
+ARM = Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml"
+
+
+@pytest.fixture(autouse=True)
+def _plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+
+
+def survey_file(folder: Path, laws: str, more: str = "") -> Path:
+    """A survey of three cases of a robot file that lies beside it."""
+    shutil.copy(ARM, folder / "arm.toml")
+    text = CIRCLES.replace("planar-3r", "arm.toml").replace("count = 12", "count = 1")
+    file = folder / "s.toml"
+    file.write_text(text.partition("[laws.")[0] + laws + more)
+    return file
+
+
+def test_a_control_law_is_repeated_in_python_and_its_job_says_that_it_is_not_it(
+    holokin: Command, tmp_path: Path
+) -> None:
+    file = survey_file(tmp_path, '[laws.d]\nkind = "damped"\n[laws.lock]\nkind = "best-lock"\n')
+    out = tmp_path / "s.sqlite"
+    run_survey(read_survey(file), tmp_path, out, workers=0)
+    with Store.opened(out, None) as store:
+        rows = list(store.rows())
+    for row in rows:
+        walk, reason = repeat(out, str(row["id"]))
+        assert reason == row["reason"] == ""
+        assert float(np.abs(walk.drift()).max()) == pytest.approx(row["drift"], rel=1e-9, abs=1e-13)
+    told = holokin("survey", "case", out, "0")
+    job = tomllib.loads(told.out)
+    assert rows[0]["law"] == "d" and list(job["strategies"]) == ["moore-penrose"]
+    for words in (job["about"], told.err):
+        assert "do not run control laws" in words and "repeat(" in words
+    same = holokin("survey", "case", out, "1")
+    assert "about" not in tomllib.loads(same.out) and same.err == ""
+    assert tomllib.loads(same.out)["robot"]["name"] == str(tmp_path / "arm.toml")
+    result = run_job("case", Job.model_validate(tomllib.loads(same.out)), Path("/nowhere/case.toml")).strategies[0]
+    assert result.metrics["drift_mean"] == pytest.approx(rows[1]["drift_mean"], abs=1e-13)
