@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import holokin as hk
 from conftest import Command
 from holokin.job import Job, run_job
 from holokin.surveys import Store, read_survey, repeat, run_survey
-from survey_laws import CIRCLES
+from survey_laws import CIRCLES, rows_of
 
 ARM = Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml"
 
@@ -54,3 +55,21 @@ def test_a_control_law_is_repeated_in_python_and_its_job_says_that_it_is_not_it(
     assert tomllib.loads(same.out)["robot"]["name"] == str(tmp_path / "arm.toml")
     result = run_job("case", Job.model_validate(tomllib.loads(same.out)), Path("/nowhere/case.toml")).strategies[0]
     assert result.metrics["drift_mean"] == pytest.approx(rows[1]["drift_mean"], abs=1e-13)
+
+
+LAW = "import holokin as hk\n\n\ndef mine(task, start):\n    return hk.holonomic(task, hk.lock({joint}))\n"
+
+
+def test_a_law_of_a_module_beside_the_survey_file_is_found_by_every_process(tmp_path: Path) -> None:
+    """Also where a survey in another folder had a module of the same name; the path of Python is as it was."""
+    drifts = []
+    for joint, workers in ((0, 0), (1, 0), (1, 1)):
+        folder = tmp_path / f"{joint}{workers}"
+        folder.mkdir()
+        (folder / "survey_own_law.py").write_text(LAW.format(joint=joint))
+        file = survey_file(folder, '[laws.mine]\nkind = "import"\nfunction = "survey_own_law:mine"\n')
+        before = list(sys.path)
+        done = run_survey(read_survey(file), folder, folder / "s.sqlite", workers=workers)
+        assert done.faults == 0 and sys.path == before
+        drifts.append([row["joint_path"] for row in rows_of(folder / "s.sqlite")])
+    assert drifts[0] != drifts[1] == drifts[2]
