@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -12,8 +13,11 @@ import pytest
 
 import holokin as hk
 from conftest import Command
+from holokin.errors import ArgumentError, HolokinError, MissingExtraError, SchedulerError, SurveyError
 from holokin.job import Job, run_job
 from holokin.surveys import Store, read_survey, repeat, run_survey
+from holokin.surveys.cases import Cases
+from holokin.surveys.checking import check_laws
 from survey_laws import CIRCLES, rows_of
 
 ARM = Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml"
@@ -73,3 +77,45 @@ def test_a_law_of_a_module_beside_the_survey_file_is_found_by_every_process(tmp_
         assert done.faults == 0 and sys.path == before
         drifts.append([row["joint_path"] for row in rows_of(folder / "s.sqlite")])
     assert drifts[0] != drifts[1] == drifts[2]
+
+
+@pytest.mark.parametrize(
+    ("laws", "error", "words"),
+    [
+        ('kind = "import"\nfunction = "survey_laws:pseudo_invrse"', ArgumentError, "cannot be imported"),
+        ('kind = "import"\nfunction = "survey_laws:PLANAR"', ArgumentError, "is no function"),
+        ('kind = "import"\nfunction = "nowhere_at_all:law"', ArgumentError, "nowhere_at_all"),
+        ('kind = "pink"', ArgumentError, "whole poses alone"),
+        ('kind = "placo"\n[tasks.pose]\nkind = "pose"', MissingExtraError, "holokin[placo]"),
+    ],
+)
+def test_a_law_that_no_case_could_have_is_refused_before_anything_runs(
+    laws: str, error: type[HolokinError], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "placo", None)
+    file = survey_file(tmp_path, f"[laws.bad]\n{laws}\n")
+    with pytest.raises(error) as told:
+        run_survey(read_survey(file), tmp_path, tmp_path / "s.sqlite", workers=0)
+    assert words in str(told.value) and not (tmp_path / "s.sqlite").exists()
+
+
+def test_a_library_is_refused_for_positions_unless_these_are_left_out(tmp_path: Path) -> None:
+    both = '[laws.p]\nkind = "pink"\n[laws.d]\nkind = "damped"\n[tasks.at]\nkind = "position"\n[tasks.on]\nkind = "pose"\n'
+    check = lambda file: check_laws(Cases(read_survey(file), tmp_path), here=False)  # noqa: E731
+    with pytest.raises(ArgumentError, match="whole poses"):
+        check(survey_file(tmp_path, both))
+    check(survey_file(tmp_path, both, '[[without]]\nlaw = "p"\ntask = "at"\n'))
+
+
+def test_wrong_arguments_leave_no_results_file(tmp_path: Path) -> None:
+    table, out = read_survey(survey_file(tmp_path, '[laws.d]\nkind = "damped"\n')), tmp_path / "s.sqlite"
+    with pytest.raises(ArgumentError, match="give 0 to"):
+        run_survey(table, tmp_path, out, workers=-1)
+    began = time.monotonic()
+    for address in ("foo", "http:/x", "tcp://host", "host:many"):
+        with pytest.raises(SchedulerError, match="is no address"):
+            run_survey(table, tmp_path, out, scheduler=address)
+    assert time.monotonic() - began < 1.0
+    with pytest.raises(SurveyError, match="is a folder"):
+        run_survey(table, tmp_path, tmp_path, workers=0, resume=True)
+    assert not out.exists()

@@ -51,6 +51,8 @@ class Store:
             SurveyError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
+        if file.is_dir():
+            raise SurveyError(file, "is a folder", "give a file, as out/arms.sqlite")
         new = not file.exists()
         if table is None and new:
             raise SurveyError(file, "there is no such file", "run the survey first")

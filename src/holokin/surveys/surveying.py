@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -15,7 +15,8 @@ from typing import Any
 from ..errors import ArgumentError
 from .batches import Batches
 from .cases import Cases
-from .cluster import Cluster
+from .checking import check_laws
+from .cluster import Cluster, reached
 from .engine import Here, Pool
 from .objects import forks, keep, sendable
 from .running import Row
@@ -99,15 +100,21 @@ def run_survey(
         workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
 
     Raises:
-        SurveyError, WriteError: of the results file. UnknownNameError: of a robot.
+        SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
+        of a law that no case could have.
     """
     cases = Cases(table, folder.absolute())
     total = len(cases)
-    with Store.opened(out, table, cases.folder, resume=resume) as store:
+    keep(objects or {})
+    check_laws(cases, here=scheduler is None)
+    with (  # the file last: what is wrong with the others leaves none
+        _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
+        Store.opened(out, table, cases.folder, resume=resume) as store,
+    ):
         known = store.done()
         left = (n for n in range(total) if cases.case(n).id not in known) if known else range(total)
         done = min(len(known), total)
-        engine, clock = _engine(table, cases.folder, workers, scheduler, objects or {}), _Clock(total, done)
+        clock = _Clock(total, done)
         found = clock.after(())
         say(found)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
@@ -118,14 +125,16 @@ def run_survey(
         return found
 
 
+@contextmanager
 def _engine(
     table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
-) -> Here | Pool | Cluster:
-    keep(objects)
+) -> Iterator[Here | Pool | Cluster]:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
     if scheduler is not None:
-        return Cluster(table, folder, scheduler)
-    if workers == 0 or not (sendable(objects) or forks()):
-        return Here(table, folder)
-    return Pool(table, folder, workers or os.cpu_count() or 1, objects)
+        with reached(scheduler) as client:
+            yield Cluster(table, folder, scheduler, client)
+    elif workers == 0 or not (sendable(objects) or forks()):
+        yield Here(table, folder)
+    else:
+        yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
