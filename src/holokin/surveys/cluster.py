@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import threading
 import time
 from collections.abc import Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,8 +20,8 @@ from .guarded import Guarded
 from .running import Row, fault
 from .tables import SurveyTable
 
-PATIENCE = 8.0
-"""Seconds to wait for a scheduler, and for its first worker."""
+PATIENCE = 6.0
+"""Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""
 
 ADDRESS = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}")
 """Of a scheduler: host and port, with or without the way there."""
@@ -125,6 +127,14 @@ def _wait_for_workers(client: Any, scheduler: str, seconds: float) -> None:
         raise SchedulerError(scheduler, f"was lost ({problem})") from None
 
 
+async def _greet(scheduler: str) -> None:
+    """Whether a scheduler of Dask answers. Raises: OSError, TimeoutError: it does not."""
+    from distributed.core import connect
+    from distributed.security import Security
+
+    await (await connect(scheduler, timeout=PATIENCE / 2, **Security().get_connection_args("client"))).close()
+
+
 @contextmanager
 def reached(scheduler: str) -> Iterator[Any]:
     """A client of a scheduler that has workers.
@@ -138,12 +148,16 @@ def reached(scheduler: str) -> Iterator[Any]:
         import distributed
     except ImportError:
         raise MissingExtraError("distributed", "cluster") from None
+    until = time.monotonic() + PATIENCE
     try:
-        client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as problem:
-        raise SchedulerError(scheduler, f"cannot be reached within {PATIENCE:g} s ({problem})") from None
+        with ThreadPoolExecutor(1) as thread:  # first, since a client that reaches nothing complains for long
+            thread.submit(asyncio.run, asyncio.wait_for(_greet(scheduler), PATIENCE / 2)).result()
+        client = distributed.Client(scheduler, timeout=until - time.monotonic(), set_as_default=False)
+    except (OSError, TimeoutError, OverflowError, MemoryError, ValueError) as problem:
+        fact = f"cannot be reached within {PATIENCE:g} s ({str(problem) or 'no answer'})"
+        raise SchedulerError(scheduler, fact) from None
     try:
-        _wait_for_workers(client, scheduler, PATIENCE)
+        _wait_for_workers(client, scheduler, max(PATIENCE / 2, until - time.monotonic()))
         yield client
     finally:
         with suppress(Exception):
