@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 import sys
 import time
 import tomllib
@@ -13,11 +14,13 @@ import pytest
 
 import holokin as hk
 from conftest import Command
-from holokin.errors import ArgumentError, HolokinError, MissingExtraError, SchedulerError, SurveyError
+from holokin.errors import ArgumentError, HolokinError, JobError, MissingExtraError, SchedulerError, SurveyError
 from holokin.job import Job, run_job
 from holokin.surveys import Store, read_survey, repeat, run_survey
 from holokin.surveys.cases import Cases
 from holokin.surveys.checking import check_laws
+from holokin.surveys.running import Row
+from holokin.surveys.store import NAMES
 from survey_laws import CIRCLES, rows_of
 
 ARM = Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml"
@@ -119,3 +122,69 @@ def test_wrong_arguments_leave_no_results_file(tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match="is a folder"):
         run_survey(table, tmp_path, tmp_path, workers=0, resume=True)
     assert not out.exists()
+
+
+def test_faults_are_done_again_when_what_caused_them_is_cured(holokin: Command, tmp_path: Path) -> None:
+    """Here a robot file that did not load: as a file that was not copied, or a disk that was away."""
+    law = '[laws.lock]\nkind = "best-lock"\n'
+    file = survey_file(tmp_path, law)
+    file.write_text(file.read_text().replace('"arm.toml"', '"arm.toml", "planar-3r"'))
+    arm, out = tmp_path / "arm.toml", tmp_path / "s.sqlite"
+    whole = arm.read_text()
+    arm.unlink()
+    ran = holokin("survey", file, "--out", out, "--workers", "0")
+    assert ran.code == 0 and "2 of 2 faults: " in ran.out and "no such file" in ran.out and "--again" in ran.out
+    resumed = holokin("survey", file, "--out", out, "--workers", "0", "--resume")
+    assert "4 cases, 4 of them before, 2 faults" in resumed.out
+    arm.write_text(whole)
+    with sqlite3.connect(out) as db:  # and one whose robot is as it was
+        db.execute("UPDATE cases SET status = 'fault' WHERE robot = 'planar-3r' AND number % 2 = 0")
+    done = holokin("survey", file, "--out", out, "--workers", "0", "--again")
+    assert "4 cases, 1 of them before, 3 faults done again, 0 faults" in done.out and "--again" not in done.out
+    rows = rows_of(out)
+    assert [row["number"] for row in rows] == [0, 1, 2, 3] and {row["status"] for row in rows} == {"complete"}
+    with Store.opened(out, None) as store:
+        names = {name: str(rows[0][name]) for name in NAMES}
+        store.add([Row(str(rows[0]["id"]), 0, names, "fault", "late")])
+    assert rows_of(out) == rows
+
+
+def test_files_of_the_other_kind_say_what_runs_them(holokin: Command, tmp_path: Path) -> None:
+    survey = survey_file(tmp_path, '[laws.d]\nkind = "damped"\n')
+    job = tmp_path / "job.toml"
+    assert holokin("new", job).code == 0
+    ran, asked = holokin("run", survey, "--out", tmp_path / "out"), holokin("survey", job)
+    assert ran.code == asked.code == 2
+    assert f"run it: holokin survey {survey}" in ran.err
+    assert f"run it: holokin run {job}" in asked.err
+
+
+def test_a_file_can_neither_name_nor_see_what_only_python_can_give(tmp_path: Path) -> None:
+    laws, loop = '[laws.d]\nkind = "damped"\n', '[loops.other]\nkind = "{}"\nkey = "loop:a"\n'
+    files = [
+        (loop.format("given"), "[loops.other.kind] is 'given'"), (loop.format("circel"), "did you mean 'circle'"),
+        ('[laws.x]\nkind = "given"\nkey = "law:a"\n', "[laws.x.kind] is 'given'"),
+        ('[laws.x]\nkind = "gven"\n', "[laws.x.kind] is 'gven'"),
+    ]  # fmt: skip
+    for more, words in files:
+        with pytest.raises(JobError) as told:
+            read_survey(survey_file(tmp_path, laws, more))
+        assert words in str(told.value)
+        assert "given" not in str(told.value).partition("known: ")[2]
+
+
+def test_loops_and_laws_that_python_cannot_mean_are_refused_before_anything_runs() -> None:
+    circle, law = {"kind": "circle", "size": 0.1}, hk.moore_penrose
+    opened = hk.polyline([[0, 0, 0], [0.1, 0, 0]])
+    for loop, words in (("circle", "a closed path"), (opened, "an open path"), ({"kind": "given"}, "object itself")):
+        with pytest.raises(ArgumentError, match=words):
+            hk.survey(["planar-3r"], {"a": law}, {"l": loop}, workers=0)
+    for wrong in ("moore-penrose", {"kind": "given", "key": "law:a"}):
+        with pytest.raises(ArgumentError):
+            hk.survey(["planar-3r"], {"a": wrong}, {"l": circle}, workers=0)
+
+
+def test_a_certificate_that_is_not_there_is_said_in_words(holokin: Command, tmp_path: Path) -> None:
+    pytest.importorskip("flint")
+    ran = holokin("check-certificate", tmp_path / "nothere.json")
+    assert ran.code == 2 and "there is no such file" in ran.err and "Errno" not in ran.err
