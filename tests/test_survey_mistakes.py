@@ -103,7 +103,9 @@ def test_a_law_that_no_case_could_have_is_refused_before_anything_runs(
 
 
 def test_a_library_is_refused_for_positions_unless_these_are_left_out(tmp_path: Path) -> None:
-    both = '[laws.p]\nkind = "pink"\n[laws.d]\nkind = "damped"\n[tasks.at]\nkind = "position"\n[tasks.on]\nkind = "pose"\n'
+    both = (
+        '[laws.p]\nkind = "pink"\n[laws.d]\nkind = "damped"\n[tasks.at]\nkind = "position"\n[tasks.on]\nkind = "pose"\n'
+    )
     check = lambda file: check_laws(Cases(read_survey(file), tmp_path), here=False)  # noqa: E731
     with pytest.raises(ArgumentError, match="whole poses"):
         check(survey_file(tmp_path, both))

@@ -98,11 +98,15 @@ def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
     what, law = key.replace(":", " ", 1), key.startswith("law:")
     if isinstance(thing, Mapping):
         if thing.get("kind") == "given":
-            raise ArgumentError(f"the kind of {what}", "given", "give the object itself, or a table as of a survey file")
+            raise ArgumentError(
+                f"the kind of {what}", "given", "give the object itself, or a table as of a survey file"
+            )
         return dict(thing)
     if isinstance(thing, Path) and not law:
         if not thing.closed:
-            raise ArgumentError(what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)")
+            raise ArgumentError(
+                what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)"
+            )
     elif not isinstance(thing, Callable):
         kinds = "a function of the task" if law else "a closed path, a function of the tool pose"
         raise ArgumentError(what, thing, f"give {kinds}, or a table as of a survey file")

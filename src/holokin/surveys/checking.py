@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 from ..errors import ArgumentError, MissingExtraError
 from .cases import Cases, Stratum
-from .laws import Library, Own
 from .importing import imported
+from .laws import Library, Own
 
 PACKAGES = {"pink": ("pink", "pin-pink"), "mink": ("mink", "mink"), "placo": ("placo", "placo")}
 """Of each library its module and its package."""

@@ -173,9 +173,7 @@ def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     )
 
 
-def built(
-    laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector, folder: FilePath
-) -> Strategy | ControlLaw:
+def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector, folder: FilePath) -> Strategy | ControlLaw:
     """The law of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
     table = laws[name]
     if isinstance(table, Own):

@@ -227,7 +227,12 @@ def _set_up(case: Case, cases: Cases) -> tuple[Task, Vector, Strategy | ControlL
     told = json.dumps([case.robot, case.task], sort_keys=True)
     task = _task(told, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
-    key = [told, str(cases.folder), *(f"{name}: {law!r}" for name, law in laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
+    key = [
+        told,
+        str(cases.folder),
+        *(f"{name}: {law!r}" for name, law in laws.items()),
+        *(q0.tolist() if of_the_start(laws) else []),
+    ]
     return task, q0, _law(str(key), lambda: built(laws, case.law, task, q0, cases.folder))
 
 
