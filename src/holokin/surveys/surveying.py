@@ -92,7 +92,8 @@ class _Clock:
 
 def run_survey(
     table: SurveyTable, folder: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None, say: Say = lambda _progress: None,
+    resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
+    say: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
