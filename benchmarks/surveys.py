@@ -26,7 +26,7 @@ from holokin.errors import MissingExtraError
 from holokin.surveys import Store, SurveyTable, run_survey, survey_of
 from holokin.surveys.batches import SECONDS, Batches
 from holokin.surveys.cases import Cases
-from holokin.surveys.cluster import Cluster, run_guarded
+from holokin.surveys.cluster import Cluster, reached, run_guarded
 from holokin.surveys.engine import AHEAD, Here, Pool
 from holokin.surveys.guarded import Guarded
 from holokin.surveys.running import Row, run_case
@@ -153,8 +153,9 @@ def rates(count: int, turns: int, *, cluster: bool) -> None:
                 n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
             ) as found:
                 tasks.append(task_of_dask(distributed, found.scheduler_address, table.model_dump_json()))
-                with closing(Cluster(table, folder, found.scheduler_address).run(batches)) as stream:
-                    yield from stream
+                address = found.scheduler_address
+                with reached(address) as client, closing(Cluster(table, folder, address, client).run(batches)) as rows:
+                    yield from rows
 
         return run
 

@@ -112,7 +112,7 @@ def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
     began = time.monotonic()
     with pytest.raises(SchedulerError, match="cannot be reached within 1 s"):
         run_survey(planar(), tmp_path, tmp_path / "c.sqlite", scheduler="tcp://127.0.0.1:9")
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 10 and not (tmp_path / "c.sqlite").exists()
 
 
 def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_costs_one_row(
@@ -137,7 +137,7 @@ def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_cost
         found.scale(0)
         found.sync(found._correct_state)
         monkeypatch.setattr(cluster, "PATIENCE", 1.0)
-        with pytest.raises(SchedulerError, match="no workers for 1 s; start some: dask worker tcp://"):
+        with pytest.raises(SchedulerError, match=r"no workers for \S+ s; start some: dask worker tcp://"):
             run_survey(planar(), tmp_path, tmp_path / "none.sqlite", scheduler=found.scheduler_address)
     assert rows_of(out) == rows_of(whole)
     reasons = {str(row["law"]): str(row["reason"]) for row in rows_of(faults)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -49,12 +50,13 @@ def run_one(
     workers: Annotated[int | None, typer.Option(help="Processes; by default one a processor.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler instead, as tcp://host:8786.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Go on, and do again the cases that were faults.")] = False,
 ) -> None:
     """Run the cases of a survey: each row is kept as it comes, and --resume goes on where a run was stopped.
 
     Exits 0 when every case has a row, 2 on bad input.
     """
-    from .surveys import read_survey, run_survey
+    from .surveys import Store, read_survey, run_survey
 
     survey = read_survey(file)
     out = out or Path("out") / f"{file.stem}.sqlite"
@@ -74,16 +76,21 @@ def run_one(
                     last = time.monotonic()
                     print(found, file=sys.stderr, flush=True)
 
-            found = run_survey(survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, say=say)
+            found = run_survey(
+                survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, again=again, say=say
+            )
     except KeyboardInterrupt:
         if known is not None:
             show(f"{known.done:,} of {known.total:,} cases are in {out}: go on with --resume")
         raise
     resumed = f", {found.resumed:,} of them before" if found.resumed else ""
-    show(
-        f"{found.done:,} cases{resumed}, {found.faults:,} faults, {found.seconds:.1f} s: {out}\n"
-        f"then: holokin survey report {out}"
-    )
+    resumed += f", {found.again:,} faults done again" if found.again else ""
+    with Store.opened(out, None) as store:
+        reason, count, faults = store.most_frequent_fault()
+    show(f"{found.done:,} cases{resumed}, {faults:,} faults, {found.seconds:.1f} s: {out}")
+    if faults:
+        show(f"{count:,} of {faults:,} faults: {reason}\nwhen that is cured: holokin survey {file} --again")
+    show(f"then: holokin survey report {out}")
 
 
 @surveying.command("report")
@@ -107,12 +114,18 @@ def report_one(
 def case_one(
     results: Results, case: Annotated[str, typer.Argument(metavar="ID", help="The id of a case, or its number.")]
 ) -> None:
-    """Print the job file that repeats a case."""
+    """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
+    from .errors import HolokinError
     from .surveys import Store, repeated
     from .surveys.cases import Cases
+    from .surveys.running import repeating_job
 
     with Store.opened(results, None) as store:
-        show(repeated(Cases(store.content(), store.folder()), store.number_of(case)))
+        cases, number = Cases(store.content(), store.folder()), store.number_of(case)
+    show(repeated(cases, number))
+    with suppress(HolokinError):  # what it is says the comment that is printed instead of a job
+        if why := repeating_job(cases.case(number), cases)[1]:
+            print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
 
 
 def _print(head: list[str], rows: list[list[str]], console: Any) -> None:

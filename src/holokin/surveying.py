@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from .arguments import typed
 from .errors import ArgumentError
+from .path import Path
 from .progress import progress
 from .robot import Robot
 
@@ -35,6 +36,7 @@ def survey(
     workers: int | None = None,
     out: str | FilePath | None = None,
     resume: bool = False,
+    again: bool = False,
 ) -> Findings:
     """Send every robot, with every law, round every loop; what fails is a row, too.
 
@@ -48,7 +50,7 @@ def survey(
         starts: as [starts] of a survey file; by default one regular posture.
         cycles, samples, limits, cases, seed, time_limit: as of a survey file.
         workers: processes, by default one for each processor; 0 for this one.
-        out: a results file to keep. resume: go on with what it holds.
+        out: a results file to keep. resume: go on with what it holds. again: the same, and do its faults again.
 
     Returns:
         A row for each case: `.frame()` for pandas, `.table()` by law, `.columns`.
@@ -84,7 +86,7 @@ def survey(
     with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1_000_000, words=True) as report:
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         run_survey(
-            table, FilePath(), file, workers=workers, resume=resume, objects=objects,
+            table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
             say=lambda p: report(int(1_000_000 * p.done / max(p.total, 1)), str(p)),
         )  # fmt: skip
         with Store.opened(file, None) as store:
@@ -93,9 +95,20 @@ def survey(
 
 def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
     """A table, as it is given; an object by its key."""
+    what, law = key.replace(":", " ", 1), key.startswith("law:")
     if isinstance(thing, Mapping):
+        if thing.get("kind") == "given":
+            raise ArgumentError(
+                f"the kind of {what}", "given", "give the object itself, or a table as of a survey file"
+            )
         return dict(thing)
-    if key.startswith("law:") and not isinstance(thing, Callable):
-        raise ArgumentError(key.replace(":", " "), thing, "give a function of the task, or a table as of a survey file")
+    if isinstance(thing, Path) and not law:
+        if not thing.closed:
+            raise ArgumentError(
+                what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)"
+            )
+    elif not isinstance(thing, Callable):
+        kinds = "a function of the task" if law else "a closed path, a function of the tool pose"
+        raise ArgumentError(what, thing, f"give {kinds}, or a table as of a survey file")
     objects[key] = thing
     return {"kind": "given", "key": key}

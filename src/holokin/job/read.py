@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -74,6 +74,7 @@ class Form(Generic[Model]):
     where: str = "check the path"
     more: str = "check its spelling: {}"
     example: str = "add it"
+    check: Callable[[Path, dict[str, Any]], None] = lambda _path, _table: None
 
     def read(self, path: Path) -> Model:
         """A file of this form. Raises: JobError naming file, key, value and cure."""
@@ -81,6 +82,7 @@ class Form(Generic[Model]):
 
     def checked(self, path: Path, table: dict[str, Any]) -> Model:
         """The content of a file. Raises: JobError."""
+        self.check(path, table)
         try:
             return self.model.model_validate(table)
         except ValidationError as problem:
@@ -209,9 +211,14 @@ def _key(loc: tuple[int | str, ...], table: Any) -> Key:
     return tuple(parts)
 
 
+def _no_survey(path: Path, table: dict[str, Any]) -> None:
+    if not {"laws", "loops"} - set(table) and "strategies" not in table:
+        raise JobError(path, "laws", "is of a survey, and this no job", f"run it: holokin survey {path}")
+
+
 _WRITES = "`holokin new` writes a complete example"
 _JOB = Form(
     Job, "strategies", KINDS, _TABLES, "check the path; `holokin jobs` lists the packaged ones",
-    f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}",
+    f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}", _no_survey,
 )  # fmt: skip
 _WORKSPACE = Form(_Workspace, "", {}, _TABLES)

@@ -25,7 +25,11 @@ def recheck(file: str | FilePath, report: Callable[[int], None] = lambda _permil
         data = check(str(file), lambda: report(min(1000, 1000 * next(done) // max(cells, 1))))
     except RejectedError as problem:
         return True, f"REJECTED: {problem}."
-    except (OSError, ValueError) as problem:
+    except FileNotFoundError:
+        raise CertificateError(file, "there is no such file") from None
+    except OSError as problem:
+        raise CertificateError(file, f"it cannot be read ({problem.strerror or problem})") from None
+    except ValueError as problem:
         raise CertificateError(file, str(problem)) from None
     extent = "it covers all that was asked" if data["claims"]["whole"] else "it is a part of what was asked"
     return False, f"VERIFIED: {data['title']}: {cells} cells; {extent}."

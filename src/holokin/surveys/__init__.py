@@ -3,6 +3,7 @@
 from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import Findings
 from .reading import read_survey, survey_of
+from .repeating import repeat
 from .report import repeated, write_survey_report
 from .store import Store
 from .surveying import Progress, run_survey
@@ -17,6 +18,7 @@ __all__ = [
     "coverage_figure",
     "drift_figure",
     "read_survey",
+    "repeat",
     "repeated",
     "run_survey",
     "status_figure",

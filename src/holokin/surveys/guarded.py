@@ -94,15 +94,16 @@ class _Watch:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
 
 
-_cases: dict[str, Cases] = {}
+_cases: dict[tuple[str, str], Cases] = {}
 
 
 def cases_of(table: str, folder: str) -> Cases:
     """The cases of a survey, kept: a process does one survey after the other."""
-    if table not in _cases:
+    key = table, folder
+    if key not in _cases:
         _cases.clear()
-        _cases[table] = Cases(SurveyTable.model_validate_json(table), Path(folder))
-    return _cases[table]
+        _cases[key] = Cases(SurveyTable.model_validate_json(table), Path(folder))
+    return _cases[key]
 
 
 def run_batch(

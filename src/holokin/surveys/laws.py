@@ -5,9 +5,9 @@ A new kind is one more class here: `kind` and its keys, and `law`.
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field
@@ -32,6 +32,7 @@ from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
 from ..task import Task
 from ..types import Vector
+from .importing import imported
 from .objects import given
 
 Gain = Annotated[float, Field(ge=0, le=1e6)]
@@ -112,19 +113,13 @@ class Library(LawTable):
 
 
 class Own(LawTable):
-    """Your own: "module:function", which takes (task, start posture) and returns a strategy or a control law."""
+    """Your own: "module:function", which takes (task, start posture) and returns a strategy or a control law.
+
+    The module is looked for beside the survey file first.
+    """
 
     kind: Literal["import"]
     function: Annotated[str, Field(pattern=r"^[\w.]+:\w+$")]
-
-    def law(self, task: Task, start: Vector, name: str) -> Any:
-        """What the function returns. Raises: ArgumentError: it cannot be imported, or threw."""
-        module, _, function = self.function.partition(":")
-        try:
-            found = getattr(importlib.import_module(module), function)
-        except (ImportError, AttributeError) as problem:
-            raise ArgumentError("the law", self.function, f"it cannot be imported ({problem})") from None
-        return _as_law(found(task, start))
 
 
 class Given(LawTable):
@@ -178,11 +173,13 @@ def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     )
 
 
-def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> Strategy | ControlLaw:
-    """The law of a name. Raises: HolokinError."""
+def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector, folder: FilePath) -> Strategy | ControlLaw:
+    """The law of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
     table = laws[name]
+    if isinstance(table, Own):
+        return _as_law(imported(table.function, folder)(task, start))
     if isinstance(table, ClosedLoop):
-        of = built(laws, table.of, task, start)
+        of = built(laws, table.of, task, start, folder)
         if not isinstance(of, Strategy):
             raise ArgumentError("of", table.of, "it is a control law already: name a strategy")
         return closed_loop(of, table.gain, name=name)

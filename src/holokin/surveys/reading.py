@@ -2,31 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
-from ..job.read import Form
+from ..errors import JobError, closest
+from ..job.read import Form, dotted
 from ..job.robot_tables import RobotTable
 from ..job.task_tables import TaskTable
-from .laws import OF_A_JOB, OWN_KINDS
-from .tables import LoopTable, StartsTable, SurveyTable, WithoutTable
+from .laws import OF_A_JOB, OWN_KINDS, Given
+from .tables import LOOPS, LoopTable, StartsTable, SurveyTable, WithoutTable
 
 KINDS = {
-    str(word): model for model in (*OF_A_JOB, *OWN_KINDS) for word in get_args(model.model_fields["kind"].annotation)
+    str(word): model
+    for model in (*OF_A_JOB, *OWN_KINDS)
+    if model is not Given
+    for word in get_args(model.model_fields["kind"].annotation)
 }
 """Every kind of law that a survey may hold, and its model."""
+
+
+def _no_job(path: Path, table: dict[str, Any]) -> None:
+    if "strategies" in table and "laws" not in table:
+        raise JobError(path, "strategies", "is of a job, and this no survey", f"run it: holokin run {path}")
+
+
+def _no_objects(path: Path, table: dict[str, Any]) -> None:
+    _no_job(path, table)
+    for named, kinds in (("laws", tuple(KINDS)), ("loops", LOOPS)):
+        tables = table.get(named)
+        for name, one in tables.items() if isinstance(tables, dict) else ():
+            if isinstance(one, dict) and one.get("kind") == "given":
+                raise JobError(path, dotted((named, name, "kind")), "is 'given'", closest("given", kinds))
+
 
 _SURVEY = Form(
     SurveyTable,
     "laws",
     KINDS,
     {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable},
+    check=_no_job,
 )
 
 
 def read_survey(path: Path) -> SurveyTable:
     """A survey from a TOML file. Raises: JobError naming file, key, value and cure."""
-    return _SURVEY.read(path)
+    return replace(_SURVEY, check=_no_objects).read(path)
 
 
 def survey_of(content: dict[str, object], name: str) -> SurveyTable:

@@ -111,12 +111,12 @@ def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
 
 
 def repeated(cases: Cases, case: Case | int) -> str:
-    """A job file that repeats a case; of a control law, which jobs do not run, that of its loop and start."""
+    """A job file that repeats a case; of a control law one of the pseudo-inverse on its loop, which says so."""
     try:
-        job = repeating_job(cases.case(case) if isinstance(case, int) else case, cases)
+        job, _ = repeating_job(cases.case(case) if isinstance(case, int) else case, cases)
     except HolokinError as problem:
         return f"# no job repeats it: {problem}"
-    title = f"title = {toml(job['title'])}\n"
+    head = "".join(f"{key} = {toml(job[key])}\n" for key in ("title", "about") if key in job)
     tables = [table(name, job[name]) for name in ("robot", "task", "start", "path") if job[name]]
     laws = [table(f"strategies.{toml(name)}", keys) for name, keys in job["strategies"].items()]
-    return "\n".join([title, *tables, *laws])
+    return "\n".join([head, *tables, *laws])

@@ -32,7 +32,7 @@ from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..motion.following import build_native
 from ..path import Path
-from ..robot import Robot
+from ..robot import Robot, beside
 from ..robot.units import longest_reach
 from ..strategies import Strategy
 from ..task import Task
@@ -143,16 +143,49 @@ def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, 
     }  # fmt: skip
 
 
-def repeating_job(case: Case, cases: Cases) -> dict[str, Any]:
-    """The job that repeats a case; of a control law, which jobs do not run, one of the pseudo-inverse on its loop.
+def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
+    """(a job of a case, why it does not repeat the case); files of robots count from the root, not from the survey.
+
+    Jobs do not run control laws: in place of one the job has the pseudo-inverse, and says so.
 
     Raises:
-        HolokinError: there is no robot, task or start of the case.
+        HolokinError: there is no robot, task or start of the case, or its loop is of a survey in Python.
     """
     task = _task(json.dumps([case.robot, case.task], sort_keys=True), cases.folder)
+    if case.loop["table"]["kind"] == "given":
+        raise ArgumentError("the loop", case.names["loop"], "a survey in Python was given it: go round it there")
     law = resolved(cases.table.laws, case.law, task, start_of(case, cases.folder))[case.law]
-    table = law.model_dump(exclude_unset=True) if isinstance(law, StrategyTable) else {"kind": "moore-penrose"}
-    return _job(case, {case.law: table}, cases.folder)
+    if isinstance(law, StrategyTable):
+        job, why = _job(case, {case.law: law.model_dump(exclude_unset=True)}, cases.folder), ""
+    else:
+        job = _job(case, {"moore-penrose": {"kind": "moore-penrose"}}, cases.folder)
+        why = (
+            f"Jobs do not run control laws as {case.law!r}: this job has the pseudo-inverse, from the same start round "
+            f"the same loop. In Python holokin.surveys.repeat(RESULTS, {case.id!r}) runs the law itself."
+        )
+        job |= {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {case.names['robot']}"}
+        job |= {"about": why}
+    return job | {"robot": _anywhere(job["robot"], cases.folder)}, why
+
+
+def _anywhere(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
+    """A [robot] table whose files are found from any folder."""
+    found = dict(robot)
+    if found.get("name"):
+        found["name"] = str(beside(found["name"], folder.absolute()))
+    if found.get("parts"):
+        found["parts"] = [_anywhere(part, folder) for part in found["parts"]]
+    return found
+
+
+def repeat_case(case: Case, cases: Cases) -> tuple[Trajectory, str]:
+    """(what the joints did, why it stopped; empty where it did not) of a case, as `run_case` has it in its row.
+
+    Raises:
+        HolokinError: what its row gives as the reason.
+    """
+    (walk, reason, _), _, _ = _walk(case, cases)
+    return walk, reason
 
 
 def run_case(case: Case, cases: Cases) -> Row:
@@ -194,8 +227,13 @@ def _set_up(case: Case, cases: Cases) -> tuple[Task, Vector, Strategy | ControlL
     told = json.dumps([case.robot, case.task], sort_keys=True)
     task = _task(told, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
-    key = [told, *(f"{name}: {law!r}" for name, law in laws.items()), *(q0.tolist() if of_the_start(laws) else [])]
-    return task, q0, _law(str(key), lambda: built(laws, case.law, task, q0))
+    key = [
+        told,
+        str(cases.folder),
+        *(f"{name}: {law!r}" for name, law in laws.items()),
+        *(q0.tolist() if of_the_start(laws) else []),
+    ]
+    return task, q0, _law(str(key), lambda: built(laws, case.law, task, q0, cases.folder))
 
 
 @lru_cache(maxsize=16)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 from ..errors import ArgumentError, SurveyError, WriteError
 from ..version import __version__
@@ -51,6 +52,8 @@ class Store:
             SurveyError: it is there already and resume is False; it is of another survey, or no results file.
             WriteError: the system refuses it.
         """
+        if file.is_dir():
+            raise SurveyError(file, "is a folder", "give a file, as out/arms.sqlite")
         new = not file.exists()
         if table is None and new:
             raise SurveyError(file, "there is no such file", "run the survey first")
@@ -98,9 +101,17 @@ class Store:
         if table is not None and found[1] != fingerprint(table):
             raise SurveyError(self.file, "holds the results of another survey", "give another file with --out")
 
-    def add(self, rows: Iterable[Row]) -> None:
-        """Keep rows: all of them or none. One that is there already stays as it is. Raises: WriteError."""
+    def add(self, rows: Sequence[Row], faults: Mapping[int, str] = MappingProxyType({})) -> None:
+        """Keep rows: all of them or none. One that is there stays as it is, unless it is a fault.
+
+        Args:
+            faults: number of a case -> id of the row that its row takes the place of, though the id is another one now.
+
+        Raises:
+            WriteError.
+        """
         marks = ", ".join("?" * len(COLUMNS))
+        new = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[1:])
         values = [
             [
                 row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
@@ -108,12 +119,28 @@ class Store:
             ]
             for row in rows
         ]  # fmt: skip
+        gone = [(faults[row.number],) for row in rows if row.number in faults]
         with _system(self.file), self._db:
-            self._db.executemany(f"INSERT OR IGNORE INTO cases VALUES ({marks})", values)
+            self._db.executemany("DELETE FROM cases WHERE id = ? AND status = 'fault'", gone)
+            self._db.executemany(
+                f"INSERT INTO cases VALUES ({marks}) ON CONFLICT (id) DO UPDATE SET {new} WHERE status = 'fault'",
+                values,
+            )
 
-    def done(self) -> set[str]:
-        """The ids of the cases that have a row."""
-        return {found for (found,) in self._db.execute("SELECT id FROM cases")}
+    def done(self, *, faults: bool = True) -> set[str]:
+        """The ids of the cases that have a row, with or without those that are faults."""
+        which = "" if faults else " WHERE status <> 'fault'"
+        return {found for (found,) in self._db.execute(f"SELECT id FROM cases{which}")}
+
+    def faults(self) -> dict[int, str]:
+        """Number -> id of the cases that are faults."""
+        return dict(self._db.execute("SELECT number, id FROM cases WHERE status = 'fault'"))
+
+    def most_frequent_fault(self) -> tuple[str, int, int]:
+        """(its reason, how many have it, how many faults there are in all)."""
+        asked = "SELECT reason, COUNT(*) FROM cases WHERE status = 'fault' GROUP BY reason ORDER BY 2 DESC, 1"
+        found = self._db.execute(asked).fetchall()
+        return (*found[0], sum(count for _, count in found)) if found else ("", 0, 0)
 
     def __len__(self) -> int:
         return int(self._db.execute("SELECT COUNT(*) FROM cases").fetchone()[0])

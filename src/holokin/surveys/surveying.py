@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -15,7 +15,8 @@ from typing import Any
 from ..errors import ArgumentError
 from .batches import Batches
 from .cases import Cases
-from .cluster import Cluster
+from .checking import check_laws
+from .cluster import Cluster, reached
 from .engine import Here, Pool
 from .objects import forks, keep, sendable
 from .running import Row
@@ -40,7 +41,7 @@ class Progress:
     """How far a survey is: `str` says it in a line.
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
-    the last minute [cases/s], NaN in the first seconds.
+    the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before.
     """
 
     done: int
@@ -49,6 +50,7 @@ class Progress:
     seconds: float
     resumed: int
     speed: float = float("nan")
+    again: int = 0
 
     @property
     def remaining(self) -> float:
@@ -58,6 +60,7 @@ class Progress:
     def __str__(self) -> str:
         parts = [f"{self.done:,} of {self.total:,} cases"]
         parts += [f"{self.resumed:,} of them before"] if self.resumed else []
+        parts += [f"{self.again:,} faults again"] if self.again else []
         parts += [f"{self.faults:,} faults"] if self.faults else []
         if self.speed > 0:
             left = timedelta(seconds=round(self.remaining))
@@ -68,8 +71,8 @@ class Progress:
 class _Clock:
     """The progress of a run, by the rows that come; what it takes until the first ones come is no speed."""
 
-    def __init__(self, total: int, resumed: int) -> None:
-        self._began, self._total, self._resumed = time.monotonic(), total, resumed
+    def __init__(self, total: int, resumed: int, again: int = 0) -> None:
+        self._began, self._total, self._resumed, self._again = time.monotonic(), total, resumed, again
         self._done, self._faults = resumed, 0
         self._recent: deque[tuple[float, int]] = deque()
 
@@ -84,48 +87,60 @@ class _Clock:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
         speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
-        return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed)
+        return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again)
 
 
 def run_survey(
     table: SurveyTable, folder: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    resume: bool = False, objects: Mapping[str, Any] | None = None, say: Say = lambda _progress: None,
+    resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
+    say: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
     Args:
         folder: from which files of robots count. out: the results file.
+        resume: go on with what the file holds. again: the same, and do again what is a fault there: these rows stay
+            until new ones take their place.
         objects: what the survey names by keys: see `survey`.
         workers: processes, by default one for each processor; 0 for this one. scheduler: of a Dask cluster instead.
 
     Raises:
-        SurveyError, WriteError: of the results file. UnknownNameError: of a robot.
+        SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
+        of a law that no case could have.
     """
     cases = Cases(table, folder.absolute())
     total = len(cases)
-    with Store.opened(out, table, cases.folder, resume=resume) as store:
-        known = store.done()
+    keep(objects or {})
+    check_laws(cases, here=scheduler is None)
+    with (  # the file last: what is wrong with the others leaves none
+        _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
+        Store.opened(out, table, cases.folder, resume=resume or again) as store,
+    ):
+        known = store.done(faults=not again)
+        faults = store.faults() if again else {}
         left = (n for n in range(total) if cases.case(n).id not in known) if known else range(total)
         done = min(len(known), total)
-        engine, clock = _engine(table, cases.folder, workers, scheduler, objects or {}), _Clock(total, done)
+        clock = _Clock(total, done, len(faults))
         found = clock.after(())
         say(found)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
             for rows in stream:
-                store.add(rows)
+                store.add(rows, faults)
                 found = clock.after(rows)
                 say(found)
         return found
 
 
+@contextmanager
 def _engine(
     table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
-) -> Here | Pool | Cluster:
-    keep(objects)
+) -> Iterator[Here | Pool | Cluster]:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
     if scheduler is not None:
-        return Cluster(table, folder, scheduler)
-    if workers == 0 or not (sendable(objects) or forks()):
-        return Here(table, folder)
-    return Pool(table, folder, workers or os.cpu_count() or 1, objects)
+        with reached(scheduler) as client:
+            yield Cluster(table, folder, scheduler, client)
+    elif workers == 0 or not (sendable(objects) or forks()):
+        yield Here(table, folder)
+    else:
+        yield Pool(table, folder, workers or os.cpu_count() or 1, objects)

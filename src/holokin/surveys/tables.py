@@ -5,7 +5,8 @@ from __future__ import annotations
 import fnmatch
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from ..errors import brief, closest
 from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
@@ -44,13 +45,24 @@ class StartsTable(Table):
         return self
 
 
+LOOPS = ("circle", "square", "figure-eight", "raster", "smooth")
+"""The kinds of loop of a survey file."""
+
+
+def _loop(kind: str) -> str:
+    """A kind of loop; those that Python gave are no choice of a file, and are not offered."""
+    if kind not in (*LOOPS, "given"):
+        raise PydanticCustomError("literal_error", "no kind of loop", {"expected": ", ".join(map(repr, LOOPS))})
+    return kind
+
+
 class LoopTable(Table):
     """[loops.NAME]: closed tool paths that begin at the tool's start; a range [a, b] is drawn from evenly.
 
     `size` is the largest extent in metres; `share` says it as a share of the arm's length instead.
     """
 
-    kind: Literal["circle", "square", "figure-eight", "raster", "smooth", "given"]
+    kind: Annotated[str, AfterValidator(_loop)]
     key: str | None = None
     size: Positive | tuple[Positive, Positive] | None = None
     share: Share | tuple[Share, Share] | None = None
