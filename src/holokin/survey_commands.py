@@ -117,14 +117,14 @@ def case_one(
     """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
     from .errors import HolokinError
     from .surveys import Store, repeated
-    from .surveys.cases import Cases
+    from .surveys.repeating import case_of
     from .surveys.running import repeating_job
 
     with Store.opened(results, None) as store:
-        cases, number = Cases(store.content(), store.folder()), store.number_of(case)
-    show(repeated(cases, number))
+        cases, found = case_of(store, case)
+    show(repeated(cases, found))
     with suppress(HolokinError):  # what it is says the comment that is printed instead of a job
-        if why := repeating_job(cases.case(number), cases)[1]:
+        if why := repeating_job(found, cases)[1]:
             print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..arguments import typed
+from ..errors import ArgumentError
 from ..trajectory import Trajectory
-from .cases import Cases
+from .cases import Case, Cases
 from .running import repeat_case
 from .store import Store
 
@@ -26,5 +27,14 @@ def repeat(results: str | Path, case: str | int) -> tuple[Trajectory, str]:
         HolokinError: what the row of the case gives as its reason.
     """
     with Store.opened(Path(results), None) as store:
-        cases, number = Cases(store.content(), store.folder()), store.number_of(str(case))
-    return repeat_case(cases.case(number), cases)
+        cases, found = case_of(store, str(case))
+    return repeat_case(found, cases)
+
+
+def case_of(store: Store, case: str) -> tuple[Cases, Case]:
+    """(the cases of a survey, the one of an id or a number). Raises: ArgumentError: there is none."""
+    cases, row = Cases(store.content(), store.folder()), store.row_of(case)
+    found = cases.of_row(row)
+    if found is None:
+        raise ArgumentError("the case", case, "the survey asks it no more: take another one, or run the survey anew")
+    return cases, found

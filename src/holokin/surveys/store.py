@@ -151,15 +151,16 @@ class Store:
         for values in cursor:
             yield dict(zip(COLUMNS, values, strict=True))
 
-    def number_of(self, case: str) -> int:
-        """The number of a case by its id, or by its number. Raises: ArgumentError: there is none."""
-        found = self._db.execute("SELECT number FROM cases WHERE id = ?", (case,)).fetchone()
+    def row_of(self, case: str) -> dict[str, object]:
+        """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
+        columns = ", ".join(COLUMNS)
+        found = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
         if found is None and case.isdecimal() and len(case) < DIGITS:
-            found = self._db.execute("SELECT number FROM cases WHERE number = ?", (int(case),)).fetchone()
+            found = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
         if found is None:
             cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
             raise ArgumentError("the case", case, cure)
-        return int(found[0])
+        return dict(zip(COLUMNS, found, strict=True))
 
     def folder(self) -> Path:
         """From which files of robots counted."""
