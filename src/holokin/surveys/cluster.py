@@ -129,7 +129,7 @@ def _wait_for_workers(client: Any, scheduler: str, seconds: float) -> None:
 
 async def _greet(scheduler: str) -> None:
     """Whether a scheduler of Dask answers. Raises: OSError, TimeoutError: it does not."""
-    from distributed.comm import connect
+    from distributed.comm.core import connect
     from distributed.security import Security
 
     await (await connect(scheduler, timeout=PATIENCE / 2, **Security().get_connection_args("client"))).close()

@@ -160,8 +160,9 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
     else:
         job = _job(case, {"moore-penrose": {"kind": "moore-penrose"}}, cases.folder)
         why = (
-            f"Jobs do not run control laws as {case.law!r}: this job has the pseudo-inverse, from the same start round "
-            f"the same loop. In Python holokin.surveys.repeat(RESULTS, {case.id!r}) runs the law itself."
+            f"Jobs do not run control laws or functions of yours, as {case.law!r}: this job has the pseudo-inverse, "
+            "round the same loop from the same start. "
+            f"In Python holokin.surveys.repeat(RESULTS, {case.id!r}) runs the law itself."
         )
         job |= {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {case.names['robot']}"}
         job |= {"about": why}
