@@ -118,8 +118,8 @@ def run_survey(
     ):
         known = store.done(faults=not again)
         faults = store.faults() if again else {}
-        left = (n for n in range(total) if cases.case(n).id not in known) if known else range(total)
-        done = min(len(known), total)
+        left = [n for n in range(total) if cases.case(n).id not in known] if known else range(total)
+        done = total - len(left)  # rows of cases that are asked no more do not count
         clock = _Clock(total, done, len(faults))
         found = clock.after(())
         say(found)
