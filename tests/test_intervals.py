@@ -97,8 +97,10 @@ def wider(a: Interval, b: Interval) -> bool:
 
 def rounded(a: Interval) -> Interval:
     """A few doubles wider: ends next to each other are enclosed one by one, each as its round-off comes."""
-    low, high = (np.where(np.isfinite(x), 4 * np.spacing(np.abs(np.nan_to_num(x))), 0.0) for x in (a.low, a.high))
-    return Interval(a.low - low, a.high + high)
+    low, high = a.low, a.high
+    for _ in range(4):
+        low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+    return Interval(low, high)
 
 
 @pytest.fixture(autouse=True)
