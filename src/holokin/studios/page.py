@@ -135,19 +135,20 @@ class Page:
 
     def _run(self) -> None:
         before = time.perf_counter()
+        due = before + 1 / RATE
         while True:
-            with self._wake:
-                if not self._waiting and not self._over:
-                    self._wake.wait(max(0.0, before + 1 / RATE - time.perf_counter()))
+            with self._wake:  # it may wake a moment early: a picture then would put the next one off
+                while not self._waiting and not self._over and (left := due - time.perf_counter()) > 0:
+                    self._wake.wait(left)
                 if self._over:
                     return
                 actions, self._waiting = list(self._waiting.values()), {}
             for action in actions:
                 self.attempt(action)
             now = time.perf_counter()
-            if now - before >= 1 / RATE:
+            if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
-                before = now
+                before, due = now, max(due + 1 / RATE, now)
             slow = now - self._slow_at >= SLOW
             self._slow_at = now if slow else self._slow_at
             self.attempt(lambda slow=slow: self.draw(self.session.snapshot(), slow))
