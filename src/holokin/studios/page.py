@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,6 +22,9 @@ from .states import Phase, Snapshot
 
 RATE = 30.0
 """Pictures a second."""
+
+PARTS = 3
+"""What is drawn less often: texts, plots, traces."""
 
 SLOW = 0.2
 """Seconds between two updates of texts and plots, which nobody reads faster."""
@@ -62,7 +65,7 @@ class Page:
         self.handles = Handles(self)
         self._arrange()
         self._look()
-        self.draw(session.snapshot(), slow=True)
+        self.draw(session.snapshot(), range(PARTS))
         self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
 
     def _arrange(self) -> None:
@@ -105,8 +108,8 @@ class Page:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=5.0)
 
-    def draw(self, snap: Snapshot, slow: bool) -> None:
-        """Bring scene, and with `slow` texts and plots, to a snapshot."""
+    def draw(self, snap: Snapshot, slow: Sequence[int] = ()) -> None:
+        """Bring the scene to a snapshot; and texts (0), plots (1) and traces (2), if they are among `slow`."""
         if tuple(law.name for law in snap.laws) != self.scene.names:  # a program added or removed one
             self.server.gui.reset()
             self._arrange()
@@ -119,10 +122,8 @@ class Page:
             moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
             self._loop_drawn = snap.loop, snap.loop_fault
             self._draw_loop(moved, bool(snap.loop_fault))
-        if slow:
-            self.panels.draw(snap)
-            self.charts.draw(snap)
-            self._draw_traces(snap)
+        for part in slow:
+            (self.panels.draw, self.charts.draw, self._draw_traces)[part](snap)
 
     @contextmanager
     def own_drawing(self) -> Iterator[None]:
@@ -135,7 +136,7 @@ class Page:
 
     def _run(self) -> None:
         before = time.perf_counter()
-        due = before + 1 / RATE
+        due, part = before + 1 / RATE, 0
         while True:
             with self._wake:  # it may wake a moment early: a picture then would put the next one off
                 while not self._waiting and not self._over and (left := due - time.perf_counter()) > 0:
@@ -149,8 +150,10 @@ class Page:
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
-            slow = now - self._slow_at >= SLOW
-            self._slow_at = now if slow else self._slow_at
+            slow: tuple[int, ...] = ()
+            if now - self._slow_at >= SLOW / PARTS:  # one after the other: all at once would hold the robots up
+                slow, self._slow_at = (part,), now
+                part = (part + 1) % PARTS
             self.attempt(lambda slow=slow: self.draw(self.session.snapshot(), slow))
 
     def attempt(self, action: Action) -> None:

@@ -12,7 +12,7 @@ SECONDS = 1.0
 """That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
 
 RATE = 100.0
-"""Batches in a second, at most: for each the client and the scheduler of a cluster take four milliseconds."""
+"""Batches in a second, at most: for each the client and the scheduler of a cluster take seven milliseconds."""
 
 SHARE = 4
 """Batches that are left for each worker, at least, so that all end together."""
