@@ -31,6 +31,9 @@ HERE = "127.0.0.1"
 TRIED = 50
 """Ports that are tried."""
 
+FAREWELL = 1.0
+"""Seconds for the last words to reach browsers: the server ends its sending threads without waiting for them."""
+
 ENDED = "Nothing moves any more on this page. Start the studio again, and load the page again."
 """What browsers are told in the end."""
 
@@ -91,11 +94,13 @@ class Studio:
         if self._over:
             return
         self._over = True
-        for client in self.server.get_clients().values():
+        clients = self.server.get_clients().values()
+        for client in clients:
             client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
             client.flush()
         self.page.close()
         self.page.session.close()
+        time.sleep(FAREWELL if clients else 0.0)
         with silent_viser():
             self.server.stop()
 
