@@ -14,7 +14,7 @@ from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
 from ..task import Task
-from ..types import Array, ArrayLike, Value, Vector, finite, frozen, whole
+from ..types import Array, ArrayLike, Value, finite, frozen, whole
 from .implicit import Implicit
 
 Levels = TypeVar("Levels", SX, Array)
@@ -249,23 +249,15 @@ def joined(constraints: Sequence[Constraint], together: Callable[[Task, Kinemati
     if not parts:
         return None
 
-    def split(task: Task, values: Any, which: int) -> list[Any]:
-        ends = np.cumsum([0, *(part.size(task)[which] for part in parts)]).tolist()
-        return [values[a:b] for a, b in pairwise(ends)]
-
-    def size(task: Task) -> tuple[int, int]:
-        unknowns, numbers = zip(*(part.size(task) for part in parts), strict=True)
-        return sum(unknowns), sum(numbers)
-
-    def rows(task: Task, k: Kinematics, q: SX, z: SX, scale: SX) -> tuple[SX, SX]:
-        own = zip(parts, split(task, z, 0), split(task, scale, 1), strict=True)
-        found = [part.rows(task, k, q, *given) for part, *given in own]
+    def rows(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
+        ends = np.cumsum([0, *(part.size(task) for part in parts)]).tolist()
+        found = [part.rows(task, k, q, z[a:b]) for part, (a, b) in zip(parts, pairwise(ends), strict=True)]
         values = iter(g for g, _ in found)
         g = [c.expand(task, k, q) if c.implicit is None else next(values) for c in constraints]
         return together(task, k, g), vertcat(*(h for _, h in found))
 
-    def at(task: Task, q: Vector, scale: Vector) -> Vector:
-        own = zip(parts, split(task, scale, 1), strict=True)
-        return np.concatenate([part.at(task, q, given) for part, given in own])
-
-    return Implicit(size, rows, at, lambda task, q: np.concatenate([part.scale(task, q) for part in parts]))
+    return Implicit(
+        lambda task: sum(part.size(task) for part in parts),
+        rows,
+        lambda task, q: np.concatenate([part.at(task, q) for part in parts]),
+    )

@@ -94,10 +94,10 @@ def _null_space_implicit(
     def by_minors(task: Task) -> bool:
         return smooth is not None and task.n - task.m == 1
 
-    def size(task: Task) -> tuple[int, int]:
-        return 0 if by_minors(task) else task.m * rows if chang else task.n, 0
+    def size(task: Task) -> int:
+        return 0 if by_minors(task) else task.m * rows if chang else task.n
 
-    def equations(task: Task, k: Kinematics, q: SX, N: SX, _scale: SX) -> tuple[SX, SX]:
+    def equations(task: Task, k: Kinematics, q: SX, N: SX) -> tuple[SX, SX]:
         a, b = split(task)
         if smooth is not None and by_minors(task):
             n = minors_expression(short_jacobian(task, k, q))
@@ -109,7 +109,7 @@ def _null_space_implicit(
         N = N.reshape((task.m, rows))
         return slope[b] + N.T @ slope[a], (J[:, a] @ N + J[:, b]).reshape((-1, 1))
 
-    def at(task: Task, q: Vector, _scale: Vector) -> Vector:
+    def at(task: Task, q: Vector) -> Vector:
         if by_minors(task):
             return np.zeros(0)
         J = task.jacobian(q)

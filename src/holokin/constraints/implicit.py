@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..robot import Kinematics
 from ..symbolic import SX
 from ..task import Task
@@ -20,12 +18,10 @@ class Implicit(Value):
     A null vector by Householder reflections has kinks where a sign changes, though it is smooth itself. As an unknown
     of J z = 0, |z|^2 = 1 it is the root of polynomials of J.
 
-    size: (k, s) of a task. rows: (task, kinematics, q, z, scale) -> (g (rows,), h (k,)), where d h / d z is regular
-    wherever g is smooth. at: (task, q, scale) -> z (k,) at a posture (n,). scale: numbers (s,) from a posture near all
-    that are of interest, which make unknowns of the size 1; h depends on them, g does not.
+    size: k of a task. rows: (task, kinematics, q, z) -> (g (rows,), h (k,)), where d h / d z is regular wherever g is
+    smooth. at: (task, q) -> z (k,) at a posture (n,).
     """
 
-    size: Callable[[Task], tuple[int, int]]
-    rows: Callable[[Task, Kinematics, SX, SX, SX], tuple[SX, SX]]
-    at: Callable[[Task, Vector, Vector], Vector]
-    scale: Callable[[Task, Vector], Vector] = lambda _task, _q: np.zeros(0)
+    size: Callable[[Task], int]
+    rows: Callable[[Task, Kinematics, SX, SX], tuple[SX, SX]]
+    at: Callable[[Task, Vector], Vector]

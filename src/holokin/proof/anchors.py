@@ -24,12 +24,12 @@ NEWTONS = 3
 def anchored(domain: Domain, found: Covered, start: Vector, closed: bool) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
     d, posture = domain.equation.d, start
-    start = domain.equation.completed(posture[None], domain.c)[0]
+    start = domain.equation.completed(posture[None])[0]
     if not len(found):
         return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None)
     places = [(np.zeros(1), start)] if d == 1 else []
     if isinstance(domain, PoseRegion):
-        middle = domain.equation.completed(domain.q[None], domain.c)[0]
+        middle = domain.equation.completed(domain.q[None])[0]
         places = [(domain.place_of(posture), start), (np.zeros(d), middle)]
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
     u, q, within = np.zeros(d), start, np.inf

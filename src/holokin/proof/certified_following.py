@@ -67,7 +67,7 @@ def follow_certified(
     def residual(samples: int) -> Vector:
         leaf = proof.equation.strategy
         values = leaf.constraint_value.batch(q[:samples]).reshape(samples, -1)
-        return np.abs(leaf.constraint.nearest(values - proof.c[: leaf.constraint.rows])).max(axis=1, initial=0.0)
+        return np.abs(leaf.constraint.nearest(values - proof.c)).max(axis=1, initial=0.0)
 
     walk = record(task, plan, q, rates, cycles, status, residual)
     if not proof.whole:

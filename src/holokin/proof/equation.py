@@ -47,7 +47,7 @@ class Equation(Value):
     def n(self) -> int:
         """Unknowns, and rows."""
         implicit = self.strategy.constraint.implicit
-        return self.joints + (implicit.size(self.strategy.task)[0] if implicit else 0)
+        return self.joints + (implicit.size(self.strategy.task) if implicit else 0)
 
     @cached_property
     def at_once(self) -> int:
@@ -59,33 +59,30 @@ class Equation(Value):
         """Parameters of the family."""
         return self.family.dimension
 
-    def level(self, start: Vector, near: Vector) -> Vector:
-        """The c of E: the leaf through a posture (joints,), and the scale of the other unknowns near another one."""
-        implicit, task = self.strategy.constraint.implicit, self.strategy.task
-        leaf = np.atleast_1d(self.strategy.g(start))
-        return leaf if implicit is None else np.concatenate([leaf, implicit.scale(task, near)])
+    def level(self, start: Vector) -> Vector:
+        """The c of E: the leaf through a posture (joints,)."""
+        return np.atleast_1d(self.strategy.g(start))
 
-    def completed(self, q: Matrix, c: Vector) -> Matrix:
+    def completed(self, q: Matrix) -> Matrix:
         """All unknowns (k, n) at postures (k, joints)."""
         implicit, task = self.strategy.constraint.implicit, self.strategy.task
         if implicit is None or not len(q):
             return q
-        return np.hstack([q, [implicit.at(task, one, c[self.strategy.constraint.rows :]) for one in q]])
+        return np.hstack([q, [implicit.at(task, one) for one in q]])
 
     @cached_property
     def _symbols(self) -> tuple[dict[str, SX], SX, SX]:
         """(inputs, E, facing)."""
         e, task, constraint = self.strategy.expressions, self.strategy.task, self.strategy.constraint
         y, numbers, c = symbol("y", self.d), symbol("numbers", self.family.numbers), symbol("c", constraint.rows)
-        scale = symbol("scale", constraint.implicit.size(task)[1] if constraint.implicit else 0)
         k, others = e.kinematics, symbol("others", self.n - self.joints)
         rows, facing = rows_of(task, k.position, k.rotation, *self.family.pose(y, numbers))
         with one_formula():
             if constraint.implicit is None:
                 g, h = constraint.bind(task, k, e.q), SX(0, 1)
             else:
-                g, h = constraint.implicit.rows(task, k, e.q, others, scale)
-        inputs = {"q": vertcat(e.q, others), "y": y, "numbers": numbers, "c": vertcat(c, scale)}
+                g, h = constraint.implicit.rows(task, k, e.q, others)
+        inputs = {"q": vertcat(e.q, others), "y": y, "numbers": numbers, "c": c}
         return inputs, vertcat(rows, g - c, h), facing
 
     @cached_property

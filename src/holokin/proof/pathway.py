@@ -73,7 +73,7 @@ class Pathway(Value, Domain):
         family = Stretches.along(rows)
         equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
-        c = equation.level(start, postures[len(postures) // 2])
+        c = equation.level(start)
         return Pathway(equation, c, tuple(splines), numbers, np.array(ends))
 
     def first(self) -> Boxes:
@@ -159,7 +159,7 @@ class Pathway(Value, Domain):
     def _at(self, piece: Indices, u: Vector) -> Matrix:
         n = self.equation.joints
         q = np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
-        return self.equation.completed(q, self.c)
+        return self.equation.completed(q)
 
 
 def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:

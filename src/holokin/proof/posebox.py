@@ -75,13 +75,13 @@ class PoseRegion(Value, Domain):
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
         equation, middle = equation_over(strategy, turning), inverse(strategy, q0)(space.center)
-        c = equation.level(q0, middle)
+        c = equation.level(q0)
         return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle)
 
     def first(self) -> Boxes:
         """A grid of the largest cells that pass the test at the middle, each side by how much it moves the joints."""
         d = self.equation.d
-        middle = self.equation.completed(self.q[None], self.c)
+        middle = self.equation.completed(self.q[None])
         tiny = _about(np.full((1, d), 1e-9), np.full(1, 1e-9))
         cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
@@ -140,7 +140,7 @@ class PoseRegion(Value, Domain):
         if not len(missing):
             return found
         strategy = self.equation.strategy
-        task, leaf = strategy.task, self.c[: strategy.constraint.rows]
+        task, leaf = strategy.task, self.c
         correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
         middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
         side = float(correct(self.q, *tool_at(task, self.q), leaf)[3])
@@ -155,7 +155,7 @@ class PoseRegion(Value, Domain):
                 postures.append(q)
             except HolokinError:
                 q = self.q
-            found[i] = self.equation.completed(q[None], self.c)[0]
+            found[i] = self.equation.completed(q[None])[0]
         return found
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
