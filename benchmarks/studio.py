@@ -70,8 +70,21 @@ def drags(subject: Session, count: int, *, out: bool = False) -> list[float]:
 GHOSTS = b"/ghosts/"
 """What a message of the server that moves the robots has in it: the name of what it moves."""
 
+HEADER = 16
+"""Bytes before the compressed part of a message of viser: its size, and its compressed size, as 64 bits each."""
+
 EIGHT, SECONDS, WARM = 8, 10.0, 5.0
 """Laws of the page; how long it is counted [s], once it has run for so long."""
+
+
+def moves(message: bytes | str) -> bool:
+    """Whether a message of the server moves the robots."""
+    import zstandard
+
+    if not isinstance(message, bytes):
+        return False
+    size = int.from_bytes(message[8:HEADER], "little")
+    return GHOSTS in zstandard.ZstdDecompressor().decompress(message[HEADER : HEADER + size])
 
 
 def listen(port: int, counts: list[int], index: int, ended: threading.Event) -> None:
@@ -82,7 +95,7 @@ def listen(port: int, counts: list[int], index: int, ended: threading.Event) -> 
     with connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as line:  # type: ignore[list-item]
         while not ended.is_set():
             try:
-                counts[index] += GHOSTS in line.recv(timeout=1.0)  # type: ignore[operator]
+                counts[index] += moves(line.recv(timeout=1.0))
             except TimeoutError:
                 continue
 
@@ -120,7 +133,7 @@ def chromium(studio: hk.studios.Studio, seconds: float) -> tuple[list[float], fl
     flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage"]
 
     def heard(payload: bytes | str) -> None:
-        counts[0] += isinstance(payload, bytes) and GHOSTS in payload
+        counts[0] += moves(payload)
 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
