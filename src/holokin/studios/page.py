@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -23,11 +23,8 @@ from .states import Phase, Snapshot
 RATE = 30.0
 """Pictures a second."""
 
-PARTS = 3
-"""What is drawn less often: texts, plots, traces."""
-
 SLOW = 0.2
-"""Seconds between two updates of texts and plots, which nobody reads faster."""
+"""Seconds between two updates of texts, plots and traces, which nobody reads faster."""
 
 TRACED = 150
 """Points of the lines that elbows leave behind."""
@@ -65,7 +62,10 @@ class Page:
         self.handles = Handles(self)
         self._arrange()
         self._look()
-        self.draw(session.snapshot(), range(PARTS))
+        snap = session.snapshot()
+        self.draw(snap)
+        for draw in self._slow:
+            draw(snap)
         self._thread = threading.Thread(target=self._run, name="holokin studio", daemon=True)
 
     def _arrange(self) -> None:
@@ -108,8 +108,13 @@ class Page:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=5.0)
 
-    def draw(self, snap: Snapshot, slow: Sequence[int] = ()) -> None:
-        """Bring the scene to a snapshot; and texts (0), plots (1) and traces (2), if they are among `slow`."""
+    @property
+    def _slow(self) -> tuple[Callable[[Snapshot], None], ...]:
+        """What draws texts, plots and traces: less often than robots."""
+        return self.panels.draw, self.charts.draw, self._draw_traces
+
+    def draw(self, snap: Snapshot) -> None:
+        """Bring robots, handles and the loop to a snapshot."""
         if tuple(law.name for law in snap.laws) != self.scene.names:  # a program added or removed one
             self.server.gui.reset()
             self._arrange()
@@ -122,8 +127,6 @@ class Page:
             moved = self._loop_drawn is None or self._loop_drawn[0] != snap.loop
             self._loop_drawn = snap.loop, snap.loop_fault
             self._draw_loop(moved, bool(snap.loop_fault))
-        for part in slow:
-            (self.panels.draw, self.charts.draw, self._draw_traces)[part](snap)
 
     @contextmanager
     def own_drawing(self) -> Iterator[None]:
@@ -136,7 +139,7 @@ class Page:
 
     def _run(self) -> None:
         before = time.perf_counter()
-        due, part = before + 1 / RATE, 0
+        due, turn = before + 1 / RATE, 0
         while True:
             with self._wake:  # it may wake a moment early: a picture then would put the next one off
                 while not self._waiting and not self._over and (left := due - time.perf_counter()) > 0:
@@ -150,11 +153,10 @@ class Page:
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
-            slow: tuple[int, ...] = ()
-            if now - self._slow_at >= SLOW / PARTS:  # one after the other: all at once would hold the robots up
-                slow, self._slow_at = (part,), now
-                part = (part + 1) % PARTS
-            self.attempt(lambda slow=slow: self.draw(self.session.snapshot(), slow))
+            self.attempt(lambda: self.draw(self.session.snapshot()))
+            if now - self._slow_at >= SLOW / len(self._slow):  # one after the other: all at once would hold robots up
+                turn, self._slow_at = (turn + 1) % len(self._slow), now
+                self.attempt(lambda draw=self._slow[turn]: draw(self.session.snapshot()))
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
