@@ -165,14 +165,18 @@ def _native_steps(
                 return
 
 
+def joint_rates(strategy: Strategy, plan: Plan, q: Matrix) -> Matrix:
+    """Joint rates (k, n) of a strategy at postures (k, n), one after the other of a plan from its start on."""
+    rates = plan.rates_at_ends()
+    index = 1 + np.arange(len(q) - 1) % plan.steps
+    return strategy.rate.batch(q, np.vstack([rates[:1], rates[index]])[: len(q)])[0].reshape(len(q), strategy.task.n)
+
+
 def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Status) -> Trajectory:
     task = strategy.task
 
     def dq(samples: int) -> Matrix:
-        rates = plan.rates_at_ends()
-        index = 1 + np.arange(samples - 1) % plan.steps
-        found = strategy.rate.batch(q[:samples], np.vstack([rates[:1], rates[index]])[:samples])[0]
-        return found.reshape(samples, task.n)
+        return joint_rates(strategy, plan, q[:samples])
 
     def residual(samples: int) -> Vector:
         leaf = by_leaf(strategy)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import NotCertifiedError, OpenPathError
+from ..motion.following import joint_rates
 from ..sampling import make_plan, record
 from ..strategies import Strategy
 from ..synchronized_paths import AnyPath
@@ -59,10 +60,7 @@ def follow_certified(
     status = Status.COMPLETE if proof.whole else STATUS.get(proof.extent, Status.LOST)
 
     def rates(samples: int) -> Matrix:
-        ends = plan.rates_at_ends()
-        index = 1 + np.arange(samples - 1) % plan.steps
-        targets = np.vstack([ends[:1], ends[index]])[:samples]
-        return strategy.rate.batch(q[:samples], targets)[0].reshape(samples, task.n)
+        return joint_rates(strategy, plan, q[:samples])
 
     def residual(samples: int) -> Vector:
         leaf = proof.equation.strategy

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import HolokinError, JointLimitError
 from ..motion import ControlLaw, approach, inverse, move_to_leaf
-from ..motion.branch import branch_code
-from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, native_leaf
+from ..motion.following import build_native
+from ..motion.leaf import Way, leaf_follower, leaf_value, native_leaf
 from ..motion.native import NativeFollower
 from ..motion.simulation import step_targets
-from ..motion.velocity import native_velocity, path_rate, velocity_stepper
+from ..motion.velocity import native_velocity, velocity_stepper
 from ..path import Path
 from ..sampling import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
@@ -149,9 +149,8 @@ def compiled(law: Law, begin: Vector) -> None:
     try:
         if isinstance(law.rule, HolonomicStrategy):
             _ = inverse(law.rule, begin).engine
-            leaf_step(law.rule).follower("leaf", lambda: branch_code(law.rule))  # type: ignore[arg-type]
-        elif isinstance(law.rule, Strategy):
-            path_rate(law.rule).follower("velocity")
+        if law.strategy is not None:
+            build_native(law.strategy)
     except HolokinError:  # told when the law is asked to follow
         return
 
