@@ -11,7 +11,7 @@ import pytest
 from conftest import Command
 from holokin.surveys import Findings, Store, coverage_figure, read_survey, run_survey, survey_of, survival_figure
 from holokin.surveys.cases import Cases
-from holokin.surveys.findings import short_names
+from holokin.surveys.findings import robot_labels
 from holokin.surveys.running import METRICS
 from survey_laws import CIRCLES
 
@@ -131,7 +131,7 @@ def test_the_share_that_met_a_limit_by_a_cycle_is_what_survival_leaves() -> None
 
 def test_robots_are_called_by_their_name_where_it_tells() -> None:
     labels = ["panda", "example-robot-data:talos torso-hand", "example-robot-data:talos hand", "models/arm.urdf tool"]
-    assert short_names(labels) == ["panda", "talos torso-hand", "talos hand", "arm.urdf"]
+    assert robot_labels(labels) == ["panda", "talos torso-hand", "talos hand", "arm.urdf"]
 
 
 def test_the_command_line_runs_reports_and_repeats(

@@ -45,7 +45,7 @@ def test_the_drift_of_a_case_is_that_of_the_job_that_repeats_it(undisturbed: Pat
     with Store.opened(undisturbed, None) as store:
         rows = list(store.rows())
     for number in (0, 1, 6):
-        job = Job.model_validate(tomllib.loads(repeated(cases, number)))
+        job = Job.model_validate(tomllib.loads(repeated(cases, cases.case(number))[0]))
         result = run_job("case", job, undisturbed).strategies[0]
         row = rows[number]
         assert result.metrics["drift_mean"] == pytest.approx(row["drift_mean"], rel=1e-9, abs=1e-13)

@@ -12,7 +12,7 @@ DELAY = 1.0
 
 
 @contextmanager
-def progress(label: str, total: int, *, words: bool = False) -> Iterator[Callable[..., None]]:
+def progress(label: str, total: float, *, words: bool = False) -> Iterator[Callable[..., None]]:
     """Yields `report(done)`; call it as often as you like. With `words` it is `report(done, words)`."""
     if not sys.stderr.isatty():
         yield lambda _done, _words="": None
@@ -27,7 +27,7 @@ def progress(label: str, total: int, *, words: bool = False) -> Iterator[Callabl
     start = last = time.monotonic()
     task = None
 
-    def report(done: int, words: str = "") -> None:
+    def report(done: float, words: str = "") -> None:
         nonlocal task, last
         now = time.monotonic()
         if now - last < 0.1 or now - start < DELAY:

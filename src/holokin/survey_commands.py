@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,12 +65,12 @@ def run_one(
         out.parent.mkdir(parents=True, exist_ok=True)
     last, known = time.monotonic(), None
     try:
-        with progress(survey.title, 1_000_000, words=True) as report:
+        with progress(survey.title, 1.0, words=True) as report:
 
             def say(found: Progress) -> None:
                 nonlocal last, known
                 known = found
-                report(int(1_000_000 * found.done / max(found.total, 1)), str(found))
+                report(found.share, str(found))
                 if not sys.stderr.isatty() and time.monotonic() - last > MINUTE:
                     last = time.monotonic()
                     print(found, file=sys.stderr, flush=True)
@@ -115,17 +114,15 @@ def case_one(
     results: Results, case: Annotated[str, typer.Argument(metavar="ID", help="The id of a case, or its number.")]
 ) -> None:
     """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
-    from .errors import HolokinError
     from .surveys import Store, repeated
     from .surveys.repeating import case_of
-    from .surveys.running import repeating_job
 
     with Store.opened(results, None) as store:
         cases, found = case_of(store, case)
-    show(repeated(cases, found))
-    with suppress(HolokinError):  # what it is says the comment that is printed instead of a job
-        if why := repeating_job(found, cases)[1]:
-            print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
+    job, why = repeated(cases, found)
+    show(job)
+    if why:
+        print(why.replace("RESULTS", repr(str(results))), file=sys.stderr)
 
 
 def _print(head: list[str], rows: list[list[str]], console: Any) -> None:

@@ -83,11 +83,11 @@ def survey(
     if cases is not None:
         content["cases"] = cases
     table = survey_of(content, "survey")
-    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1_000_000, words=True) as report:
+    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1.0, words=True) as report:
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            say=lambda p: report(int(1_000_000 * p.done / max(p.total, 1)), str(p)),
+            say=lambda found: report(found.share, str(found)),
         )  # fmt: skip
         with Store.opened(file, None) as store:
             return Findings.of(store.rows())

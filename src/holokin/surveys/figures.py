@@ -24,7 +24,7 @@ from ..output.palette import (
 )
 from ..output.plots import style
 from ..output.words import on_figure
-from .findings import ON_PATH, RETURNS, STATUS_ORDER, Findings, short_names
+from .findings import ON_PATH, RETURNS, STATUS_ORDER, Findings, robot_labels
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
@@ -153,7 +153,7 @@ def coverage_figure(found: Findings) -> Any:
     from matplotlib.colors import LinearSegmentedColormap
 
     robots, laws, share = found.coverage()
-    names = short_names(robots)
+    names = robot_labels(robots)
     known = np.isfinite(share)
     order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
     faults = found.faults()

@@ -210,7 +210,7 @@ def plain_reason(reason: str, robot: str) -> str:
     )
 
 
-def short_names(robots: list[str]) -> list[str]:
+def robot_labels(robots: list[str]) -> list[str]:
     """Names of robots for figures: without the package, and without the ends of a chain where the name tells."""
     plain = [robot.rpartition("/")[2].partition(":")[2] or robot.rpartition("/")[2] for robot in robots]
     names = [name.partition(" ")[0] for name in plain]

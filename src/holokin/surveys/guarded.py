@@ -13,8 +13,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
-from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -38,6 +38,9 @@ LOOK = 0.25
 
 CHUNK = 0.2
 """Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
+
+ID = 3
+"""Where a process tells its id."""
 
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
@@ -127,11 +130,11 @@ def run_batch(
             try:
                 at(number, allowed)
                 with watch.limited(allowed):
-                    prepare(case, cases)
+                    ready = prepare(case, cases)
                 allowed = limit
                 at(number, allowed)
                 with watch.limited(allowed):
-                    row = run_case(case, cases)
+                    row = run_case(case, cases, ready)
             except _Late:
                 row = fault(case, f"took longer than {allowed:g} s", allowed)
             except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
@@ -139,11 +142,17 @@ def run_batch(
             yield row
 
 
-def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
-    """Batches in, rows out; `board` tells case, since when, how long it may take. Ctrl-C is not for it."""
+_board: Any = None
+"""Of a process for cases: the number of its case, since when, how long it may take, and its process id."""
+
+
+def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
+    """The first a process does. Ctrl-C is not for it, and it ends with the one that began it."""
+    global _board
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(environment)
     keep(objects)
+    _board, board[ID] = board, os.getpid()
     parent = multiprocessing.parent_process()
 
     def follow_parent() -> None:
@@ -155,33 +164,30 @@ def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the stack of a case that is ended by force is nobody's
 
-    def at(number: int, seconds: float) -> None:
-        board[:] = number, time.monotonic(), seconds
 
-    with suppress(EOFError, OSError):
-        pipe.send(None)
-        while True:
-            rows, sent = [], time.monotonic()
-            for row in run_batch(*pipe.recv(), hard=True, at=at):
-                rows.append(row)
-                if time.monotonic() - sent > CHUNK:
-                    pipe.send(rows)
-                    rows, sent = [], time.monotonic()
-            pipe.send(rows)
-            pipe.send(None)
+def _run_some(table: str, folder: str, batch: Batch) -> list[Row]:
+    """The rows of the first cases of a batch, as many as take CHUNK seconds."""
+
+    def at(number: int, seconds: float) -> None:
+        _board[:ID] = number, time.monotonic(), seconds
+
+    return list(run_batch(table, folder, batch, CHUNK / LATE, hard=True, at=at))
 
 
 _starting = threading.Lock()
-"""One process starts at a time: a second one that is forked meanwhile would hold ends of the first one's pipe."""
+"""One process starts at a time: what it is to find of this one is arranged for it meanwhile."""
 
 
 class Guarded:
-    """A process for cases; a new one takes its place when it dies. For one thread at a time."""
+    """A process for cases; a new one takes its place when it dies. For one thread at a time.
+
+    It is a pool of one: of a pool all processes end with the first that dies, and neighbours would begin again.
+    """
 
     def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._objects, self._closed, self._unborn = dict(objects), False, 0
-        self._board: Any = multiprocessing.RawArray("d", 3)
-        self._pipe: Connection | None = None
+        self._board: Any = multiprocessing.RawArray("d", ID + 1)
+        self._pool: ProcessPoolExecutor | None = None
         self._process: BaseProcess | None = None
 
     def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
@@ -190,17 +196,15 @@ class Guarded:
         Raises:
             SurveyError: process after process dies before it begins.
         """
-        left, found, deaths = list(batch), [], Counter[int]()
-        while left and not self._closed:
-            self._board[:] = -1, 0.0, 0.0
+        left, found, deaths, began = list(batch), [], Counter[int](), time.monotonic()
+        while left and not self._closed and time.monotonic() - began < LATE * lasts:
+            self._board[:ID] = -1, 0.0, 0.0
             try:
-                pipe = self._begun()
-                pipe.send((table, folder, tuple(left), lasts))
-                while (rows := pipe.recv()) is not None:
-                    found += rows
-                    del left[: len(rows)]
-                return found
-            except (EOFError, OSError):
+                rows = self._begun().submit(_run_some, table, folder, tuple(left)).result()
+                found += rows
+                del left[: len(rows)]
+                continue
+            except (BrokenExecutor, OSError):
                 end = self._ended()
             number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
             if self._closed:
@@ -220,38 +224,33 @@ class Guarded:
                 left.remove(number)
         return found
 
-    def _begun(self) -> Connection:
-        """The pipe to a process that is ready. Raises: EOFError, OSError: it is not. SurveyError: none ever is."""
-        if self._pipe is not None:
-            return self._pipe
+    def _begun(self) -> ProcessPoolExecutor:
+        """The pool, whose process is ready. Raises: BrokenExecutor, OSError: it is not, or is closed."""
+        if self._pool is not None:
+            return self._pool
         context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
+        self._board[ID] = 0
         with _starting:
-            if self._closed:
-                raise EOFError
             multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
-            pipe, end = context.Pipe()
-            self._pipe = pipe
-            arguments = (end, self._board, objects, dict(os.environ))
-            process = context.Process(target=_serve, args=arguments, name="holokin survey", daemon=True)
-            self._process = process
-            try:
-                with _without_main():
-                    process.start()
-            finally:
-                end.close()
-        pipe.recv()
+            begin = (self._board, objects, dict(os.environ))
+            self._pool = pool = ProcessPoolExecutor(1, context, initializer=_begin, initargs=begin)
+            with _without_main():
+                first = pool.submit(os.getpid)
+        ready = first.result()
+        self._process = next((child for child in multiprocessing.active_children() if child.pid == ready), None)
+        if self._closed:
+            raise BrokenExecutor
         self._unborn = 0
-        return pipe
+        return pool
 
     def _ended(self) -> str:
         """How the process died, in a word; nothing of it is left."""
-        if self._pipe is not None:
-            self._pipe.close()
-        process, self._pipe, self._process = self._process, None, None
-        if process is None or process.pid is None:
+        process, pool, self._pool, self._process = self._process, self._pool, None, None
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+        if process is None:
             return "it did not start"
-        process.kill()
         process.join()
         code = process.exitcode or 0
         with suppress(ValueError):
@@ -260,10 +259,9 @@ class Guarded:
 
     def close(self) -> None:
         """End the process, whatever it is at; from any thread. A thread that waits for rows gets those there are."""
-        with _starting:
-            self._closed = True
-            if self._process is not None:
-                self._process.kill()
+        self._closed = True
+        if self._process is not None:
+            self._process.kill()
 
 
 @contextmanager

@@ -103,20 +103,20 @@ def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
         reason = brief(row["reason"], LONGEST_REASON)
         line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
     case = cases.of_row(row)
-    job = repeated(cases, case) if case else "# no job repeats it: its survey, or the file of its robot, has changed"
+    job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
     return (
         f"<details><summary>{escape('; '.join([line, ', '.join(told)] if told else [line]))}</summary>"
         f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
     )
 
 
-def repeated(cases: Cases, case: Case | int) -> str:
-    """A job file that repeats a case; of a control law one of the pseudo-inverse on its loop, which says so."""
+def repeated(cases: Cases, case: Case) -> tuple[str, str]:
+    """(a job file that repeats a case, why it does not); of a control law one of the pseudo-inverse on its loop."""
     try:
-        job, _ = repeating_job(cases.case(case) if isinstance(case, int) else case, cases)
+        job, why = repeating_job(case, cases)
     except HolokinError as problem:
-        return f"# no job repeats it: {problem}"
+        return f"# no job repeats it: {problem}", ""
     head = "".join(f"{key} = {toml(job[key])}\n" for key in ("title", "about") if key in job)
     tables = [table(name, job[name]) for name in ("robot", "task", "start", "path") if job[name]]
     laws = [table(f"strategies.{toml(name)}", keys) for name, keys in job["strategies"].items()]
-    return "\n".join([head, *tables, *laws])
+    return "\n".join([head, *tables, *laws]), why

@@ -74,6 +74,10 @@ METRICS = {
 }
 
 
+Ready = tuple[Task, Vector, Strategy | ControlLaw]
+"""Task, start posture (n,) and law of a case."""
+
+
 @dataclass(frozen=True)
 class Row:
     """What became of a case."""
@@ -189,11 +193,11 @@ def repeat_case(case: Case, cases: Cases) -> tuple[Trajectory, str]:
     return walk, reason
 
 
-def run_case(case: Case, cases: Cases) -> Row:
+def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
     """A case from its start to the end of its loop or to where it stops. What fails is said in the row."""
     began = time.perf_counter()
     try:
-        walk, law, task = _walk(case, cases)
+        walk, law, task = _walk(case, cases, ready)
     except HolokinError as problem:
         cause = problem.__cause__ or problem
         status = "singular" if isinstance(cause, SingularityError) else "fault"
@@ -205,25 +209,26 @@ def run_case(case: Case, cases: Cases) -> Row:
     return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
 
 
-def prepare(case: Case, cases: Cases) -> None:
-    """Build what later cases share with a case: robot, task, law and native code, and load the libraries of paths.
+def prepare(case: Case, cases: Cases) -> Ready | None:
+    """What `run_case` takes: robot, task, law and native code are built, if later cases share them, and kept.
 
-    What fails is told by `run_case`.
+    None where it fails: `run_case` tells why.
     """
+    importlib.import_module("scipy.spatial.transform")  # paths load it when they are first sampled
     with suppress(HolokinError):
-        _, _, law = _set_up(case, cases)
-        if isinstance(law, Strategy):
-            build_native(law)
-        importlib.import_module("scipy.spatial.transform")  # paths load it when they are first sampled
+        return _set_up(case, cases)
+    return None
 
 
-def _walk(case: Case, cases: Cases) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
-    task, q0, law = _set_up(case, cases)
+def _walk(
+    case: Case, cases: Cases, ready: Ready | None = None
+) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
+    task, q0, law = ready or _set_up(case, cases)
     return _run(law, task, _path(case, task, q0, cases.folder), q0, case.rest), law, task
 
 
-def _set_up(case: Case, cases: Cases) -> tuple[Task, Vector, Strategy | ControlLaw]:
-    """(task, start posture, law), of which task and law are kept."""
+def _set_up(case: Case, cases: Cases) -> Ready:
+    """Task, start posture and law of a case; task and law, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
     told = json.dumps([case.robot, case.task], sort_keys=True)
     task = _task(told, cases.folder)
@@ -234,7 +239,14 @@ def _set_up(case: Case, cases: Cases) -> tuple[Task, Vector, Strategy | ControlL
         *(f"{name}: {law!r}" for name, law in laws.items()),
         *(q0.tolist() if of_the_start(laws) else []),
     ]
-    return task, q0, _law(str(key), lambda: built(laws, case.law, task, q0, cases.folder))
+
+    def make() -> Strategy | ControlLaw:
+        law = built(laws, case.law, task, q0, cases.folder)
+        if isinstance(law, Strategy):
+            build_native(law)
+        return law
+
+    return task, q0, _law(str(key), make)
 
 
 @lru_cache(maxsize=16)
@@ -306,7 +318,7 @@ def _run(
 
 def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Trajectory, str, Status | None]:
     """What a control law did until it first left the joint limits, or the path; and which."""
-    beyond = (walk.q < robot.lower - TOLERANCES.limit) | (walk.q > robot.upper + TOLERANCES.limit)
+    beyond = robot.beyond(walk.q) > TOLERANCES.limit
     metres = [i for i, unit in enumerate(walk.row_units) if unit == "m"]
     off = np.linalg.norm(walk.error[:, metres], axis=1) > LOST
     ended = (beyond.any(axis=1) & limits) | off

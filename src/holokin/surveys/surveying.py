@@ -53,6 +53,11 @@ class Progress:
     again: int = 0
 
     @property
+    def share(self) -> float:
+        """What is done of all, 0 to 1."""
+        return self.done / max(self.total, 1)
+
+    @property
     def remaining(self) -> float:
         """Seconds to the end [s] at the speed of the last minute; NaN in the first seconds."""
         return (self.total - self.done) / self.speed if self.speed > 0 else float("nan")
