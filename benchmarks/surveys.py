@@ -5,7 +5,9 @@
 
 Planar cases, the cheapest there are, so that what stands beside them shows. Runs that are compared take turns. Rates
 are of the middle of a run, by the clock; "CPU" is the processors' time of a case, of all processes of a run, which
-other work on the machine changes less. Dask's processes take some of it while they wait, too.
+other work on the machine changes less. Dask's processes take some of it while they wait, too. "Beside" is the time of
+the workers that is not of their cases, which each measures itself, as a share of these: a machine that is slower for
+a while is so for both. "Over loop" is how much more that makes of a case than in the bare loop.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from holokin.surveys.cases import Cases
 from holokin.surveys.cluster import Cluster, reached, run_guarded
 from holokin.surveys.engine import AHEAD, Here, Pool
 from holokin.surveys.guarded import Guarded
-from holokin.surveys.running import Row, run_case
+from holokin.surveys.running import Row, prepare, run_case
 
 MIDDLE = (0.2, 0.9)
 """Of the rows of a run: from the first of these shares to the second its rate is measured."""
@@ -51,12 +53,16 @@ def planar(count: int) -> SurveyTable:
 
 @dataclass(frozen=True)
 class Found:
-    """Of one run: cases in a second, the processors' time of a case [s], this process's own [s], cases at a time."""
+    """Of one run: cases in a second, the processors' time of a case [s], this process's own [s], cases at a time.
+
+    `beside`: what a worker's time is more than that of its cases, as a share.
+    """
 
     rate: float
     cpu: float
     own: float
     size: float
+    beside: float
 
 
 def _cpu() -> dict[int, float]:
@@ -73,41 +79,50 @@ def _cpu() -> dict[int, float]:
     return found
 
 
-def measured(run: Run, count: int) -> Found:
+def measured(run: Run, count: int, workers: int) -> Found:
     """The middle of a run of so many cases; rows are thrown away."""
-    marks: list[tuple[int, float, float, dict[int, float]]] = []
-    done, batches = 0, 0
+    marks: list[tuple[int, float, float, float, dict[int, float]]] = []
+    done, batches, busy = 0, 0, 0.0
     with closing(run(Batches(range(count), count, 2))) as stream:
         for rows in stream:
-            done, batches = done + len(rows), batches + 1
+            done, batches, busy = done + len(rows), batches + 1, busy + sum(row.seconds for row in rows)
             if done >= MIDDLE[len(marks)] * count:
-                marks.append((done, time.perf_counter(), time.process_time(), _cpu()))
+                marks.append((done, busy, time.perf_counter(), time.process_time(), _cpu()))
                 if len(marks) == len(MIDDLE):
                     break
-    (first, began, own, before), (last, ended, owned, after) = marks
+    (first, idle, began, own, before), (last, worked, ended, owned, after) = marks
     used = sum(seconds - before.get(pid, 0.0) for pid, seconds in after.items())
     cases = last - first
-    return Found(cases / (ended - began), used / cases, (owned - own) / cases, done / batches)
+    beside = workers * (ended - began) / (worked - idle) - 1
+    return Found(cases / (ended - began), used / cases, (owned - own) / cases, done / batches, beside)
 
 
-def compared(runs: dict[str, Run], count: int, turns: int) -> dict[str, Found]:
-    """Each of the runs in turns; the best rate and the least time of each, since other work only adds to them."""
+def compared(runs: dict[str, tuple[int, Run]], count: int, turns: int) -> dict[str, Found]:
+    """Each of the runs, by so many workers, in turns; the best rate and the least times, since other work adds to them.
+
+    What stands beside the cases is the median.
+    """
     found: dict[str, list[Found]] = {name: [] for name in runs}
     for _ in range(turns):
-        for name, run in runs.items():
-            found[name].append(measured(run, count))
+        for name, (workers, run) in runs.items():
+            found[name].append(measured(run, count, workers))
     return {
-        name: Found(max(f.rate for f in of), min(f.cpu for f in of), min(f.own for f in of), max(f.size for f in of))
+        name: Found(
+            max(f.rate for f in of), min(f.cpu for f in of), min(f.own for f in of), max(f.size for f in of),
+            statistics.median(f.beside for f in of),
+        )
         for name, of in found.items()
-    }
+    }  # fmt: skip
 
 
 def told(found: dict[str, Found], bare: Found) -> None:
     """Print the runs, against the bare loop."""
-    print(f"{'run':20} {'cases/s':>8} {'CPU ms/case':>12} {'here ms/case':>13} {'over loop':>10} {'in a batch':>11}")
+    head = f"{'cases/s':>8} {'CPU ms/case':>12} {'here ms/case':>13} {'beside':>8} {'over loop':>10} {'batch':>6}"
+    print(f"{'run':20} {head}")
     for name, f in found.items():
-        over = f"{100 * (f.cpu / bare.cpu - 1):+.1f} %"
-        print(f"{name:20} {f.rate:8.1f} {1e3 * f.cpu:12.2f} {1e3 * f.own:13.3f} {over:>10} {f.size:11.0f}", flush=True)
+        more, over = f"{f.beside:.1%}", f"{(1 + f.beside) / (1 + bare.beside) - 1:.1%}"
+        numbers = f"{f.rate:8.1f} {1e3 * f.cpu:12.2f} {1e3 * f.own:13.3f} {more:>8} {over:>10} {f.size:6.0f}"
+        print(f"{name:20} {numbers}", flush=True)
 
 
 def efficiency(name: str, one: Found, two: Found) -> None:
@@ -128,13 +143,14 @@ def rates(count: int, turns: int, *, cluster: bool) -> None:
 
     def loop(batches: Batches) -> Generator[list[Row], None, None]:
         while batch := batches.take(1):
-            rows = [run_case(cases.case(number), cases) for number in batch]
+            asked = [cases.case(number) for number in batch]
+            rows = [run_case(case, cases, prepare(case, cases)) for case in asked]
             batches.came(batch, rows)
             yield rows
 
-    runs: dict[str, Run] = {
-        "bare loop": loop, "this process": Here(table, folder).run,
-        "1 process": Pool(table, folder, 1).run, "2 processes": Pool(table, folder, 2).run,
+    runs: dict[str, tuple[int, Run]] = {
+        "bare loop": (1, loop), "this process": (1, Here(table, folder).run),
+        "1 process": (1, Pool(table, folder, 1).run), "2 processes": (2, Pool(table, folder, 2).run),
     }  # fmt: skip
     found = compared(runs, count, turns)
     told(found, found["bare loop"])
@@ -147,7 +163,7 @@ def rates(count: int, turns: int, *, cluster: bool) -> None:
         raise MissingExtraError("distributed", "cluster") from None
     tasks: list[float] = []
 
-    def dask(workers: int) -> Run:
+    def dask(workers: int) -> tuple[int, Run]:
         def run(batches: Batches) -> Generator[list[Row], None, None]:
             with distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
@@ -157,9 +173,9 @@ def rates(count: int, turns: int, *, cluster: bool) -> None:
                 with reached(address) as client, closing(Cluster(table, folder, address, client).run(batches)) as rows:
                     yield from rows
 
-        return run
+        return workers, run
 
-    found = compared({"bare loop": loop, "Dask, 1 worker": dask(1), "Dask, 2 workers": dask(2)}, count, turns)
+    found = compared({"bare loop": (1, loop), "Dask, 1 worker": dask(1), "Dask, 2 workers": dask(2)}, count, turns)
     told(found, found["bare loop"])
     efficiency("Dask", found["Dask, 1 worker"], found["Dask, 2 workers"])
     print(f"a task of Dask: {1e3 * min(tasks):.2f} ms; {SECONDS:g} s of cases are sent together", flush=True)
