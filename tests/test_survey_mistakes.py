@@ -126,6 +126,20 @@ def test_wrong_arguments_leave_no_results_file(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command, tmp_path: Path) -> None:
+    file, out = survey_file(tmp_path, '[laws.lock]\nkind = "best-lock"\n'), tmp_path / "s.sqlite"
+    ran = holokin("survey", file, "--out", out, "--workers", "0")
+    assert ran.code == 0 and "more rows" not in ran.out
+    count = len(rows_of(out))
+    arm = tmp_path / "arm.toml"
+    arm.write_text(arm.read_text() + "\n# another one\n")
+    resumed = holokin("survey", file, "--out", out, "--workers", "0", "--resume")
+    assert f"{count} more rows are of cases that the survey asks no more" in resumed.out
+    assert len(rows_of(out)) == 2 * count
+    again = holokin("survey", file, "--out", tmp_path / "new.sqlite", "--workers", "0")
+    assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
+
+
 def test_faults_are_done_again_when_what_caused_them_is_cured(holokin: Command, tmp_path: Path) -> None:
     """Here a robot file that did not load: as a file that was not copied, or a disk that was away."""
     law = '[laws.lock]\nkind = "best-lock"\n'

@@ -16,7 +16,7 @@ from ..errors import MissingExtraError, SchedulerError
 from .batches import SECONDS, Batch, Batches, lasting
 from .cases import Cases
 from .engine import AHEAD
-from .guarded import Guarded
+from .guarded import Guarded, forget_cases
 from .running import Row, fault
 from .tables import SurveyTable
 
@@ -43,6 +43,7 @@ def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -
 
 def end_guarded() -> None:
     """On a worker: end the processes of its threads."""
+    forget_cases()
     while _guarded:
         _guarded.popitem()[1].close()
 

@@ -100,6 +100,11 @@ class _Watch:
 _cases: dict[tuple[str, str], Cases] = {}
 
 
+def forget_cases() -> None:
+    """Look at the files of robots anew: they may be others in the next survey."""
+    _cases.clear()
+
+
 def cases_of(table: str, folder: str) -> Cases:
     """The cases of a survey, kept: a process does one survey after the other."""
     key = table, folder

@@ -41,7 +41,8 @@ class Progress:
     """How far a survey is: `str` says it in a line.
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
-    the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before.
+    the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before; `stale` rows are of
+    cases that are asked no more: the file of a robot was another one.
     """
 
     done: int
@@ -51,6 +52,7 @@ class Progress:
     resumed: int
     speed: float = float("nan")
     again: int = 0
+    stale: int = 0
 
     @property
     def share(self) -> float:
@@ -76,8 +78,9 @@ class Progress:
 class _Clock:
     """The progress of a run, by the rows that come; what it takes until the first ones come is no speed."""
 
-    def __init__(self, total: int, resumed: int, again: int = 0) -> None:
+    def __init__(self, total: int, resumed: int, again: int = 0, stale: int = 0) -> None:
         self._began, self._total, self._resumed, self._again = time.monotonic(), total, resumed, again
+        self._stale = stale
         self._done, self._faults = resumed, 0
         self._recent: deque[tuple[float, int]] = deque()
 
@@ -92,7 +95,9 @@ class _Clock:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
         speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
-        return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again)
+        return Progress(
+            self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again, self._stale
+        )
 
 
 def run_survey(
@@ -124,14 +129,14 @@ def run_survey(
         known = store.done(faults=not again)
         faults = store.faults() if again else {}
         left = [n for n in range(total) if cases.case(n).id not in known] if known else range(total)
-        done = total - len(left)  # rows of cases that are asked no more do not count
-        clock = _Clock(total, done, len(faults))
+        done = total - len(left)
+        clock = _Clock(total, done, len(faults), len(known) - done)
         found = clock.after(())
         say(found)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
-            for rows in stream:
-                store.add(rows, faults)
-                found = clock.after(rows)
+            for new in stream:
+                store.add(new, faults)
+                found = clock.after(new)
                 say(found)
         return found
 
