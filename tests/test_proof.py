@@ -38,6 +38,45 @@ def test_norms_are_upper_bounds_that_are_nearly_reached() -> None:
     assert norm(product(np.eye(3)[None], unbounded))[0] == np.inf
 
 
+def test_products_of_intervals_hold_all_products_and_little_more() -> None:
+    """Of matrices inside, at their ends, too; with matrices that are exact the product is the same as of points."""
+    rng = np.random.default_rng(0)
+    for scale in (1e-130, 1.0, 1e120):
+        A, B = rng.normal(size=(20, 6, 4)) * scale, rng.normal(size=(20, 4, 3))
+        a, b = (rng.uniform(0, 0.1, M.shape) * np.abs(M) for M in (A, B))
+        found = product(Interval(A - a, A + a), Interval(B - b, B + b))
+        for _ in range(200):
+            inside = (A + a * rng.choice([-1, 0.3, 1], A.shape)) @ (B + b * rng.choice([-1, 0.3, 1], B.shape))
+            slack = 1e-14 * scale
+            assert ((found.low <= inside + slack) & (inside - slack <= found.high)).all()
+        reached = np.abs(A) @ b + a @ (np.abs(B) + b)
+        assert (found.high - found.low <= 2.01 * reached).all()
+        for got, same in zip(product(Interval(A, A), Interval(B, B)), product(A, Interval(B, B)), strict=True):
+            assert got == pytest.approx(same, rel=1e-13, abs=1e-290)
+
+
+@pytest.mark.parametrize("turning", [False, True], ids=["path", "box that turns"])
+def test_e_bounds_the_change_of_the_derivative_along_the_predictor(turning: bool) -> None:
+    """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is nearly reached, or the bound were of no use."""
+    robot = hk.load("panda")
+    law, x = hk.holonomic(hk.pose(robot), hk.lock(2) if turning else hk.arm_angle()), start(robot, PANDA_START)
+    where: hk.Path | hk.Workspace = hk.circle(x, center=x - [0.05, 0, 0])
+    if turning:
+        rotation = robot.pose(PANDA_START)[:3, :3]
+        where = hk.workspace(box=(x, (0.004, 0.004, 0.004)), rotation=rotation, tilt=0.004, spin=0.004)
+    proof = certify(law, where, PANDA_START)
+    assert proof.whole and proof.equation.family.turning == turning
+    cells, f, k = proof.cells, proof.findings, len(proof)
+    rng, ratio = np.random.default_rng(0), np.zeros(k)
+    level = np.repeat(proof.c[:, None], k, axis=1)
+    for _ in range(30):
+        y = rng.choice([-1, 1, 0.4, -0.7], (k, proof.equation.d))
+        at = np.vstack([cells.predicted(y).T, y.T, cells.numbers.T, level])
+        A = proof.equation.value(at, at).middle[7:].T.reshape(k, 7, 7).swapaxes(1, 2)
+        ratio = np.maximum(ratio, np.linalg.norm(np.eye(7) - f.Y @ A, 2, axis=(1, 2)) / f.e)
+    assert (0.08 if turning else 0.3) < ratio.max() <= 1.0
+
+
 def test_the_leaf_of_the_ppr_arm_is_its_closed_form_E13() -> None:
     """h = e^x tan(q3 / 2) is constant: q3 = 2 atan(tan(Theta / 2) e^-x), q1 = x - cos q3, q2 = y - sin q3."""
     from casadi import cos, exp, tan

@@ -14,17 +14,20 @@ UP = 1 + 1e-13
 """Carries a bound of positive terms over the roundings that made it, of `UNIT` each: up to 900 one after the other."""
 
 
-def product(Y: Array, a: Interval) -> Interval:
-    """Y a for exact matrices Y (k, n, n) and intervals a (k, n, j).
+def product(Y: Array | Interval, a: Interval) -> Interval:
+    """Y a for matrices Y (k, m, n), exact or intervals, and intervals a (k, n, j).
 
-    With a = mid +- rad, |Y a - fl(Y mid)| <= |Y| rad + gamma |Y| |mid| with gamma = n u / (1 - n u), for sums in any
-    order [Hig02, 3.5]; (n + 2) u is more, and 1e-300 more than what is lost by underflow.
+    With Y = M +- R and a = mid +- rad, |Y a - fl(M mid)| <= |M| rad + R (|mid| + rad) + gamma |M| |mid| with gamma = n u /
+    (1 - n u), for sums in any order [Hig02, 3.5]; (n + 2) u is more, and 1e-300 more than what is lost by underflow.
     """
-    gamma = (Y.shape[2] + 2) * UNIT
     with np.errstate(invalid="ignore", over="ignore"):
         mid, rad = _ball(a)
-        found = Y @ mid
-        bound = np.abs(Y) @ (rad + gamma * np.abs(mid)) * UP + 1e-300
+        M, R = _ball(Y) if isinstance(Y, Interval) else (Y, None)
+        found = M @ mid
+        bound = np.abs(M) @ (rad + (M.shape[2] + 2) * UNIT * np.abs(mid))
+        if R is not None:
+            bound = bound + R @ (np.abs(mid) + rad)
+        bound = bound * UP + 1e-300
         low, high = found - bound, found + bound
     broken = ~(np.isfinite(low) & np.isfinite(high))
     low, high = np.where(broken, -np.inf, low), np.where(broken, np.inf, high)

@@ -10,20 +10,19 @@ r = 2 eta / (1 - e + sqrt((1 - e)^2 - 2 omega eta)) of q(y), and it is the only 
 r). Where 2 omega eta < (1 - e)^2, which is asked, D_q E is regular there: the roots are a smooth function of y. E must
 be smooth in the tube: that no guard of `symbolic.separated` vanishes there is asked too.
 
-The box q0 +- (reach + rho) holds all balls of radius rho about the predictor, and the straight lines from (q0, 0) to
-(q(y), y), along which D_q E changes by D_q^2 E (q(y) - q0) + D_y D_q E y: hence
-e <= |1 - Y D_q E(q0, 0)| + omega |q(y) - q0| + sqrt(d) |Y D_y D_q E|.
+The box q0 +- (reach + rho) holds all balls of radius rho about the predictor, and so the way (q(ty), ty), 0 <= t <= 1,
+along which D_q E changes by (D_q^2 E D_k q + D_k D_q E) y_k, summed over the parameters, with D_k = d/dy_k: hence
+e <= |1 - Y D_q E(q0, 0)| + sum_k |Y (D_q^2 E D_k q + D_k D_q E)|.
 The 2-norm of second derivatives laid side by side bounds that of the bilinear map.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product as product_of
 
 import numpy as np
 
-from ..symbolic.intervals import PI, Interval, multiply, point, subtract
+from ..symbolic.intervals import PI, Interval, add, multiply, outward, point, subtract
 from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
@@ -60,16 +59,15 @@ class Cells(Value):
         return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ pair_weights(d)) * UP
 
     @property
-    def way(self) -> Vector:
-        """How far the predictor goes from q0 at most (k,), in the 2-norm: |V y| is largest at a corner of the box of y.
-
-        A corner is off by d u |V|_F at most, and the largest is at least |V|_F: so `UP` covers it.
-        """
+    def slope(self) -> Interval:
+        """The derivatives of the predictor (k, n, d) for all y."""
         d = self.V.shape[2]
-        corners = np.array(list(product_of((1.0,), *[(-1.0, 1.0)] * (d - 1)))).T
-        linear = np.linalg.norm(self.V @ corners, axis=1).max(axis=1)
-        bend = np.linalg.norm(self.Q, axis=1) @ pair_weights(d)
-        return (linear + bend) * UP + 1e-150
+        bend = np.zeros_like(self.V)
+        for pair, (i, j) in enumerate(zip(*np.triu_indices(d), strict=True)):
+            size = np.abs(self.Q[:, :, pair])
+            bend[:, :, i] += size
+            bend[:, :, j] += size if i != j else 0.0
+        return outward(self.V - bend * UP, self.V + bend * UP)
 
     def predicted(self, y: Matrix) -> Matrix:
         """q(y) (k, n) at y (k, d), within `slip` of it."""
@@ -153,11 +151,12 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     facing, guards, bends, mixed = (
         Interval(low, high) for low, high in zip(*(np.split(x, _places(equation)) for x in bent), strict=True)
     )
-    H = Interval(_symmetric(bends.low, n), _symmetric(bends.high, n))
-    omega = norm(product(Y, H))
-    e = at_center + omega * cells.way * UP
-    if equation.family.turning:  # |y| <= sqrt(d)
-        e = e + norm(product(Y, _columns(mixed, n))) * np.sqrt(d)
+    H = product(Y, Interval(_symmetric(bends.low, n), _symmetric(bends.high, n)))
+    omega = norm(H)
+    change = product(Interval(*(x.reshape(k, n * n, n) for x in H)), cells.slope)
+    if equation.family.turning:
+        change = add(change, Interval(*(x.reshape(k, n * n, d) for x in product(Y, _columns(mixed, n)))))
+    e = at_center + sum(norm(Interval(*(x[:, :, m].reshape(k, n, n) for x in change))) for m in range(d))
     e *= UP
 
     flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
