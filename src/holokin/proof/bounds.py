@@ -17,8 +17,9 @@ UP = 1 + 1e-13
 def product(Y: Array | Interval, a: Interval) -> Interval:
     """Y a for matrices Y (k, m, n), exact or intervals, and intervals a (k, n, j).
 
-    With Y = M +- R and a = mid +- rad, |Y a - fl(M mid)| <= |M| rad + R (|mid| + rad) + gamma |M| |mid| with gamma = n u /
-    (1 - n u), for sums in any order [Hig02, 3.5]; (n + 2) u is more, and 1e-300 more than what is lost by underflow.
+    With Y = M +- R and a = mid +- rad, |Y a - fl(M mid)| <= |M| rad + R (|mid| + rad) + gamma |M| |mid| with
+    gamma = n u / (1 - n u), for sums in any order [Hig02, 3.5]; (n + 2) u is more, and 1e-300 more than what is lost by
+    underflow.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         mid, rad = _ball(a)
