@@ -39,9 +39,6 @@ LOOK = 0.25
 CHUNK = 0.2
 """Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
 
-ID = 3
-"""Where a process tells its id."""
-
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
 
@@ -148,7 +145,7 @@ def run_batch(
 
 
 _board: Any = None
-"""Of a process for cases: the number of its case, since when, how long it may take, and its process id."""
+"""Of a process for cases: the number of its case, since when, how long it may take."""
 
 
 def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
@@ -157,7 +154,7 @@ def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(environment)
     keep(objects)
-    _board, board[ID] = board, os.getpid()
+    _board = board
     parent = multiprocessing.parent_process()
 
     def follow_parent() -> None:
@@ -174,7 +171,7 @@ def _run_some(table: str, folder: str, batch: Batch) -> list[Row]:
     """The rows of the first cases of a batch, as many as take CHUNK seconds."""
 
     def at(number: int, seconds: float) -> None:
-        _board[:ID] = number, time.monotonic(), seconds
+        _board[:] = number, time.monotonic(), seconds
 
     return list(run_batch(table, folder, batch, CHUNK / LATE, hard=True, at=at))
 
@@ -191,7 +188,7 @@ class Guarded:
 
     def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._objects, self._closed, self._unborn = dict(objects), False, 0
-        self._board: Any = multiprocessing.RawArray("d", ID + 1)
+        self._board: Any = multiprocessing.RawArray("d", 3)
         self._pool: ProcessPoolExecutor | None = None
         self._process: BaseProcess | None = None
 
@@ -203,7 +200,7 @@ class Guarded:
         """
         left, found, deaths, began = list(batch), [], Counter[int](), time.monotonic()
         while left and not self._closed and time.monotonic() - began < LATE * lasts:
-            self._board[:ID] = -1, 0.0, 0.0
+            self._board[:] = -1, 0.0, 0.0
             try:
                 rows = self._begun().submit(_run_some, table, folder, tuple(left)).result()
                 found += rows
@@ -235,15 +232,14 @@ class Guarded:
             return self._pool
         context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
-        self._board[ID] = 0
         with _starting:
             multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
             begin = (self._board, objects, dict(os.environ))
             self._pool = pool = ProcessPoolExecutor(1, context, initializer=_begin, initargs=begin)
             with _without_main():
                 first = pool.submit(os.getpid)
-        ready = first.result()
-        self._process = next((child for child in multiprocessing.active_children() if child.pid == ready), None)
+        begun = first.result()
+        self._process = next((child for child in multiprocessing.active_children() if child.pid == begun), None)
         if self._closed:
             raise BrokenExecutor
         self._unborn = 0
