@@ -75,7 +75,7 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     assert found.bound_traced
     assert found.bound == pytest.approx(46.840, abs=1e-3)
     assert found.bound_here == pytest.approx(found.bound, rel=1e-6)
-    few = PoseCloud(oracle.given[:2])
+    few = PoseCloud(oracle.given[:4])
     least = []
     for q in hk.inverse(found.strategy, found.start).batch(few.given).q:
         postures = hk.strategies.self_motion(task, q, limits=False).q
