@@ -32,7 +32,7 @@ OBJECTS = {"law:pinv": lambda task: hk.moore_penrose(task)}
 TABLE = survey_of(
     {
         "title": "planar arms", "robots": ["planar-3r"], "cycles": 2, "samples": 40,
-        "loops": {"circle": {"kind": "circle", "size": (0.05, 0.3), "count": 150}},
+        "loops": {"circle": {"kind": "circle", "size": (0.05, 0.3), "count": 60}},
         "laws": {"pinv": {"kind": "given", "key": "law:pinv"}, "lock": {"kind": "best-lock"}},
     },
     "planar.toml",

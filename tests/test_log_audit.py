@@ -179,8 +179,7 @@ def test_a_cycle_that_spans_a_gap_is_left_out() -> None:
 
 
 def test_a_hundred_cycles_of_few_samples_are_all_found() -> None:
-    q = hk.follow(HOME, CIRCLE, PANDA_START, samples=40, cycles=100).q
-    audit = hk.audit_recording(recorded([q], ENCODER), PANDA)
+    audit = hk.audit_recording(recorded(walk(HOME, [CIRCLE], samples=40) * 100, ENCODER), PANDA)
     assert len(audit.cycles) == 100
     assert audit.verdict is Repeatability.REPEATS
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from holokin.job import open_job, run_job
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
 
+@cache
 def loops(robot: hk.Robot) -> dict[str, hk.Path]:
     """Closed paths of every new kind from the tool's pose at Q0."""
     T = robot.pose(Q0)

@@ -31,6 +31,12 @@ from holokin.studios.handles import circle_of
 from sessions import LAWS, PANDA, TOOL, panda, run, shifted
 
 
+@pytest.fixture(autouse=True)
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The virtual machine: what a session calls a few times takes a compiler longer than that."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+
+
 def test_self_motion_holds_the_tool_and_pinocchio_agrees() -> None:
     import pinocchio
 

@@ -132,17 +132,17 @@ def test_what_a_case_shares_with_later_ones_is_built_before_its_time_begins(
 
 def test_what_is_built_does_not_count_into_a_case_s_time() -> None:
     def slow_to_build(task: hk.Task) -> hk.Strategy:
-        time.sleep(2.5)
+        time.sleep(1.5)
         return hk.moore_penrose(task)
 
     def slow_to_run(_task: hk.Task) -> Any:
-        return lambda *_asked: time.sleep(0.3) or np.zeros(3)
+        return lambda *_asked: time.sleep(0.1) or np.zeros(3)
 
-    how: dict[str, Any] = {"cycles": 1, "samples": 10, "workers": 0, "time_limit": 2.0}
+    how: dict[str, Any] = {"cycles": 1, "samples": 10, "workers": 0, "time_limit": 1.0}
     found = hk.survey(["planar-3r"], {"build": slow_to_build, "run": slow_to_run}, CIRCLE, **how)
     assert found.columns["status"].tolist() == ["complete", "fault"]
-    assert found.columns["reason"].tolist() == ["", "took longer than 2 s"]
-    assert found.columns["seconds"].max() < 2.5
+    assert found.columns["reason"].tolist() == ["", "took longer than 1 s"]
+    assert found.columns["seconds"].max() < 1.5
 
 
 def test_a_case_that_cannot_be_prepared_says_so_in_its_row() -> None:

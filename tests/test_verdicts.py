@@ -40,9 +40,9 @@ def test_a_twin_is_holonomic_over_the_whole_joint_range(planar_3r: hk.Robot, sta
     """It goes through singularities on the way back to its centre; these amplify round-off without bound."""
     twin = hk.radial(hk.moore_penrose(hk.position(planar_3r)), start)
     region = whole_range(planar_3r)
-    for seed in range(20):
+    for seed in range(8):
         assert hk.involutivity(twin, region, samples=512, seed=seed).holonomic
-    assert hk.involutivity(twin, region, samples=8192).holonomic
+    assert hk.involutivity(twin, region, samples=4096).holonomic
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8])
@@ -114,10 +114,10 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
     panda: hk.Robot, planar_3r: hk.Robot, iiwa14: hk.Robot
 ) -> None:
     laws = [
-        (hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4")), 60),
+        (hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4")), 30),
         (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.constraints.centring_cost())), 10),
-        (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.constraints.manipulability_cost())), 60),
-        (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 60),
+        (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.constraints.manipulability_cost())), 30),
+        (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 30),
     ]
     for strategy, count in laws:
         looked = 0
