@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,10 @@ def _spin() -> None:
         pass
 
 
+def _interrupt() -> None:
+    raise KeyboardInterrupt
+
+
 def _crash() -> None:
     ctypes.string_at(0)
 
@@ -47,6 +52,8 @@ hangs = _acting(_spin)
 sleeps_in_c = _acting(lambda: ctypes.CDLL(None).sleep(1000))
 dies = _acting(lambda: os._exit(7))
 crashes = _acting(_crash)
+exits = _acting(lambda: sys.exit(0))
+interrupts = _acting(_interrupt)
 slow = _acting(lambda: time.sleep(0.02))
 
 

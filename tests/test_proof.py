@@ -57,7 +57,7 @@ def test_products_of_intervals_hold_all_products_and_little_more() -> None:
 
 @pytest.mark.parametrize("turning", [False, True], ids=["path", "box that turns"])
 def test_e_bounds_the_change_of_the_derivative_along_the_predictor(turning: bool) -> None:
-    """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is nearly reached, or the bound were of no use."""
+    """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is a fair part of e, or the bound were of no use."""
     robot = hk.load("panda")
     law, x = hk.holonomic(hk.pose(robot), hk.lock(2) if turning else hk.arm_angle()), start(robot, PANDA_START)
     where: hk.Path | hk.Workspace = hk.circle(x, center=x - [0.05, 0, 0])

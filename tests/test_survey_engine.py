@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holokin.errors import SchedulerError, UnknownNameError
+from holokin.errors import SchedulerError, SurveyError, UnknownNameError
 from holokin.surveys import cluster, run_survey, surveying
 from holokin.surveys.batches import SECONDS, Batches, lasting
 from holokin.surveys.cases import Cases
 from holokin.surveys.engine import Pool
+from holokin.surveys.guarded import Guarded
 from holokin.surveys.running import Row, run_case
 from survey_kills import alive, children, count_of
 from survey_laws import CIRCLES, planar, rows_of
@@ -31,6 +32,8 @@ FAULTS = {
     "sleeps_in_c": ("fault", "hung in native code"),
     "dies": ("fault", "its process died 3 times (exit code 7)"),
     "crashes": ("fault", "its process died 3 times (SIGSEGV)"),
+    "exits": ("fault", "SystemExit: 0"),
+    "interrupts": ("fault", "KeyboardInterrupt"),
 }
 
 
@@ -48,19 +51,39 @@ def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours
     out = tmp_path / "bad.sqlite"
     done = run_survey(table, tmp_path, out, workers=2)
     rows = {str(row["law"]): row for row in rows_of(out)}
-    assert done.done == done.total == len(rows) == 7 and done.faults == 5, {k: r["reason"] for k, r in rows.items()}
+    assert done.done == done.total == len(rows) == 2 + len(FAULTS) and done.faults == len(FAULTS), {
+        k: r["reason"] for k, r in rows.items()
+    }
     assert rows["pinv"]["status"] == rows["lock"]["status"] == "complete"
     for law, (status, reason) in FAULTS.items():
         assert rows[law]["status"] == status and reason in str(rows[law]["reason"]), rows[law]
 
 
+def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else it would be asked again without end: the time of a batch is over with the first death."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    law = {"kind": "import", "function": "survey_laws:dies"}
+    table = planar(laws={"dies": law, "pinv": {"kind": "moore-penrose"}}, time_limit=6.0, samples=10)
+    guarded = Guarded()
+    try:
+        found = guarded.rows(table.model_dump_json(exclude_unset=True), str(HERE), (0, 1), lasts=0.01)
+        assert [row.reason for row in found][:1] == ["its process died 3 times (exit code 7)"]
+        assert 1 <= len(found) <= 2
+        with pytest.raises(SurveyError, match="fail beside its cases"):
+            guarded.rows("no survey", str(HERE), (0,))
+    finally:
+        guarded.close()
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
-def test_kills_of_coordinators_and_workers_lose_no_row_double_none_and_change_none(tmp_path: Path) -> None:
+def test_fifty_kills_of_coordinators_and_workers_lose_no_row_double_none_and_change_none(tmp_path: Path) -> None:
     """They are forked, so that a life costs milliseconds. At the end the rows are those of a quiet run.
 
     HOLOKIN_KILLS=500 kills more of them.
     """
-    kills = os.environ.get("HOLOKIN_KILLS", "25")
+    kills = os.environ.get("HOLOKIN_KILLS", "50")
     command = [sys.executable, str(HERE / "survey_kills.py"), kills, str(tmp_path)]
     quiet = os.environ | {"HOLOKIN_NATIVE": "0", "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(command, env=quiet, capture_output=True, text=True, timeout=280, check=False)

@@ -140,6 +140,35 @@ def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command,
     assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
 
 
+def test_rows_of_cases_that_are_asked_no_more_are_counted_once(tmp_path: Path) -> None:
+    """A survey of fewer cases leaves rows; two names of one law share a row."""
+    text = CIRCLES.partition("[laws.")[0].replace("count = 12", "count = 4") + '[laws.a]\nkind = "moore-penrose"\n'
+    file, out = tmp_path / "s.toml", tmp_path / "s.sqlite"
+    file.write_text(text)
+    assert run_survey(read_survey(file), tmp_path, out, workers=0).stale == 0
+    rows = len(rows_of(out))
+    file.write_text(f"cases = {rows // 2}\n{text}")
+    fewer = run_survey(read_survey(file), tmp_path, out, workers=0, resume=True)
+    assert fewer.stale == rows - fewer.total > 0
+    twice, both = tmp_path / "twice.toml", tmp_path / "twice.sqlite"
+    twice.write_text(text + '[laws.b]\nkind = "moore-penrose"\n')
+    for resume in (False, True):
+        assert run_survey(read_survey(twice), tmp_path, both, workers=0, resume=resume).stale == 0
+
+
+def test_the_cases_of_a_robot_of_parts_are_others_when_the_file_of_a_part_is(tmp_path: Path) -> None:
+    file = survey_file(tmp_path, '[laws.p]\nkind = "moore-penrose"\n')
+    file.write_text(file.read_text().replace('"arm.toml"', '{ parts = [{ name = "arm.toml" }] }'))
+    out = [tmp_path / "a.sqlite", tmp_path / "b.sqlite"]
+    run_survey(read_survey(file), tmp_path, out[0], workers=0)
+    arm = tmp_path / "arm.toml"
+    arm.write_text(arm.read_text().replace("a = 1\n", "a = 0.8\n", 1))
+    run_survey(read_survey(file), tmp_path, out[1], workers=0)
+    before, after = (rows_of(name) for name in out)
+    assert not {row["id"] for row in before} & {row["id"] for row in after}
+    assert before[0]["drift"] != after[0]["drift"] and before[0]["status"] == after[0]["status"] == "complete"
+
+
 def test_faults_are_done_again_when_what_caused_them_is_cured(holokin: Command, tmp_path: Path) -> None:
     """Here a robot file that did not load: as a file that was not copied, or a disk that was away."""
     law = '[laws.lock]\nkind = "best-lock"\n'

@@ -24,8 +24,8 @@ from .tube import Cells, Findings
 
 FORMAT = "holokin certificate 2"
 
-DETERMINANT = 0.9
-"""Of the bound of the determinant: room for the checker's own."""
+DETERMINANT = 0.5
+"""Of the bound of the determinant: room for the checker's own, which is another one."""
 
 
 class Extent(Enum):

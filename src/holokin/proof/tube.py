@@ -27,7 +27,7 @@ from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 
-HULL = 1.5
+HULL = 3.0
 """Of r in the hull of the joints: room for the checker's own r."""
 
 MARGIN = 1.25

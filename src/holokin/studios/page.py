@@ -128,6 +128,13 @@ class Page:
             self._loop_drawn = snap.loop, snap.loop_fault
             self._draw_loop(moved, bool(snap.loop_fault))
 
+    def _picture(self, slow: int | None) -> None:
+        """All that moves, and one of what is drawn less often."""
+        snap = self.session.snapshot()
+        self.draw(snap)
+        if slow is not None:
+            self._slow[slow](snap)
+
     @contextmanager
     def own_drawing(self) -> Iterator[None]:
         """The page's thread leaves the robots alone, for a while in which somebody else moves them."""
@@ -153,10 +160,10 @@ class Page:
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
-            self.attempt(lambda: self.draw(self.session.snapshot()))
-            if now - self._slow_at >= SLOW / len(self._slow):  # one after the other: all at once would hold robots up
+            slow = now - self._slow_at >= SLOW / len(self._slow)  # one of them: all at once would hold the robots up
+            if slow:
                 turn, self._slow_at = (turn + 1) % len(self._slow), now
-                self.attempt(lambda draw=self._slow[turn]: draw(self.session.snapshot()))
+            self.attempt(lambda turn=turn if slow else None: self._picture(turn))
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""

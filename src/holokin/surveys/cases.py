@@ -56,6 +56,10 @@ class Case:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
+HASH = "sha256"
+"""The key of a file's hash in the table of a robot."""
+
+
 @dataclass(frozen=True)
 class Stratum:
     """A robot with a task, a start and a kind of loop, and its laws: cases are spread over all of them evenly."""
@@ -246,12 +250,25 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
 
 
 def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
-    """With a hash of its file, which may change between two runs."""
+    """With a hash of its file, and of those of its parts: they may change between two runs."""
+    if robot.get("parts"):
+        robot = robot | {"parts": [_told(part, folder) for part in robot["parts"]]}
     name = str(robot.get("name", ""))
     file = folder / name
     if not name.lower().endswith(SUFFIXES) or not file.is_file():
         return robot
-    return robot | {"sha256": hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+    try:
+        return robot | {HASH: hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+    except OSError:  # its cases say so
+        return robot
+
+
+def robot_table(robot: dict[str, Any]) -> dict[str, Any]:
+    """The [robot] table of a case as a job has it, without hashes of files."""
+    found = {key: value for key, value in robot.items() if key != HASH}
+    if found.get("parts"):
+        found["parts"] = [robot_table(part) for part in found["parts"]]
+    return found
 
 
 def _label(robot: dict[str, Any]) -> str:

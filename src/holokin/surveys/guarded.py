@@ -15,12 +15,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from itertools import islice
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from ..errors import SurveyError
+from ..errors import HolokinError, SurveyError
 from .batches import SECONDS, Batch
 from .cases import Cases
 from .objects import keep, sendable
@@ -38,6 +39,9 @@ LOOK = 0.25
 
 CHUNK = 0.2
 """Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
+
+ROWS = 50
+"""Rows sent together at most, 10 kB: one write of a pipe, so that none is sent in part by a process that is killed."""
 
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
@@ -141,6 +145,10 @@ def run_batch(
                 row = fault(case, f"took longer than {allowed:g} s", allowed)
             except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
                 row = fault(case, f"{type(problem).__name__}: {problem}")
+            except (SystemExit, KeyboardInterrupt) as problem:
+                if isinstance(problem, KeyboardInterrupt) and not hard:  # the user's, in this process
+                    raise
+                row = fault(case, f"{type(problem).__name__}: {problem}")
             yield row
 
 
@@ -168,12 +176,12 @@ def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) 
 
 
 def _run_some(table: str, folder: str, batch: Batch) -> list[Row]:
-    """The rows of the first cases of a batch, as many as take CHUNK seconds."""
+    """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS."""
 
     def at(number: int, seconds: float) -> None:
         _board[:] = number, time.monotonic(), seconds
 
-    return list(run_batch(table, folder, batch, CHUNK / LATE, hard=True, at=at))
+    return list(islice(run_batch(table, folder, batch, CHUNK / LATE, hard=True, at=at), ROWS))
 
 
 _starting = threading.Lock()
@@ -196,18 +204,22 @@ class Guarded:
         """The rows of a batch: all, or up to where it took too long.
 
         Raises:
-            SurveyError: process after process dies before it begins.
+            SurveyError: process after process dies before it begins, or fails beside its cases.
         """
         left, found, deaths, began = list(batch), [], Counter[int](), time.monotonic()
-        while left and not self._closed and time.monotonic() - began < LATE * lasts:
+        while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
             self._board[:] = -1, 0.0, 0.0
             try:
-                rows = self._begun().submit(_run_some, table, folder, tuple(left)).result()
-                found += rows
-                del left[: len(rows)]
-                continue
-            except (BrokenExecutor, OSError):
+                rows = self._some(table, folder, tuple(left))
+            except BrokenExecutor:
                 end = self._ended()
+            else:
+                found += rows
+                for number in left[: len(rows)]:
+                    deaths.pop(number, None)
+                del left[: len(rows)]
+                self._unborn = 0
+                continue
             number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
             if self._closed:
                 break
@@ -224,7 +236,22 @@ class Guarded:
                 why = f"hung in native code for {seconds:.0f} s" if hung else f"its process died {TRIES} times ({end})"
                 found.append(fault(cases.case(number), why, seconds))
                 left.remove(number)
+                del deaths[number]
         return found
+
+    def _some(self, table: str, folder: str, batch: Batch) -> list[Row]:
+        """The rows of the first cases of a batch. Raises: BrokenExecutor: the process died. SurveyError."""
+        try:
+            pool = self._begun()
+        except OSError as problem:
+            raise BrokenExecutor from problem
+        try:
+            return pool.submit(_run_some, table, folder, batch).result()
+        except (BrokenExecutor, HolokinError):
+            raise
+        except Exception as problem:
+            fact = f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
+            raise SurveyError("survey", fact, "say workers = 0 to see why") from problem
 
     def _begun(self) -> ProcessPoolExecutor:
         """The pool, whose process is ready. Raises: BrokenExecutor, OSError: it is not, or is closed."""
@@ -242,7 +269,6 @@ class Guarded:
         self._process = next((child for child in multiprocessing.active_children() if child.pid == begun), None)
         if self._closed:
             raise BrokenExecutor
-        self._unborn = 0
         return pool
 
     def _ended(self) -> str:
@@ -259,10 +285,13 @@ class Guarded:
         return f"exit code {code}"
 
     def close(self) -> None:
-        """End the process, whatever it is at; from any thread. A thread that waits for rows gets those there are."""
+        """End the process, whatever it is at, or as soon as it has begun; from any thread.
+
+        A thread that waits for rows gets those there are.
+        """
         self._closed = True
-        if self._process is not None:
-            self._process.kill()
+        if (process := self._process) is not None:
+            process.kill()
 
 
 @contextmanager

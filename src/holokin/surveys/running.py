@@ -39,7 +39,7 @@ from ..task import Task
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import Vector
-from .cases import Case, Cases
+from .cases import Case, Cases, robot_table
 from .laws import built, of_the_start, resolved
 from .loops import drawn
 from .objects import OBJECT, given, given_path, when_replaced
@@ -98,8 +98,7 @@ def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
 
 @lru_cache(maxsize=8)
 def _robot(table: str, folder: FilePath) -> Robot:
-    content = json.loads(table)
-    content.pop("sha256", None)
+    content = robot_table(json.loads(table))
     if str(content.get("name", "")).startswith(OBJECT):
         return given(content["name"])
     return robot_of_job(RobotTable.model_validate(content), folder / "survey.toml")
@@ -139,10 +138,9 @@ def path_table(case: Case, folder: FilePath) -> dict[str, Any]:
 
 
 def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
-    robot = {key: value for key, value in case.robot.items() if key != "sha256"}
     return {
         "title": f"case {case.id}: {case.law} on {case.names['robot']}",
-        "robot": robot, "task": case.task, "start": {"q": start_of(case, folder).tolist()},
+        "robot": robot_table(case.robot), "task": case.task, "start": {"q": start_of(case, folder).tolist()},
         "path": path_table(case, folder), "strategies": strategies,
     }  # fmt: skip
 

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ class Progress:
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
     the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before; `stale` rows are of
-    cases that are asked no more: the file of a robot was another one.
+    cases that are asked no more: there were more cases, or the file of a robot was another one.
     """
 
     done: int
@@ -78,9 +78,8 @@ class Progress:
 class _Clock:
     """The progress of a run, by the rows that come; what it takes until the first ones come is no speed."""
 
-    def __init__(self, total: int, resumed: int, again: int = 0, stale: int = 0) -> None:
+    def __init__(self, total: int, resumed: int, again: int = 0) -> None:
         self._began, self._total, self._resumed, self._again = time.monotonic(), total, resumed, again
-        self._stale = stale
         self._done, self._faults = resumed, 0
         self._recent: deque[tuple[float, int]] = deque()
 
@@ -95,9 +94,7 @@ class _Clock:
             self._recent.popleft()
         then, before = self._recent[0] if rows else (now, self._done)
         speed = (self._done - before) / (now - then) if now - then > AT_LEAST else float("nan")
-        return Progress(
-            self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again, self._stale
-        )
+        return Progress(self._done, self._total, self._faults, now - self._began, self._resumed, speed, self._again)
 
 
 def run_survey(
@@ -126,11 +123,12 @@ def run_survey(
         _engine(table, cases.folder, workers, scheduler, objects or {}) as engine,
         Store.opened(out, table, cases.folder, resume=resume or again) as store,
     ):
-        known = store.done(faults=not again)
+        before, known = store.done(), store.done(faults=not again)
         faults = store.faults() if again else {}
-        left = [n for n in range(total) if cases.case(n).id not in known] if known else range(total)
+        asked = [cases.case(n).id for n in range(total)] if before else []
+        left = [n for n, case in enumerate(asked) if case not in known] if known else range(total)
         done = total - len(left)
-        clock = _Clock(total, done, len(faults), len(known) - done)
+        clock = _Clock(total, done, len(faults))
         found = clock.after(())
         say(found)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
@@ -138,7 +136,7 @@ def run_survey(
                 store.add(new, faults)
                 found = clock.after(new)
                 say(found)
-        return found
+        return replace(found, stale=len(store.done().difference(asked))) if before else found
 
 
 @contextmanager
