@@ -1,4 +1,4 @@
-"""The command line in a child of this process, which has imported everything that it takes."""
+"""Work in a child of this process, which has imported everything that it takes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from holokin import cli
 
 @dataclass(frozen=True)
 class Child:
-    """A command that runs."""
+    """What runs there."""
 
     process: int
     streams: tuple[int, int]
@@ -30,8 +30,8 @@ class Child:
         return Outcome(os.waitstatus_to_exitcode(os.waitpid(self.process, 0)[1]), *said)
 
 
-def start(*arguments: object, before: Callable[[], object], folder: Path | None = None) -> Child:
-    """Begin a command in a folder, after a function that changes that process alone."""
+def child(*words: object, work: Callable[[], object], folder: Path | None = None) -> Child:
+    """Begin work in a folder that reads sys.argv; what it changes, it changes there alone. Its code: what it gives."""
     out, err = os.pipe(), os.pipe()
     process = os.fork()
     if process:
@@ -48,9 +48,8 @@ def start(*arguments: object, before: Callable[[], object], folder: Path | None 
         signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background ignore it
         if folder is not None:
             os.chdir(folder)
-        sys.argv = ["holokin", *map(str, arguments)]
-        before()
-        cli.main()
+        sys.argv = [*map(str, words)]
+        code = work() or 0
     except SystemExit as end:
         code = 0 if end.code is None else end.code
     finally:
@@ -59,6 +58,16 @@ def start(*arguments: object, before: Callable[[], object], folder: Path | None 
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code if isinstance(code, int) else 71)
+
+
+def start(*arguments: object, before: Callable[[], object], folder: Path | None = None) -> Child:
+    """Begin a command, after a function."""
+
+    def work() -> None:
+        before()
+        cli.main()
+
+    return child("holokin", *arguments, work=work, folder=folder)
 
 
 def forked(*arguments: object, before: Callable[[], object], folder: Path | None = None) -> Outcome:
