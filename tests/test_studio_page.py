@@ -30,7 +30,15 @@ PATIENCE = 60_000
 
 
 @pytest.fixture(scope="module")
-def shown() -> Iterator[Any]:
+def uncompiled() -> Iterator[None]:
+    """On the virtual machine, which shows the same and needs no compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        yield
+
+
+@pytest.fixture(scope="module")
+def shown(uncompiled: None) -> Iterator[Any]:
     """The job panda-circle in the studio, and the page of one browser on it."""
     from PIL import Image
 
