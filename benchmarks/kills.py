@@ -200,10 +200,15 @@ def prepare(folder: Path) -> float:
     _, said = process.communicate(timeout=120)
     if process.returncode != 0:
         raise RuntimeError(said)
-    for name, text in MINE.items():
-        (out / "job" / name).parent.mkdir(exist_ok=True)
-        (out / "job" / name).write_text(text)
+    keep(out / "job")
     return time.perf_counter() - begin
+
+
+def keep(folder: Path) -> None:
+    """The user's files in a folder of results."""
+    for name, text in MINE.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
 
 
 def run(count: int, kind: signal.Signals, seed: int) -> tuple[collections.Counter[str], list[str]]:

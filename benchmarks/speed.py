@@ -161,11 +161,12 @@ def main(arguments: list[str] | None = None) -> int:
         (f"`G.batch`, {count:,} postures", batch),
         ("curvature of all 15 planes", curved),
     ]
-    kept = memory(strategy, loop, scale)
+    kept = memory(strategy, loop, 0.2 * scale if given.quick else scale)
     grown = growth(median_and_p99, given.quick)
     one = calls_page(times, floor)
     ready = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
-    two_ways = poses_page(robot, ready, floor, given.quick)
+    with environment(**{"HOLOKIN_NATIVE": "0"} if given.quick else {}):  # no compiler for eight poses
+        two_ways = poses_page(robot, ready, floor, given.quick)
     text = page(
         rows,
         floor,

@@ -14,6 +14,7 @@ from benchmarks.calls import Floor, in_turns, repeated
 
 import holokin as hk
 from conftest import PANDA_START
+from forked import child
 from holokin.codegen import native
 from holokin.codegen.evaluator import HEAVY
 from holokin.codegen.later import idle
@@ -21,8 +22,10 @@ from holokin.codegen.later import idle
 ROOT = Path(__file__).parents[1]
 FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed", "startup", "surveys"))
-"""These start processes or compilers, or measure the process that they are; the others run in this one."""
+OF_ITS_OWN = ("benchmarks.startup", "benchmarks.surveys")
+"""These measure what a process imports and keeps: they are begun as a user begins them."""
+FORKED = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
+"""These start processes or compilers; the others run in this one."""
 ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
@@ -35,7 +38,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     assert len(MODULES) == 17
 
 
-@pytest.mark.parametrize("module", [name for name in MODULES if name not in (*OF_ITS_OWN, *ELSEWHERE)])
+@pytest.mark.parametrize("module", [name for name in MODULES if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)])
 def test_it_runs_with_quick_in_this_process(
     module: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,12 +55,21 @@ def test_what_is_not_run_here_is_run_elsewhere(module: str, file: str) -> None:
 
 
 @pytest.mark.parametrize("module", OF_ITS_OWN)
-def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
-    command = [sys.executable, "-m", module, "--quick", *more]
+def test_it_runs_with_quick_in_a_process_of_its_own(module: str) -> None:
+    command = [sys.executable, "-m", module, "--quick"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
     assert done.stdout
+
+
+@pytest.mark.parametrize("module", FORKED)
+def test_it_runs_with_quick_in_a_child_of_this_process(module: str, tmp_path: Path) -> None:
+    more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
+    package = module == "benchmarks.fuzz"
+    main = importlib.import_module(f"{module}.__main__" if package else module).main
+    done = child(module, "--quick", *more, work=main, folder=ROOT).wait()
+    assert (done.code, "Traceback" in done.err) == (0, False), done.err[-2000:]
+    assert done.out
     if more:
         page = (tmp_path / "speed.md").read_text("utf-8")
         assert "nan" not in page

@@ -6,9 +6,11 @@ import errno
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from benchmarks.kills import deadly, hidden, state
 
 import holokin as hk
 from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, write_job
+from forked import forked, start
 from holokin.errors import WriteError
 from holokin.files import aside, replacing
 from holokin.output.folder import check_folder, renewed
@@ -25,14 +28,24 @@ from sketches import SKETCHED
 pytestmark = pytest.mark.usefixtures("sketched")
 
 
-def command(*arguments: object, setup: str = "", **options: object) -> subprocess.CompletedProcess[str]:
-    """The command line in a process of its own, after some Python."""
-    setup = f"{SKETCHED}{setup}\nimport sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\n"
+def command(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    """The command line in a process of its own, for what comes at the end of one."""
+    setup = f"{SKETCHED}import sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\n"
     code = f"{setup}from holokin.cli import main; main()"
     return subprocess.run([sys.executable, "-c", code], text=True, timeout=120, check=False, **options)  # type: ignore[call-overload]
 
 
 # --- the disk refuses ---
+
+
+def limit(size: int) -> Callable[[], None]:
+    """No file may be larger [bytes], for a child of this process; Python would cut off the bytecode that it keeps."""
+
+    def limited() -> None:
+        sys.dont_write_bytecode = True
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+    return limited
 
 
 def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(
@@ -41,13 +54,10 @@ def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(
     files = [write_job(tmp_path, f"{name}.toml") for name in ("first", "second")]
     assert holokin("run", *files, "--out", out).code == 0
     before = state(out)
-    limited = command(
-        "run", *files, "--out", out, capture_output=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, resource.RLIM_INFINITY)),
-    )  # fmt: skip
-    assert limited.returncode == 2
-    assert "Traceback" not in limited.stderr
-    for name, said in zip(("first", "second"), limited.stderr.splitlines(), strict=True):
+    limited = forked("run", *files, "--out", out, before=limit(3_000))
+    assert limited.code == 2
+    assert "Traceback" not in limited.err
+    for name, said in zip(("first", "second"), limited.err.splitlines(), strict=True):
         assert said.startswith(f"error: {name}: {out / name}{os.sep}")
         assert "cannot be written: File too large" in said
     assert state(out) == before
@@ -129,22 +139,29 @@ def test_a_file_is_replaced_whole_or_stays(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["a.txt", "link"]
 
 
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three rounds of a circle."""
+    file = tmp_path_factory.mktemp("logs") / "log.csv"
+    circle = hk.circle(hk.load("ppr").pose(PPR_START)[:3, 3], PPR_CENTER)
+    hk.follow(hk.moore_penrose(hk.position(hk.load("ppr"))), circle, PPR_START, samples=40, cycles=3).save(file)
+    return file
+
+
 @pytest.mark.parametrize(
     ("arguments", "wanted"),
     [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
      (["audit", "log.csv", "--robot", "ppr", "--plot", "a.png"], "a.png")],
 )  # fmt: skip
-def test_a_file_that_outgrows_the_limit_leaves_nothing(tmp_path: Path, arguments: list[str], wanted: str) -> None:
+def test_a_file_that_outgrows_the_limit_leaves_nothing(
+    log: Path, tmp_path: Path, arguments: list[str], wanted: str
+) -> None:
     """Where the old file had lain 2,048 of 2,894 bytes were left, or none."""
-    circle = hk.circle(hk.load("ppr").pose(PPR_START)[:3, 3], PPR_CENTER)
-    hk.follow(hk.moore_penrose(hk.position(hk.load("ppr"))), circle, PPR_START, samples=40, cycles=3).save(
-        tmp_path / "log.csv"
-    )
-    limit = (resource.RLIMIT_FSIZE, (512, resource.RLIM_INFINITY))
-    done = command(*arguments, cwd=tmp_path, capture_output=True, preexec_fn=lambda: resource.setrlimit(*limit))
-    assert done.returncode == 2, done.stderr
-    assert f"error: {wanted} cannot be written: File too large" in done.stderr
-    assert done.stderr.count("error: ") == 1
+    shutil.copy(log, tmp_path)
+    done = forked(*arguments, folder=tmp_path, before=limit(512))
+    assert done.code == 2, done.err
+    assert f"error: {wanted} cannot be written: File too large" in done.err
+    assert done.err.count("error: ") == 1
     assert os.listdir(tmp_path) == ["log.csv"]
 
 
@@ -222,35 +239,40 @@ def contents(out: Path) -> dict[str, str]:
     return {path.name: path.read_text() for path in (out / "job").iterdir()}
 
 
-def test_a_signal_at_a_random_moment_loses_nothing(tmp_path: Path) -> None:
+def test_a_signal_at_a_random_moment_loses_nothing(holokin: Command, tmp_path: Path) -> None:
     """Ctrl-C here, a kill by `benchmarks.kills --quick` in tests/test_benchmarks.py, hundreds without --quick."""
-    kills.prepare(tmp_path)
+    assert holokin("run", kills.job(tmp_path, "first"), "--out", tmp_path / "out").code == 0
+    kills.keep(tmp_path / "out" / "job")
     ended, faults = kills.trial(signal.SIGINT, (True, 0.1), tmp_path, 1)
     assert faults == [], ended
 
 
-def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(holokin: Command, tmp_path: Path, out: Path) -> None:
+def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One process has moved the old folder away and waits; another does the same job, and then the first ends."""
     file = write_job(tmp_path)
     assert holokin("run", file, "--out", out).code == 0
     (out / "job" / "notes.txt").write_text("mine")
-    setup = (
-        "import os, sys\nrename = os.rename\n"
-        "def slow(a, b):\n    rename(a, b)\n    if 'old' in str(b): print('gap', flush=True); sys.stdin.readline()\n"
-        "os.rename = slow\n"
-    )
-    code = f"{SKETCHED}{setup}from holokin.cli import main; main()"
-    run = [sys.executable, "-c", code, "run", str(file), "--out", str(out)]
-    with subprocess.Popen(run, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
-        assert one.stdin is not None and one.stdout is not None
-        assert one.stdout.readline() == "gap\n"
-        hasty = "import holokin.files as f; f.PATIENCE = 0.2"
-        other = command("run", file, "--out", out, setup=hasty, capture_output=True)
-        assert other.returncode == 2
-        assert "another process is putting its results there" in other.stderr
-        one.stdin.write("\n" * 9)
-        one.stdin.close()
-        assert one.wait(60) == 0
+    gap, go, rename = os.pipe(), os.pipe(), os.rename
+
+    def slow(a: Path, b: Path) -> None:
+        rename(a, b)
+        if "old" in str(b):
+            os.write(gap[1], b"gap")
+            os.read(go[0], 1)
+
+    one = start("run", file, "--out", out, before=lambda: setattr(os, "rename", slow))
+    os.close(gap[1])  # so that the end of that process would be heard
+    assert os.read(gap[0], 3) == b"gap"
+    monkeypatch.setattr("holokin.files.PATIENCE", 0.2)
+    other = holokin("run", file, "--out", out)
+    assert other.code == 2
+    assert "another process is putting its results there" in other.err
+    os.write(go[1], b"go " * 3)
+    assert one.wait().code == 0
+    for end in (gap[0], *go):
+        os.close(end)
     assert (out / "job" / "notes.txt").read_text() == "mine"
     assert hidden(out) == []
 
@@ -353,7 +375,6 @@ def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost:
         "import signal, sys, warnings\nimport holokin.output.report as report\nfill = report._fill\n"
         f"def loses(*arguments):\n {lost}\n fill(*arguments)\nreport._fill = loses\n"
     )
-    process = kills._start(kills.job(tmp_path, "one"), tmp_path / "out", SKETCHED + setup)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert said.startswith("stopped") and said.count("\n") == 1
+    outcome = forked("run", write_job(tmp_path), "--out", tmp_path / "out", before=lambda: exec(setup, {}))
+    assert outcome.code == 130
+    assert outcome.err.startswith("stopped") and outcome.err.count("\n") == 1

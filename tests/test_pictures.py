@@ -201,12 +201,12 @@ def test_limits_are_drawn_where_they_are(circle: JobResult) -> None:
 
 
 @pytest.mark.parametrize("joints", [2, 7, 14])
-def test_every_joint_has_its_name(joints: int) -> None:
+def test_every_joint_has_its_name(circle: JobResult, joints: int) -> None:
     import matplotlib.figure
 
     from holokin.output.plots import movers
 
-    walk = shortened("panda-circle", cycles=2, samples=20).strategies[0].cycles
+    walk = circle.strategies[0].cycles
     names = tuple(f"joint {k}" for k in range(joints))
     wide = replace(walk, q=np.resize(walk.q, (len(walk.q), joints)), joint_names=names)
     axes = joint_cycles(matplotlib.figure.Figure().subplots(), wide, movers([wide]))

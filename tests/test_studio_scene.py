@@ -26,6 +26,15 @@ from holokin.studios.scene import OPACITY, elbow_joint, linear, pose_of, rotatio
 
 PANDA = "panda.urdf"
 
+
+@pytest.fixture(scope="module", autouse=True)
+def uncompiled() -> Iterator[None]:
+    """What is drawn is the same on the virtual machine, which needs no compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        yield
+
+
 ARM = """<robot name="arm"><link name="base"/>
 <link name="a"><visual><origin xyz="0 0 0.2"/><geometry>{0}</geometry></visual></link>
 <link name="b"><visual><geometry><box size="0.1 0.2 0.3"/></geometry>
