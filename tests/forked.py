@@ -13,6 +13,9 @@ from pathlib import Path
 from conftest import Outcome
 from holokin import cli
 
+PATIENCE = 280
+"""Seconds after which a child is ended that hangs."""
+
 
 @dataclass(frozen=True)
 class Child:
@@ -45,6 +48,7 @@ def child(*words: object, work: Callable[[], object], folder: Path | None = None
         for read_end in (out[0], err[0]):
             os.close(read_end)
         sys.stdout, sys.stderr = (os.fdopen(number, "w", encoding="utf-8") for number in (1, 2))
+        signal.alarm(PATIENCE)
         signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background ignore it
         if folder is not None:
             os.chdir(folder)

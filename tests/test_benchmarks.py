@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -22,10 +23,11 @@ from holokin.codegen.later import idle
 ROOT = Path(__file__).parents[1]
 FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-OF_ITS_OWN = ("benchmarks.startup", "benchmarks.surveys")
-"""These measure what a process imports and keeps: they are begun as a user begins them."""
-FORKED = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
+STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
 """These start processes or compilers; the others run in this one."""
+FORKED = STARTING if hasattr(os, "fork") else ()
+OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("startup", "surveys")) + STARTING[len(FORKED) :]
+"""These measure what a process imports and keeps: they are begun as a user begins them."""
 ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
@@ -55,8 +57,9 @@ def test_what_is_not_run_here_is_run_elsewhere(module: str, file: str) -> None:
 
 
 @pytest.mark.parametrize("module", OF_ITS_OWN)
-def test_it_runs_with_quick_in_a_process_of_its_own(module: str) -> None:
-    command = [sys.executable, "-m", module, "--quick"]
+def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path) -> None:
+    more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
+    command = [sys.executable, "-m", module, "--quick", *more]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
     assert done.stdout
