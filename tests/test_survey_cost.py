@@ -121,7 +121,7 @@ def test_what_a_case_shares_with_later_ones_is_built_before_its_time_begins(
         return library(source, **how)
 
     monkeypatch.setattr(kernel, "library", loading)
-    running._forget()
+    running.forget_built()
     survey = cases(laws={"law": {"kind": kind}})
     case = next(iter(survey))
     running.prepare(case, survey)

@@ -16,7 +16,7 @@ import holokin as hk
 from conftest import Command
 from holokin.errors import ArgumentError, HolokinError, JobError, MissingExtraError, SchedulerError, SurveyError
 from holokin.job import Job, run_job
-from holokin.surveys import Store, read_survey, repeat, run_survey
+from holokin.surveys import Findings, Store, read_survey, repeat, run_survey, write_survey_report
 from holokin.surveys.cases import Cases
 from holokin.surveys.checking import check_laws
 from holokin.surveys.running import Row
@@ -138,6 +138,25 @@ def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command,
     assert len(rows_of(out)) == 2 * count
     again = holokin("survey", file, "--out", tmp_path / "new.sqlite", "--workers", "0")
     assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_law_whose_file_has_changed_is_run_again(workers: int, tmp_path: Path) -> None:
+    """In this process, too, which had imported it before; the report tells of the old rows."""
+    own = '[laws.own]\nkind = "import"\nfunction = "mylaw:law"\n'
+    file, out, law = survey_file(tmp_path, own), tmp_path / "s.sqlite", tmp_path / "mylaw.py"
+    text = "import holokin as hk\ndef law(task, start):\n    return {}\n"
+    drifts = []
+    for of in ("hk.moore_penrose(task)", "hk.holonomic(task, hk.lock(1))"):
+        law.write_text(text.format(of))
+        done = run_survey(read_survey(file), tmp_path, out, workers=workers, resume=out.exists())
+        assert done.resumed == 0
+        drifts.append([row["drift"] for row in rows_of(out) if row["status"] == "complete"])
+    assert done.stale == len(drifts[0]) > 0
+    assert min(drifts[0]) > 1e-6 and sorted(drifts[1])[: len(drifts[0])] < [1e-9] * len(drifts[0])
+    with Store.opened(out, None) as store:
+        write_survey_report(store.content(), store.folder(), Findings.of(store.rows()), tmp_path / "r.html")
+    assert f"{done.stale} of the rows are of cases that the survey asks no more" in (tmp_path / "r.html").read_text()
 
 
 def test_rows_of_cases_that_are_asked_no_more_are_counted_once(tmp_path: Path) -> None:

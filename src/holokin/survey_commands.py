@@ -88,7 +88,7 @@ def run_one(
         reason, count, faults = store.most_frequent_fault()
     show(f"{found.done:,} cases{resumed}, {faults:,} faults, {found.seconds:.1f} s: {out}")
     if found.stale:
-        why = "it had more cases, or the file of a robot was another one; a report counts them, too"
+        why = "it had more cases, or the file of a robot or a law was another one; a report counts them, too"
         show(f"{found.stale:,} more rows are of cases that the survey asks no more: {why} (--out begins a new file)")
     if faults:
         show(f"{count:,} of {faults:,} faults: {reason}\nwhen that is cured: holokin survey {file} --again")

@@ -12,6 +12,7 @@ from .errors import ArgumentError
 from .path import Path
 from .progress import progress
 from .robot import Robot
+from .strategies import Strategy
 
 if TYPE_CHECKING:
     from .surveys import Findings
@@ -49,8 +50,10 @@ def survey(
         tasks: name -> a table [task] as of a job; or one word for one of them.
         starts: as [starts] of a survey file; by default one regular posture.
         cycles, samples, limits, cases, seed, time_limit: as of a survey file.
-        workers: processes, by default one for each processor; 0 for this one.
-        out: a results file to keep. resume: go on with what it holds. again: the same, and do its faults again.
+        workers: processes, by default one for each processor; 0 for this one, in which nothing ends a law that sleeps,
+            or hangs in native code.
+        out: a results file to keep. resume: go on with what it holds, where objects are told by their names alone:
+            after a change of one take another file. again: the same, and do its faults again.
 
     Returns:
         A row for each case: `.frame()` for pandas, `.table()` by law, `.columns`.
@@ -107,7 +110,7 @@ def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
             raise ArgumentError(
                 what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)"
             )
-    elif not isinstance(thing, Callable):
+    elif isinstance(thing, Strategy) or not isinstance(thing, Callable):
         kinds = "a function of the task" if law else "a closed path, a function of the tool pose"
         raise ArgumentError(what, thing, f"give {kinds}, or a table as of a survey file")
     objects[key] = thing

@@ -22,6 +22,8 @@ from ..errors import ArgumentError, UnknownNameError
 from ..job.robot_tables import RobotTable
 from ..robot import catalogue
 from ..types import Value
+from .importing import source_of
+from .laws import Own
 from .tables import SurveyTable
 
 SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
@@ -98,6 +100,8 @@ class Cases(Value):
                 names = fnmatch.filter(catalogue(), entry)
             else:
                 names = [entry]
+            if not names and entry.lower().endswith(SUFFIXES):
+                raise ArgumentError("robots", entry, f"no file fits in {self.folder.absolute()}")
             if not names:
                 raise UnknownNameError("robot", entry, list(catalogue()))
             found += [_told({"name": name}, self.folder) for name in names]
@@ -175,16 +179,22 @@ class Cases(Value):
         drawn = {"table": t.loops[stratum.loop].model_dump(exclude={"count"}), "seed": t.seed, "index": repetition}
         robot = self.robots[stratum.robot]
         rest = {
-            "law": self._law(name), "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
+            "law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
         }  # fmt: skip
         names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
         return Case(number, robot, task, start, drawn, name, names, rest)
 
+    @cached_property
+    def _laws_told(self) -> dict[str, list[dict[str, Any]]]:
+        return {name: self._law(name) for name in self.table.laws}
+
     def _law(self, name: str) -> list[dict[str, Any]]:
-        """What a law is: its table, and that of the one which it is of."""
+        """What a law is: its table, with a hash of the file that it is imported from, and that of the one it is of."""
         table = self.table.laws[name]
         own = table.model_dump(exclude_unset=True)
+        if isinstance(table, Own) and (file := source_of(table.function, self.folder)) is not None:
+            own |= _hashed(file)
         of = own.pop("of", None)
         return [own] if of is None else [own, *self._law(of)]
 
@@ -257,10 +267,15 @@ def _told(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     file = folder / name
     if not name.lower().endswith(SUFFIXES) or not file.is_file():
         return robot
+    return robot | _hashed(file)
+
+
+def _hashed(file: FilePath) -> dict[str, str]:
+    """The hash of a file by its key; nothing of one that cannot be read, of which its cases say so."""
     try:
-        return robot | {HASH: hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
-    except OSError:  # its cases say so
-        return robot
+        return {HASH: hashlib.sha256(file.read_bytes()).hexdigest()[:16]}
+    except OSError:
+        return {}
 
 
 def robot_table(robot: dict[str, Any]) -> dict[str, Any]:

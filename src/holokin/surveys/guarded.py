@@ -24,8 +24,9 @@ from typing import Any
 from ..errors import HolokinError, SurveyError
 from .batches import SECONDS, Batch
 from .cases import Cases
+from .importing import forget_imported
 from .objects import keep, sendable
-from .running import Row, fault, prepare, run_case
+from .running import Row, fault, forget_built, prepare, run_case
 from .tables import SurveyTable
 
 HARD = 2.0
@@ -102,8 +103,10 @@ _cases: dict[tuple[str, str], Cases] = {}
 
 
 def forget_cases() -> None:
-    """Look at the files of robots anew: they may be others in the next survey."""
+    """Look at the files of robots and laws anew: they may be others in the next survey."""
     _cases.clear()
+    if forget_imported():
+        forget_built()
 
 
 def cases_of(table: str, folder: str) -> Cases:
@@ -151,6 +154,8 @@ def run_batch(
                 row = fault(case, f"{type(problem).__name__}: {problem}")
             yield row
 
+
+SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
 
 _board: Any = None
 """Of a process for cases: the number of its case, since when, how long it may take."""
@@ -227,7 +232,7 @@ class Guarded:
                 self._unborn += 1
                 if self._unborn == TRIES:
                     fact = f"its processes die before they begin ({end})"
-                    raise SurveyError("survey", fact, "say workers = 0 to see why")
+                    raise SurveyError("survey", fact, SEE)
                 continue
             deaths[number] += 1
             cases, seconds = cases_of(table, folder), time.monotonic() - since
@@ -251,7 +256,7 @@ class Guarded:
             raise
         except Exception as problem:
             fact = f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
-            raise SurveyError("survey", fact, "say workers = 0 to see why") from problem
+            raise SurveyError("survey", fact, SEE) from problem
 
     def _begun(self) -> ProcessPoolExecutor:
         """The pool, whose process is ready. Raises: BrokenExecutor, OSError: it is not, or is closed."""

@@ -36,12 +36,31 @@ def imported(name: str, folder: Path) -> Callable[..., Any]:
     return found
 
 
+def source_of(name: str, folder: Path) -> Path | None:
+    """The file of a function "module:name" that lies beside the survey file; else None."""
+    place = folder.joinpath(*name.partition(":")[0].split("."))
+    return next((file for file in (place.with_suffix(".py"), place / "__init__.py") if file.is_file()), None)
+
+
+def forget_imported() -> bool:
+    """Import anew what was found beside survey files: it may have changed. Whether there was any."""
+    with _importing:
+        found = list(_folders)
+        for top in found:
+            _drop(top)
+    return bool(found)
+
+
 def _forget(top: str, folder: Path) -> None:
     """What a survey in another folder imported from there by this name."""
     if _folders.get(top, folder) != folder:
-        del _folders[top]
-        for module in [known for known in sys.modules if known == top or known.startswith(f"{top}.")]:
-            del sys.modules[module]
+        _drop(top)
+
+
+def _drop(top: str) -> None:
+    del _folders[top]
+    for module in [known for known in sys.modules if known == top or known.startswith(f"{top}.")]:
+        del sys.modules[module]
 
 
 @contextmanager

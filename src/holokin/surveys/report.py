@@ -50,6 +50,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         f"<p class='small'>{len(found):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
         f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
         f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
+        *_stale(cases, found),
         "<h2>By law</h2>",
         found._repr_html_(),
         f"<p class='small'>{escape(_TERMS)}</p>",
@@ -81,6 +82,15 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
     ]
     with replacing(file) as part:
         part.write_text(page(survey.title, parts), "utf-8")
+
+
+def _stale(cases: Cases, found: Findings) -> list[str]:
+    """A sentence about rows of cases that the survey asks no more, where there are."""
+    many = len(set(found.columns["id"].tolist()).difference(case.id for case in cases))
+    if not many:
+        return []
+    why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
+    return [f"<p><b>{many:,} of the rows are of cases that the survey asks no more</b>: {why}. They count, too.</p>"]
 
 
 def _faults(found: Findings) -> str:

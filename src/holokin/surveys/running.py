@@ -24,6 +24,7 @@ from ..errors import (
     PathError,
     SingularityError,
 )
+from ..errors.moving import KEPT
 from ..job import Job
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
@@ -40,7 +41,7 @@ from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import Vector
 from .cases import Case, Cases, robot_table
-from .laws import built, of_the_start, resolved
+from .laws import Given, built, of_the_start, resolved
 from .loops import drawn
 from .objects import OBJECT, given, given_path, when_replaced
 from .tables import LoopTable
@@ -164,8 +165,9 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
         why = (
             f"Jobs do not run control laws or functions of yours, as {case.law!r}: this job has the pseudo-inverse, "
             "round the same loop from the same start. "
-            f"In Python holokin.surveys.repeat(RESULTS, {case.id!r}) runs the law itself."
         )
+        by = f"In Python holokin.surveys.repeat(RESULTS, {case.id!r}) runs the law itself."
+        why += "A survey in Python was given the law: run it there." if isinstance(law, Given) else by
         job |= {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {case.names['robot']}"}
         job |= {"about": why}
     return job | {"robot": _anywhere(job["robot"], cases.folder)}, why
@@ -274,7 +276,8 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 
 
 @when_replaced
-def _forget() -> None:
+def forget_built() -> None:
+    """Build anew what cases share: robots, tasks, laws and paths."""
     for known in (_robot, _starts, _task, _job_path):
         known.cache_clear()
     _laws.clear()
@@ -310,7 +313,7 @@ def _run(
     except PathError as problem:
         if problem.trajectory is None:
             raise
-        return problem.trajectory, str(problem), None
+        return problem.trajectory, str(problem).removesuffix(f"; {KEPT}"), None
     return _while_it_holds(walk, task.robot, rest["limits"])
 
 

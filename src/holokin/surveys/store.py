@@ -58,7 +58,8 @@ class Store:
         if table is None and new:
             raise SurveyError(file, "there is no such file", "run the survey first")
         if table is not None and not new and not resume:
-            raise SurveyError(file, "holds results already", "say --resume to go on, or delete it")
+            cure = "say --resume, in Python resume=True, to go on, or delete it"
+            raise SurveyError(file, "holds results already", cure)
         db: sqlite3.Connection | None = None
         try:
             with _system(file):
@@ -99,7 +100,8 @@ class Store:
         if found is None or found[0] != FORM:
             raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
         if table is not None and found[1] != fingerprint(table):
-            raise SurveyError(self.file, "holds the results of another survey", "give another file with --out")
+            cure = "give another file with --out, in Python out="
+            raise SurveyError(self.file, "holds the results of another survey", cure)
 
     def add(self, rows: Sequence[Row], faults: Mapping[int, str] = MappingProxyType({})) -> None:
         """Keep rows: all of them or none. One that is there stays as it is, unless it is a fault.

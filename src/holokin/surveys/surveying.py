@@ -42,7 +42,7 @@ class Progress:
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
     the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before; `stale` rows are of
-    cases that are asked no more: there were more cases, or the file of a robot was another one.
+    cases that are asked no more: there were more cases, or the file of a robot or of a law was another one.
     """
 
     done: int
