@@ -266,11 +266,14 @@ def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(
     os.close(gap[1])  # so that the end of that process would be heard
     assert os.read(gap[0], 3) == b"gap"
     monkeypatch.setattr("holokin.files.PATIENCE", 0.2)
-    other = holokin("run", file, "--out", out)
+    try:
+        other = holokin("run", file, "--out", out)
+    finally:
+        os.write(go[1], b"go " * 3)
+        first = one.wait()
+    assert first.code == 0
     assert other.code == 2
     assert "another process is putting its results there" in other.err
-    os.write(go[1], b"go " * 3)
-    assert one.wait().code == 0
     for end in (gap[0], *go):
         os.close(end)
     assert (out / "job" / "notes.txt").read_text() == "mine"
