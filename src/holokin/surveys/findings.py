@@ -150,8 +150,8 @@ class Findings(Value):
         return pandas.DataFrame(self.columns)
 
     def drifting(self, count: int = 10) -> list[dict[str, Any]]:
-        """The rows with the largest drift of their last cycle."""
-        drift = np.nan_to_num(self.columns["drift_last"], nan=0.0)
+        """The rows with the largest drift in all."""
+        drift = np.nan_to_num(self.columns["drift_total"], nan=0.0)
         return self._rows(np.argsort(-drift, kind="stable")[:count])
 
     def stopped(self, count: int = 30) -> list[tuple[int, dict[str, Any]]]:
