@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .batches import Batch, Batches, lasting
-from .guarded import Guarded, forget_cases, run_batch
+from .guarded import Guarded, run_batch
 from .running import Row
 from .tables import SurveyTable
 
@@ -26,7 +26,6 @@ class Here:
 
     def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """The rows of each batch."""
-        forget_cases()
         while batch := batches.take(1):
             rows = list(run_batch(self.text, self.folder, batch))
             batches.came(batch, rows)
@@ -44,7 +43,6 @@ class Pool:
 
     def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """Rows as they come: of all batches that are done. Close it to end the processes."""
-        forget_cases()
         guarded = [Guarded(self.objects) for _ in range(self.workers)]
         free: SimpleQueue[Guarded] = SimpleQueue()
         for process in guarded:

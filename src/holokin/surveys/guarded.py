@@ -47,6 +47,8 @@ ROWS = 50
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
 
+SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
+
 LATE = 2.0
 """Times the seconds of a batch after which a worker hands back the rest of it."""
 
@@ -155,8 +157,6 @@ def run_batch(
             yield row
 
 
-SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
-
 _board: Any = None
 """Of a process for cases: the number of its case, since when, how long it may take."""
 
@@ -216,33 +216,35 @@ class Guarded:
             self._board[:] = -1, 0.0, 0.0
             try:
                 rows = self._some(table, folder, tuple(left))
-            except BrokenExecutor:
-                end = self._ended()
-            else:
-                found += rows
-                for number in left[: len(rows)]:
-                    deaths.pop(number, None)
-                del left[: len(rows)]
                 self._unborn = 0
-                continue
-            number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
-            if self._closed:
-                break
-            if number not in left:
-                self._unborn += 1
-                if self._unborn == TRIES:
-                    fact = f"its processes die before they begin ({end})"
-                    raise SurveyError("survey", fact, SEE)
-                continue
-            deaths[number] += 1
-            cases, seconds = cases_of(table, folder), time.monotonic() - since
-            hung = seconds > HARD * allowed
-            if hung or deaths[number] == TRIES:
-                why = f"hung in native code for {seconds:.0f} s" if hung else f"its process died {TRIES} times ({end})"
-                found.append(fault(cases.case(number), why, seconds))
-                left.remove(number)
-                del deaths[number]
+            except BrokenExecutor:
+                rows = self._after_death(table, folder, left, deaths)
+            for row in rows:
+                left.remove(row.number)
+                deaths.pop(row.number, None)
+            found += rows
         return found
+
+    def _after_death(self, table: str, folder: str, left: list[int], deaths: Counter[int]) -> list[Row]:
+        """The row of the case at which the process died, if it is a fault now. Raises: SurveyError."""
+        end = self._ended()
+        number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
+        if self._closed:
+            return []
+        if number not in left:
+            self._unborn += 1
+            if self._unborn == TRIES:
+                raise SurveyError("survey", f"its processes die before they begin ({end})", SEE)
+            return []
+        deaths[number] += 1
+        seconds = time.monotonic() - since
+        if seconds > HARD * allowed:
+            why = f"hung in native code for {seconds:.0f} s"
+        elif deaths[number] == TRIES:
+            why = f"its process died {TRIES} times ({end})"
+        else:
+            return []
+        return [fault(cases_of(table, folder).case(number), why, seconds)]
 
     def _some(self, table: str, folder: str, batch: Batch) -> list[Row]:
         """The rows of the first cases of a batch. Raises: BrokenExecutor: the process died. SurveyError."""

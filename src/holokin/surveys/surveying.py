@@ -18,6 +18,7 @@ from .cases import Cases
 from .checking import check_laws
 from .cluster import Cluster, reached
 from .engine import Here, Pool
+from .guarded import forget_cases
 from .objects import forks, keep, sendable
 from .running import Row
 from .store import Store
@@ -115,6 +116,7 @@ def run_survey(
         SurveyError, WriteError: of the results file. UnknownNameError: of a robot. MissingExtraError, ArgumentError:
         of a law that no case could have.
     """
+    forget_cases()
     cases = Cases(table, folder.absolute())
     total = len(cases)
     keep(objects or {})
@@ -125,7 +127,7 @@ def run_survey(
     ):
         before, known = store.done(), store.done(faults=not again)
         faults = store.faults() if again else {}
-        asked = [cases.case(n).id for n in range(total)] if before else []
+        asked = cases.ids if before else []
         left = [n for n, case in enumerate(asked) if case not in known] if known else range(total)
         done = total - len(left)
         clock = _Clock(total, done, len(faults))
