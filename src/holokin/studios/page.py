@@ -53,7 +53,7 @@ class Page:
         self.paused_drawing = False
         self.drawn = -1
         self._loop_drawn: tuple[int, str] | None = None
-        self._slow_at = 0.0
+        self._slow_at, self._turn = 0.0, 0
         self._waiting: dict[object, Action] = {}
         self._wake = threading.Condition()
         self._over = False
@@ -128,12 +128,13 @@ class Page:
             self._loop_drawn = snap.loop, snap.loop_fault
             self._draw_loop(moved, bool(snap.loop_fault))
 
-    def _picture(self, slow: int | None) -> None:
-        """All that moves, and one of what is drawn less often."""
+    def _picture(self, now: float) -> None:
+        """All that moves; and what is drawn less often by turns, since all of it at once would hold the robots up."""
         snap = self.session.snapshot()
         self.draw(snap)
-        if slow is not None:
-            self._slow[slow](snap)
+        if now - self._slow_at >= SLOW / len(self._slow):
+            self._slow_at, self._turn = now, (self._turn + 1) % len(self._slow)
+            self._slow[self._turn](snap)
 
     @contextmanager
     def own_drawing(self) -> Iterator[None]:
@@ -146,7 +147,7 @@ class Page:
 
     def _run(self) -> None:
         before = time.perf_counter()
-        due, turn = before + 1 / RATE, 0
+        due = before + 1 / RATE
         while True:
             with self._wake:  # it may wake a moment early: a picture then would put the next one off
                 while not self._waiting and not self._over and (left := due - time.perf_counter()) > 0:
@@ -160,10 +161,7 @@ class Page:
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
-            slow = now - self._slow_at >= SLOW / len(self._slow)  # one of them: all at once would hold the robots up
-            if slow:
-                turn, self._slow_at = (turn + 1) % len(self._slow), now
-            self.attempt(lambda turn=turn if slow else None: self._picture(turn))
+            self.attempt(lambda now=now: self._picture(now))
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
