@@ -51,10 +51,10 @@ static void expect(int status, const NAME_real *out, int count) {
     if (status >= NAME_SINGULAR && (out[i] < 0 || out[i] > 0 || !(out[i] - out[i] == 0))) wrong++;
     if (!(out[i] - out[i] == 0)) wrong++;
   }
-  if (status < NAME_IMPRECISE || status > NAME_NOT_A_ROTATION) wrong++;
+  if (status < NAME_IMPRECISE || status > NAME_LOST) wrong++;
 }
 int main(void) {
-  long statuses[9] = {0};
+  long statuses[10] = {0};
   NAME_real q[NAME_N], target[NAME_TARGET], dx[NAME_M], twist[NAME_TWIST], T[16], G[NAME_N * NAME_M], dq[NAME_N], scale;
   NAME_parameters parameters;
   NAME_defaults(&parameters);
@@ -72,7 +72,7 @@ int main(void) {
     statuses[status + 1]++;
 LEAF
   }
-  for (int i = 0; i < 9; i++) printf("%ld ", statuses[i]);
+  for (int i = 0; i < 10; i++) printf("%ld ", statuses[i]);
   return wrong != 0;
 }
 """
@@ -98,7 +98,7 @@ def program(written: Exported, text: str, folder: Path, *flags: str, leaf: str =
     """The program of a text whose NAME and LEAF are replaced, built with the library by gcc's rules."""
     code = text.replace("LEAF\n", leaf).replace("NAME_", "@").replace("NAME", written.name)
     upper = ("N", "M", "R", "TARGET", "TWIST", "OK", "IMPRECISE", "LIMIT", "SINGULAR", "BAD_PARAMETERS")
-    upper = (*upper, "NOT_A_ROTATION")
+    upper = (*upper, "NOT_A_ROTATION", "LOST")
     for word in sorted(upper, key=len, reverse=True):
         code = code.replace(f"@{word}", f"{written.name.upper()}_{word}")
     source = folder / "program.c"

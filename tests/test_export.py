@@ -166,9 +166,10 @@ def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...
         capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
-    counts = dict(zip(range(-1, 8), map(int, run.stdout.split()), strict=True))
+    counts = dict(zip(range(-1, 9), map(int, run.stdout.split()), strict=True))
     assert counts[0] + counts[1] + counts[-1] > 500
     assert counts[4] > 200
+    assert counts[8] > 50
     assert (counts[7] > 150) is (kind in ("arm", "held joint", "no leaf"))  # matrices, whose last row is not 0 0 0 1
 
 

@@ -86,6 +86,7 @@ from .robot import (
     to_urdf,
     with_base_pose,
     with_capsules,
+    with_limits,
     with_shape,
     with_tool,
 )
@@ -211,6 +212,7 @@ __all__ = [
     "with_base_pose",
     "with_capsules",
     "with_leads",
+    "with_limits",
     "with_shape",
     "with_tool",
     "workspace",

@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xc5a7bd6e308d3a81U
+#if PPR_EXPORT != 0x25a440a2958f64e2U
 #error "these files are of different exports: export again"
 #endif
 
@@ -29,7 +29,7 @@
 #define HK_MATRICES 0
 #define HK_POSE 3
 #define HK_TWIST 3
-#define HK_PARAMETERS (HK_R + 3)
+#define HK_PARAMETERS (HK_R + 5)
 #define HK_IMPRECISE PPR_IMPRECISE
 #define HK_API static
 #define HK_SIMD
@@ -501,47 +501,60 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   y[4] = v200;
   y[5] = HK_C(1.0);
   y[6] = v184;
-  const hk_t v204 = HK_FABS(v4);
-  const hk_t v206 = v204 / HK_C(1024.0);
-  const hk_t v207 = HK_FABS(v30);
-  const hk_t v208 = v207 / HK_C(1024.0);
-  const hk_t v209 = v206 + v208;
-  const hk_t v210 = HK_FABS(v5);
-  const hk_t v211 = v210 / HK_C(1024.0);
-  const hk_t v212 = v209 + v211;
-  const hk_t v213 = HK_FABS(v3);
-  const hk_t v214 = v213 / HK_C(1024.0);
-  const hk_t v215 = v212 + v214;
-  const hk_t v216 = HK_FABS(v44);
-  const hk_t v217 = v216 / HK_C(1024.0);
-  const hk_t v218 = v215 + v217;
-  const hk_t v219 = x[5];
-  const hk_t v220 = HK_FABS(v219);
-  const hk_t v221 = v220 / HK_C(1024.0);
-  const hk_t v222 = v218 + v221;
-  const hk_t v223 = HK_FABS(v1);
-  const hk_t v224 = v223 / HK_C(1024.0);
-  const hk_t v225 = v222 + v224;
-  const hk_t v226 = HK_FABS(v43);
-  const hk_t v227 = v226 / HK_C(1024.0);
-  const hk_t v228 = v225 + v227;
-  const hk_t v229 = x[8];
-  const hk_t v230 = HK_FABS(v229);
-  const hk_t v231 = v230 / HK_C(1024.0);
-  const hk_t v232 = v228 + v231;
-  const hk_t v233 = HK_FABS(v29);
-  const hk_t v234 = v233 / HK_C(1024.0);
-  const hk_t v235 = v232 + v234;
-  const hk_t v236 = HK_FABS(v9);
-  const hk_t v237 = v236 / HK_C(1024.0);
-  const hk_t v238 = v235 + v237;
-  const hk_t v239 = HK_FABS(v2);
-  const hk_t v240 = v239 / HK_C(1024.0);
-  const hk_t v241 = v238 + v240;
-  const hk_t v242 = HK_FABS(v28);
-  const hk_t v243 = v242 / HK_C(1024.0);
-  const hk_t v244 = v241 + v243;
-  y[7] = v244;
+  const hk_t v204 = HK_FABS(v11);
+  const hk_t v205 = HK_FMAX(HK_C(0.0), v204);
+  const hk_t v206 = HK_FABS(v48);
+  const hk_t v207 = HK_FMAX(v205, v206);
+  y[7] = v207;
+  const hk_t v209 = HK_FABS(v4);
+  const hk_t v211 = v209 / HK_C(1024.0);
+  const hk_t v212 = HK_FABS(v30);
+  const hk_t v213 = v212 / HK_C(1024.0);
+  const hk_t v214 = v211 + v213;
+  const hk_t v215 = HK_FABS(v5);
+  const hk_t v216 = v215 / HK_C(1024.0);
+  const hk_t v217 = v214 + v216;
+  const hk_t v218 = HK_FABS(v3);
+  const hk_t v219 = v218 / HK_C(1024.0);
+  const hk_t v220 = v217 + v219;
+  const hk_t v221 = HK_FABS(v44);
+  const hk_t v222 = v221 / HK_C(1024.0);
+  const hk_t v223 = v220 + v222;
+  const hk_t v224 = x[5];
+  const hk_t v225 = HK_FABS(v224);
+  const hk_t v226 = v225 / HK_C(1024.0);
+  const hk_t v227 = v223 + v226;
+  const hk_t v228 = HK_FABS(v1);
+  const hk_t v229 = v228 / HK_C(1024.0);
+  const hk_t v230 = v227 + v229;
+  const hk_t v231 = HK_FABS(v43);
+  const hk_t v232 = v231 / HK_C(1024.0);
+  const hk_t v233 = v230 + v232;
+  const hk_t v234 = x[8];
+  const hk_t v235 = HK_FABS(v234);
+  const hk_t v236 = v235 / HK_C(1024.0);
+  const hk_t v237 = v233 + v236;
+  const hk_t v238 = HK_FABS(v29);
+  const hk_t v239 = v238 / HK_C(1024.0);
+  const hk_t v240 = v237 + v239;
+  const hk_t v241 = HK_FABS(v9);
+  const hk_t v242 = v241 / HK_C(1024.0);
+  const hk_t v243 = v240 + v242;
+  const hk_t v244 = HK_FABS(v2);
+  const hk_t v245 = v244 / HK_C(1024.0);
+  const hk_t v246 = v243 + v245;
+  const hk_t v247 = HK_FABS(v28);
+  const hk_t v248 = v247 / HK_C(1024.0);
+  const hk_t v249 = v246 + v248;
+  const hk_t v250 = x[13];
+  const hk_t v251 = HK_FABS(v250);
+  const hk_t v252 = v251 / HK_C(1024.0);
+  const hk_t v253 = v249 + v252;
+  const hk_t v254 = x[14];
+  const hk_t v255 = HK_FABS(v254);
+  const hk_t v256 = v255 / HK_C(1024.0);
+  const hk_t v257 = v253 + v256;
+  y[8] = v257;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -704,16 +717,16 @@ static int hk_posed(const hk_t *pose, int count) {
   return 1;
 }
 
-/* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, given):
-   room is the scale that positions allow, given is finite where all arguments are.
+/* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, off,
+   given): room is the scale that positions allow, off the tool's largest error, given is finite where all arguments are.
    pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
-   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, dt, the gain and the constraint
-   gain. out: dq, then the scale.
-   Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite; from 3 on
-   dq is zero. */
+   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, dt, the gain, the constraint
+   gain, the most error and the least rcond. out: dq, then the scale.
+   Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite, 8 lost: the
+   tool's error is larger than the most; from 3 on dq is zero. */
 HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out, const hk_t *parameters) {
   enum { size = HK_N + HK_POSE + HK_TWIST + HK_PARAMETERS };
-  hk_t x[size], y[HK_N + 5];
+  hk_t x[size], y[HK_N + 6];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
@@ -721,11 +734,12 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out
   for (int i = 0; i < HK_PARAMETERS; i++) x[HK_N + HK_POSE + HK_TWIST + i] = parameters[i];
   hk_step_body(x, y);
   for (int i = 0; i < HK_N + 1; i++) finite &= y[i] - y[i] == HK_C(0);
-  const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]);
-  const int given = y[HK_N + 4] - y[HK_N + 4] == HK_C(0);
-  if (!finite || !sound || !given) {
+  const hk_t *const bounds = parameters + HK_PARAMETERS - 2;
+  const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]) && y[HK_N + 1] > bounds[1];
+  const int given = y[HK_N + 5] - y[HK_N + 5] == HK_C(0), near = y[HK_N + 4] <= bounds[0];
+  if (!finite || !sound || !given || !near) {
     for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
-    return given ? 3 : 4;
+    return !given ? 4 : finite && sound ? 8 : 3;
   }
   for (int i = 0; i < HK_N + 1; i++) out[i] = y[i];
 #ifdef HK_IMPRECISE
@@ -740,6 +754,8 @@ void ppr_defaults(ppr_parameters *parameters) {
   parameters->dt = HK_C(0.001);
   parameters->gain = HK_C(100.0);
   parameters->constraint_gain = HK_C(100.0);
+  parameters->most_error = HK_C(0.1);
+  parameters->least_rcond = HK_C(0.001);
 }
 
 void ppr_start(ppr_real q[3]) {
@@ -779,8 +795,11 @@ int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real twist
   values[HK_R] = dt;
   values[HK_R + 1] = gain;
   values[HK_R + 2] = constraint_gain;
+  values[HK_R + 3] = parameters->most_error;
+  values[HK_R + 4] = parameters->least_rcond;
   if (!(dt > HK_C(0) && gain >= HK_C(0) && gain * dt < HK_C(2) && constraint_gain >= HK_C(0) &&
-        constraint_gain * dt < HK_C(2))) {
+        constraint_gain * dt < HK_C(2) && parameters->most_error > HK_C(0) && parameters->least_rcond >= HK_C(0) &&
+        parameters->least_rcond < HK_C(1))) {
     *scale = HK_C(0);
     hk_refuse(HK_N, dq);
     return PPR_BAD_PARAMETERS;

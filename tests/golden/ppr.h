@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xc5a7bd6e308d3a81U
+#define PPR_EXPORT 0x25a440a2958f64e2U
 
 #ifdef __cplusplus
 extern "C" {
@@ -41,8 +41,9 @@ enum {
   PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   PPR_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */
-  PPR_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
-  PPR_NOT_A_ROTATION = 7  /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
+  PPR_BAD_PARAMETERS = 6, /* dt or most_error is not above 0, least_rcond not in [0, 1), a gain negative or not below 2/dt */
+  PPR_NOT_A_ROTATION = 7, /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
+  PPR_LOST = 8          /* a control step: the tool is further than most_error from where it is wanted */
 };
 
 /* The parameters of a control step. ppr_defaults gives those of the start posture, with gains of 0.1/dt: another
@@ -52,6 +53,8 @@ typedef struct {
   ppr_real dt;              /* the loop's step [s] */
   ppr_real gain;            /* K [1/s]: how fast an error of the tool fades */
   ppr_real constraint_gain; /* K_g [1/s]: how fast the joints are led back to their leaf */
+  ppr_real most_error;      /* of the tool [m, rad]: beyond it a step stands still, LOST */
+  ppr_real least_rcond;     /* of [J; J_g] or J: up to it a step stands still, SINGULAR */
 } ppr_parameters;
 
 void ppr_defaults(ppr_parameters *parameters);

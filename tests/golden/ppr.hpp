@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0xc5a7bd6e308d3a81U, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0x25a440a2958f64e2U, "ppr.h is of another export");
 
 namespace ppr {
 
@@ -32,7 +32,8 @@ enum class Status {
   not_finite = PPR_NOT_FINITE,
   not_converged = PPR_NOT_CONVERGED,
   bad_parameters = PPR_BAD_PARAMETERS,
-  not_a_rotation = PPR_NOT_A_ROTATION
+  not_a_rotation = PPR_NOT_A_ROTATION,
+  lost = PPR_LOST
 };
 
 /* A value and its status; true where there is a value: where the status is below PPR_SINGULAR. */

@@ -164,7 +164,10 @@ class _Copies(threading.local):
 
 
 class StepKernel:
-    """hk_step of a control step (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), for Python."""
+    """hk_step of a control step for Python.
+
+    (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given).
+    """
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, thresholds: dict[str, float]) -> None:
         code = step_source(made, inputs, outputs, thresholds)

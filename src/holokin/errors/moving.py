@@ -87,6 +87,17 @@ class OpenPathError(HolokinError):
         )
 
 
+class LostToolError(HolokinError):
+    """The tool is too far from where a control step wants it."""
+
+    def __init__(self, error: float, most: float) -> None:
+        self.error, self.most = error, most
+        super().__init__(
+            f"the tool is {error:.3g} (m or rad) from where it is wanted, a control step corrects at most {most:.3g}; "
+            "give poses in metres that begin at the tool (hk.approach leads to them), or a larger most_error"
+        )
+
+
 class PathError(HolokinError):
     """A path that could not be followed to its end; `.trajectory` holds what was computed."""
 

@@ -18,7 +18,7 @@ from ..errors import ArgumentError, ExportError, NativeError
 from ..frames import poses_expression
 from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
-from ..motion.control_step import AT_LIMIT
+from ..motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
@@ -66,6 +66,9 @@ header of ours by such a name would hide theirs, which <math.h> and <stdio.h> ma
 
 _FILES = {"prelude": "scalar.h", "posed": "posed.c", "step": "step.c"}
 
+PARAMETERS = ("dt", "gain", "constraint_gain", "most_error", "least_rcond")
+"""Of a control step, besides its leaf."""
+
 SHORTEST, LONGEST = 1e-5, 1.0
 """Steps [s] for which the default gains make sense."""
 
@@ -107,8 +110,8 @@ class Source:
 
     @property
     def parameters(self) -> Vector:
-        """(c, dt, K, K_g) by default: errors fade by a tenth each step."""
-        return np.concatenate([self.leaf, [self.dt, 0.1 / self.dt, 0.1 / self.dt]])
+        """(c, dt, K, K_g, most error, least rcond) by default: errors fade by a tenth each step."""
+        return np.concatenate([self.leaf, [self.dt, 0.1 / self.dt, 0.1 / self.dt, MOST_ERROR, LEAST_RCOND]])
 
     @cached_property
     def functions(self) -> dict[str, Function]:
@@ -164,7 +167,7 @@ class Source:
             "defaults": "".join(f"  parameters->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
             + "".join(
                 f"  parameters->{key} = HK_C({_c(value)});\n"
-                for key, value in zip(("dt", "gain", "constraint_gain"), self.parameters[r:], strict=True)
+                for key, value in zip(PARAMETERS, self.parameters[r:], strict=True)
             ),
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
             "leaf_copy": "  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];\n" if r else "",

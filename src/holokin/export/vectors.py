@@ -189,7 +189,7 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     """
     s, task = source.strategy, source.strategy.task
     q, G = values["q"], np.abs(values["gain"].reshape(s.task.n, -1))
-    dt, gain, constraint_gain = source.parameters[-3:]
+    dt, gain, constraint_gain = source.parameters[-5:-2]
     error = np.abs(task.error(q, *_wanted(task, pose)[1:]))
     terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if holonomic := source.holonomic:
@@ -202,7 +202,7 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     for _ in range(NUDGES):
         near, to, parameters = _nudged(q, rng), pose.copy(), source.parameters
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
-        parameters[:-3] = _nudged(parameters[:-3], rng)
+        parameters[:-5] = _nudged(parameters[:-5], rng)
         target, place, turned = _wanted(task, to)
         found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if holonomic:

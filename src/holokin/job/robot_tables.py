@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..path import frame_pose
-from ..robot import Robot, assembled, beside, coordinates, load
+from ..robot import Robot, assembled, beside, coordinates, load, with_limits
 from ..types import Matrix
 from .table import Length, Number, Numbers, Table
 
@@ -19,6 +19,8 @@ MOST_PARTS = 32
 
 Three = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Names = Annotated[list[str], Field(max_length=1000)]
+Limit = Number | Numbers | Annotated[dict[str, Number], Field(max_length=1000)]
+"""Of all joints, of each, or of some by name."""
 
 
 class FrameTable(Table):
@@ -84,6 +86,9 @@ class RobotTable(ModelTable):
     base_pose: FrameTable | None = None
     parts: Annotated[list[PartTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
     order: Names | None = None
+    lower: Limit | None = None
+    upper: Limit | None = None
+    max_velocity: Limit | None = None
     coordinates: CoordinatesTable | None = None
 
     @model_validator(mode="after")
@@ -109,4 +114,7 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
     def loaded(given: Mapping[str, Any]) -> Robot:
         return load(beside(given["name"], file.parent), **{key: v for key, v in given.items() if key != "name"})
 
-    return assembled(file, table.model_dump(exclude_none=True, exclude_defaults=True), loaded)
+    given = table.model_dump(exclude_none=True, exclude_defaults=True)
+    limits = {key: given.pop(key) for key in ("lower", "upper", "max_velocity") if key in given}
+    robot = assembled(file, given, loaded)
+    return with_limits(robot, **limits) if limits else robot

@@ -1,7 +1,7 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
 from .control_law import ControlLaw, Step, as_control_law, open_loop
-from .control_step import Controller, StepStatus, controller, has_leaf, step_function
+from .control_step import Controller, StepStatus, controller
 from .entering import approach
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
@@ -13,6 +13,7 @@ from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
 from .solutions import InverseStatus, Solutions
+from .step_expression import has_leaf, step_function
 from .timed import JointLoad, Limits, Slowdown, TimedTrajectory
 from .timing import retime
 from .watch import LoopWatch

@@ -3,8 +3,9 @@
     dq = [J; J_g]^-1 [x' + K e; -K_g (g(q) - c)]
 
 e is the task error, so the tool is led back to its path, and g - c the distance from the leaf, so the joints are led
-back to theirs. Limits are met by going slower along the path, never by leaving the leaf. Without a constraint it
-is dq = G (x' + K e).
+back to theirs. Limits are met by going slower along the path, never by leaving the leaf. A joint that has no speed
+limit gets one, so that no step is without a bound. The step stands still, with a status, where the tool is lost (e
+is large) and where the posture is nearly singular. Without a constraint it is dq = G (x' + K e).
 """
 
 from __future__ import annotations
@@ -15,20 +16,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
 from ..arguments import made
 from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
-from ..errors import ArgumentError, NativeError, NotFiniteError, ShapeError
+from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..robot import start_posture
-from ..strategies import HolonomicStrategy, Strategy
-from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
+from ..strategies import Strategy
+from ..symbolic import Function
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
-from .control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
+from .control_law import ControlLaw, Step
 from .leaf import leaf_value
+from .step_expression import has_leaf, step_function
 
 LONGEST_STEP = 10.0
 """Longest step of a control loop [s]: a longer one is in milliseconds."""
@@ -37,6 +39,17 @@ FAR = 1.0
 """Way of a joint [rad or m] in a step, at its full speed, from which a warning is given: rates are good for one step,
 and in this one the tool gets half its distance from the joint away from where they led at its start. Steps of up to
 0.1 s stay below it on all arms of the catalogue."""
+
+MOST_ERROR = 0.1
+"""Error of the tool [m, and rad] beyond which a step stands still: feedback corrects millimetres, and what is further
+away is in other units, of another path, or out of the arm's reach."""
+
+LARGEST_ERROR = 1e30
+"""What stands for no bound of the error: all parameters of a step are finite, also in single precision."""
+
+LEAST_RCOND = 1e-3
+"""rcond of [J; J_g], or of J, up to which a step stands still: there a joint moves about a thousand times as far as the
+tool, so at 1 mm/s the fastest arms are at their limits."""
 
 AT_LIMIT = 1e-6
 """Share of the wanted speed below which a joint stands at its limit."""
@@ -53,6 +66,7 @@ class StepStatus(IntEnum):
     LIMIT = 2
     SINGULAR = 3
     NOT_FINITE = 4
+    LOST = 8  # 5 to 7 are of exported C
 
 
 class Controller(ControlLaw):
@@ -67,13 +81,13 @@ class Controller(ControlLaw):
 
     Attributes:
         strategy: what it was made of. dt: its step [s]. engine: what runs, native code or the virtual machine.
-        parameters: (c, dt, K, K_g), the numbers of the compiled step besides its arguments.
+        parameters: (c, dt, K, K_g, most error, least rcond), the numbers of the compiled step besides its arguments.
     """
 
     def __init__(self, compiled: _Compiled):
         super().__init__(f"controller, {compiled.strategy.name}", compiled.begin)
         self.strategy, self.parameters, self.engine = compiled.strategy, compiled.parameters, compiled.engine
-        self.dt = float(compiled.parameters[-3])
+        self.dt = float(compiled.parameters[-5])
         self._compiled = compiled
         self._rates, self._memory = compiled.bound(compiled.parameters)
 
@@ -93,7 +107,7 @@ class Controller(ControlLaw):
         `custom_task` of m > 3 rows a point (m,) and how fast it moves.
 
         Returns:
-            dq (n,), a new array. It is zero where `status` is SINGULAR or NOT_FINITE; nothing is raised then.
+            dq (n,), a new array. It is zero where `status` is SINGULAR, NOT_FINITE or LOST; nothing is raised then.
 
         Raises:
             ArgumentError: an argument is no array of real numbers, or the pose's last row is not 0, 0, 0, 1, as of a
@@ -114,7 +128,7 @@ class Controller(ControlLaw):
     @property
     def leaf(self) -> Vector:
         """c = g(start) (r,): the leaf that it holds; empty where there is none."""
-        return self.parameters[:-3]
+        return self.parameters[:-5]
 
     @property
     def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
@@ -162,7 +176,7 @@ class _Compiled:
         """A run: a step with memory and dt of its own. Raises (when it runs): SingularityError, ArgumentError."""
         parameters = self.parameters.copy()
         rates, memory = self.bound(parameters)
-        known, highest = float(parameters[-3]), float(max(parameters[-2:]))
+        known, highest = float(parameters[-5]), float(max(parameters[-4:-2]))
 
         def step(q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
             nonlocal known
@@ -170,7 +184,7 @@ class _Compiled:
                 if not (0 < dt < np.inf and dt * highest < 2):
                     most = f"a positive step below {2 / highest:g} s" if highest else "a positive step"
                     raise ArgumentError("the dt of a run", dt, f"give {most}, or smaller gains: the loop is unstable")
-                parameters[-3] = known = dt
+                parameters[-5] = known = dt
             dq = rates(q, pose, twist)
             if memory.last[-1] >= StepStatus.SINGULAR:
                 self.check(q, pose, twist, parameters)
@@ -186,8 +200,11 @@ class _Compiled:
         for what, value in zip(("q", "pose", "twist"), arguments, strict=True):
             if not np.isfinite(value).all():
                 raise NotFiniteError(what, value.tolist())
-        _, _, rcond, margin, *_ = self.function(*arguments, parameters)
-        self.strategy.check(arguments[0], rcond, margin)
+        _, _, rcond, margin, _, off, _ = self.function(*arguments, parameters)
+        most, least = map(float, parameters[-2:])
+        self.strategy.check(arguments[0], rcond, margin, least)
+        if not off <= most:
+            raise LostToolError(float(off), most)
 
 
 def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Array:
@@ -246,15 +263,18 @@ def _machine(
         if change:
             parameters_in[...] = parameters
         trigger()
-        rates, scale, rcond, margin, room, given = results
+        rates, scale, rcond, margin, room, off, given = results
         share = scale.item()
         size = rates @ rates + share + given.item()
-        if isfinite(size) and rcond.item() > least and margin.item() > clear:
+        most, singular = parameters_in[-2:].tolist()
+        sound = isfinite(size) and rcond.item() > max(least, singular) and margin.item() > clear
+        if sound and off.item() <= most:
             out[-2] = share
             out[-1] = ok if share >= 1.0 else slowed if room.item() > AT_LIMIT else limit
             return rates.copy()
         out[-2] = 0.0
-        out[-1] = StepStatus.SINGULAR if np.isfinite(given.item()) else StepStatus.NOT_FINITE
+        given_all = isfinite(given.item())
+        out[-1] = StepStatus.NOT_FINITE if not given_all else StepStatus.LOST if sound else StepStatus.SINGULAR
         return np.zeros(len(rates))
 
     return step
@@ -269,6 +289,8 @@ def controller(
     gain: float | None = None,
     constraint_gain: float | None = None,
     limits: bool = True,
+    most_error: float = MOST_ERROR,
+    least_rcond: float = LEAST_RCOND,
 ) -> Controller:
     """A strategy as a control step, native code if there is a compiler, else CasADi's virtual machine.
 
@@ -281,10 +303,14 @@ def controller(
             constraint. A strategy without one has no leaf, and its start does not matter.
         gain: K [1/s], how fast an error of the tool fades; 0.1/dt by default, by a tenth each step.
         constraint_gain: K_g [1/s], how fast the joints are led back to their leaf; 0.1/dt by default.
-        limits: keep joint speeds, and positions one step ahead, by slowing along the path.
+        limits: keep joint speeds, and positions one step ahead, by slowing along the path. A joint without a speed
+            limit may turn once a second, or move 2 m/s: give the robot its own by `hk.with_limits`.
+        most_error: error e of the tool, of each row in m or rad, beyond which a step stands still with the status LOST;
+            infinite for none.
+        least_rcond: rcond of [J; J_g], or of J, up to which a step stands still with the status SINGULAR.
 
     Raises:
-        ArgumentError: no start for a strategy with a constraint, or a bad dt or gain. ShapeError, NotFiniteError.
+        ArgumentError: no start for a strategy with a constraint, a bad dt, gain or bound. ShapeError, NotFiniteError.
         SingularityError: the strategy is singular at the start.
     """
     dt = number("dt", dt)
@@ -296,13 +322,14 @@ def controller(
         for what, value in (("gain", gain), ("constraint_gain", constraint_gain))
     )
     _check_gains(dt, K, K_g)
+    bounds = _bounds(most_error, least_rcond)
     q0, leaf, function = None, np.zeros(0), step_function(strategy, limits)
     if has_leaf(strategy):
         if start is None:
             raise ArgumentError("start", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
         q0 = start_posture(strategy.task.robot, start)
         leaf = leaf_value(strategy, q0)
-    compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g))))
+    compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g, *bounds))))
     if q0 is not None:
         still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))
         compiled.check(q0, strategy.task.pose(q0), still, compiled.parameters)
@@ -329,6 +356,16 @@ def _check_gains(dt: float, gain: float, constraint_gain: float) -> None:
             raise ArgumentError(what, value, cure)
 
 
+def _bounds(most_error: float, least_rcond: float) -> tuple[float, float]:
+    """(most error, least rcond) of a step. Raises: ArgumentError."""
+    most, least = number("most_error", most_error), number("least_rcond", least_rcond)
+    if not most > 0:
+        raise ArgumentError("most_error", most, "give a positive error in m and rad, or math.inf for none")
+    if not 0 <= least < 1:
+        raise ArgumentError("least_rcond", least, "give a number from 0 to below 1, as 1e-3")
+    return min(most, LARGEST_ERROR), max(least, TOLERANCES.singular)
+
+
 def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Compiled:
     """As native code, or else on the virtual machine: a warning tells, or of a step that is too long its engine."""
     machine, size = "CasADi's virtual machine", function.program.instructions
@@ -345,48 +382,3 @@ def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Co
 def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
     thresholds = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
     return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
-
-
-def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
-    """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
-    return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
-
-
-def step_function(strategy: Strategy, limits: bool) -> Function:
-    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, given), with parameters = (c, dt, K, K_g).
-
-    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
-    serves all parameters. room is the scale that position limits allow; given is finite where all arguments are, also
-    those not needed.
-    """
-    strategy = strategy.looped
-    e, task = strategy.expressions, strategy.task
-    r = task.n - task.m if has_leaf(strategy) else 0
-    (pose, twist), (p, R, twists) = wanted_symbols(task)
-    parameters = symbol("parameters", r + 3)
-    c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
-    dx, error = tracking(task, e.kinematics, p, R, twists, dt)
-    found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
-    dq, fast, room = found.X, SX(1), SX(1)
-    if limits:
-        for i, joint in enumerate(task.robot.coordinates):
-            if np.isfinite(joint.max_velocity):
-                fast = fmin(fast, joint.max_velocity / fmax(fabs(dq[i]), 1e-12))
-            for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
-                if np.isfinite(bound):
-                    left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
-                    room = fmin(room, if_else(speed > 1e-12, left / fmax(speed, 1e-12), 1))
-    given, scale = SX(0), fmin(fast, room)
-    values = vertcat(e.q, vec(pose), twist, parameters)
-    for i in range(values.shape[0]):
-        given = given + fabs(values[i]) / 1024  # their sum is finite where they are
-    outputs = {
-        "dq": scale * dq,
-        "scale": scale,
-        "rcond": found.rcond,
-        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
-        "room": room,
-        "given": given,
-    }
-    inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
-    return Function("step", inputs, outputs, found.system, strategy.transport)

@@ -10,6 +10,7 @@ from .extent import reach
 from .free_coordinates import coordinates
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression, potential_expression
+from .limits import with_limits
 from .link_frames import link_jacobian
 from .links import DENSITY, knows_masses, weighed
 from .mjcf import from_mjcf
@@ -81,6 +82,7 @@ __all__ = [
     "weighed",
     "with_base_pose",
     "with_capsules",
+    "with_limits",
     "with_shape",
     "with_tool",
 ]

@@ -14,6 +14,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from .chains import robot_of
 from .geometry import LinkShape, Unread
+from .limits import JointValues, with_limits
 from .mjcf_shapes import shapes_of, transform
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
@@ -33,12 +34,13 @@ def from_mjcf(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    max_velocity: JointValues | None = None,
 ) -> Robot:
     """A robot from MJCF: the chain, or chains, from `base` to `tip`, read by MuJoCo.
 
     Joints are hinges and slides, with their `ref`; a joint equality whose polynomial is linear makes one joint follow
-    another. MuJoCo has no speed limits, so the robot has none. Missing meshes do no harm: then masses are those that
-    the file gives in numbers, and none if a body has no such numbers.
+    another. MuJoCo has no speed limits: give them as `max_velocity`, else the robot has none. Missing meshes do no
+    harm: then masses are those that the file gives in numbers, and none if a body has no such numbers.
 
     Args:
         model: a file, a text that begins with "<", or a `mujoco.MjModel`.
@@ -46,6 +48,7 @@ def from_mjcf(
             Without it the tree must end in one of them only.
         base: body that stays put and whose frame is used; by default the world.
         locked: joint name -> value [m or rad] of joints to hold still.
+        max_velocity: speed limits [rad/s or m/s], as of `with_limits`: one for all joints, one for each, or by name.
 
     Raises:
         MissingExtraError: mujoco is not installed.
@@ -56,11 +59,13 @@ def from_mjcf(
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjModel):
         name = _text(model.names, 0) or "model"
-        return robot_of(model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
+        found = robot_of(model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
+        return found if max_velocity is None else with_limits(found, max_velocity=max_velocity)
     if not isinstance(model, str | Path):
         raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
     tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
-    return robot_of(tree, tip, base, locked)
+    found = robot_of(tree, tip, base, locked)
+    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity)
 
 
 def mjcf_tree(path: str | Path) -> Tree:

@@ -94,11 +94,11 @@ class Strategy(Made, Value, ABC):
         H = self.H(q)
         return H @ H.T
 
-    def check(self, q: Vector, rcond: float, margin: float) -> None:
-        """Raises: SingularityError, of which kind it says, where rcond or margin (as of `gain`) is too small."""
+    def check(self, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular) -> None:
+        """Raises: SingularityError, of which kind it says, unless rcond > least and margin (as of `gain`) suffices."""
         if margin > TOLERANCES.representation and not rcond > TOLERANCES.singular:
             self._check_finite(q)
-        check_regular(self.task, self.name, q, rcond, margin)
+        check_regular(self.task, self.name, q, rcond, margin, least)
 
     # --- expressions and the functions built from them, once --------------------------------------------------
 
@@ -177,15 +177,17 @@ class Strategy(Made, Value, ABC):
             raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist(), FORMULA)
 
 
-def check_regular(task: Task, name: str, q: Vector, rcond: float, margin: float) -> None:
-    """Raises: SingularityError of a law at q, saying of which kind, where rcond or margin is too small."""
+def check_regular(
+    task: Task, name: str, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular
+) -> None:
+    """Raises: SingularityError of a law at q, saying of which kind, unless rcond > least and margin suffices."""
     what = f"{name} ({task.name})"
     if not margin > TOLERANCES.representation:
         raise SingularityError(SingularityKind.REPRESENTATION, q, what, margin)
-    if rcond > TOLERANCES.singular:
+    if rcond > least:
         return
     s = np.linalg.svd(task.jacobian(q), compute_uv=False)
-    kinematic = s[-1] <= TOLERANCES.rank * s[0]
+    kinematic = s[-1] <= max(TOLERANCES.rank, least) * s[0]
     kind = SingularityKind.KINEMATIC if kinematic else SingularityKind.ALGORITHMIC
     raise SingularityError(kind, q, what, s[-1] if kinematic else rcond)
 

@@ -130,14 +130,14 @@ class HolonomicStrategy(KernelStrategy):
             margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
         return margin
 
-    def check(self, q: Vector, rcond: float, margin: float) -> None:
+    def check(self, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular) -> None:
         """Raises: SingularityError, of which kind it says, and where a constraint that names its places is singular."""
         if not margin > TOLERANCES.representation and self.constraint.places:
             for (place, _), distance in zip(self.constraint.places, np.ravel(self._places(q)).tolist(), strict=True):
                 if not distance > TOLERANCES.representation:
                     what = f"{self.name} ({self.task.name}), {place},"
                     raise SingularityError(SingularityKind.REPRESENTATION, q, what, distance)
-        super().check(q, rcond, margin)
+        super().check(q, rcond, margin, least)
 
     @cached_property
     def _places(self) -> Function:

@@ -41,8 +41,9 @@ enum {
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   ${NAME}_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */
-  ${NAME}_BAD_PARAMETERS = 6, /* dt is not above 0, or a gain is negative or not below 2/dt, where loops are unstable */
-  ${NAME}_NOT_A_ROTATION = 7  /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
+  ${NAME}_BAD_PARAMETERS = 6, /* dt or most_error is not above 0, least_rcond not in [0, 1), a gain negative or not below 2/dt */
+  ${NAME}_NOT_A_ROTATION = 7, /* a wanted pose is none: transposed, or, for inverse kinematics, scaled, skewed or left-handed */
+  ${NAME}_LOST = 8          /* a control step: the tool is further than most_error from where it is wanted */
 };
 
 /* The parameters of a control step. ${name}_defaults gives those of the start posture, with gains of 0.1/dt: another
@@ -51,6 +52,8 @@ typedef struct {
 $leaf_member  ${name}_real dt;              /* the loop's step [s] */
   ${name}_real gain;            /* K [1/s]: how fast an error of the tool fades */
   ${name}_real constraint_gain; /* K_g [1/s]: how fast the joints are led back to their leaf */
+  ${name}_real most_error;      /* of the tool [m, rad]: beyond it a step stands still, LOST */
+  ${name}_real least_rcond;     /* of [J; J_g] or J: up to it a step stands still, SINGULAR */
 } ${name}_parameters;
 
 void ${name}_defaults(${name}_parameters *parameters);

@@ -32,7 +32,8 @@ enum class Status {
   not_finite = ${NAME}_NOT_FINITE,
   not_converged = ${NAME}_NOT_CONVERGED,
   bad_parameters = ${NAME}_BAD_PARAMETERS,
-  not_a_rotation = ${NAME}_NOT_A_ROTATION
+  not_a_rotation = ${NAME}_NOT_A_ROTATION,
+  lost = ${NAME}_LOST
 };
 
 /* A value and its status; true where there is a value: where the status is below ${NAME}_SINGULAR. */

@@ -69,6 +69,8 @@ int main(void) {
   real q[$n], target[$target], dx[$m], twist[$twist], T[$poses], G[$nm], dq[$n], scale;
   ${name}_parameters parameters;
 $declare_leaf  ${name}_defaults(&parameters);
+  parameters.most_error = (real)1e30; /* the vectors are of any distance, and near singular postures, too */
+  parameters.least_rcond = (real)0;
   for (int k = 0; k < COUNT; k++) {
     const vector *v = &vectors[k];
 #ifdef ${NAME}_FLOAT

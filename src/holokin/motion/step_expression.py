@@ -1,0 +1,72 @@
+"""The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its status is made of."""
+
+from __future__ import annotations
+
+from typing import TypeGuard
+
+import numpy as np
+
+from ..robot import Coordinate
+from ..strategies import HolonomicStrategy, Strategy
+from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
+from .control_law import feedback, tracking, wanted_symbols
+
+UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
+"""Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
+axes do. MJCF has no speed limits, and a law's rates grow without a bound towards the end of its leaf."""
+
+
+def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
+    """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
+    return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
+
+
+def fastest_rate(joint: Coordinate) -> float:
+    """The speed [unit/s] that a step keeps a joint to: its limit, or that of one that has none."""
+    return joint.max_velocity if np.isfinite(joint.max_velocity) else UNLIMITED.get(joint.unit, np.inf)
+
+
+def step_function(strategy: Strategy, limits: bool) -> Function:
+    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given).
+
+    parameters = (c, dt, K, K_g, most error, least rcond). pose (4, 4) and twist (6,), or both (3,) where the task is a
+    position, as in `wanted_symbols`. One compiled step serves all parameters. room is the scale that position limits
+    allow; off the largest row of e; given is finite where all arguments are, also those not needed.
+    """
+    strategy = strategy.looped
+    e, task = strategy.expressions, strategy.task
+    r = task.n - task.m if has_leaf(strategy) else 0
+    (pose, twist), (p, R, twists) = wanted_symbols(task)
+    parameters = symbol("parameters", r + 5)
+    c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
+    dx, error = tracking(task, e.kinematics, p, R, twists, dt)
+    found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
+    dq, fast, room = found.X, SX(1), SX(1)
+    if limits:
+        for i, joint in enumerate(task.robot.coordinates):
+            fastest = fastest_rate(joint)
+            if np.isfinite(fastest):
+                fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
+            for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
+                if np.isfinite(bound):
+                    left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
+                    room = fmin(room, if_else(speed > 1e-12, left / fmax(speed, 1e-12), 1))
+    largest = SX(0)
+    for i, unit in enumerate(task.units):
+        if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
+            largest = fmax(largest, fabs(error[i]))
+    given, scale = SX(0), fmin(fast, room)
+    values = vertcat(e.q, vec(pose), twist, parameters)
+    for i in range(values.shape[0]):
+        given = given + fabs(values[i]) / 1024  # their sum is finite where they are
+    outputs = {
+        "dq": scale * dq,
+        "scale": scale,
+        "rcond": found.rcond,
+        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
+        "room": room,
+        "off": largest,
+        "given": given,
+    }
+    inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
+    return Function("step", inputs, outputs, found.system, strategy.transport)

@@ -1,0 +1,79 @@
+"""`with_limits`: a robot with limits of its joints that its model does not have, or with others than it has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..arguments import typed
+from ..errors import ArgumentError, ShapeError
+from ..types import ArrayLike, Vector, numbers
+from .model import Robot
+
+FASTEST = 50.0
+"""Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
+
+FARTHEST_TURN = 1_000.0
+"""Turn [rad] of a joint beyond which a limit of position is doubted: 159 turns. Infinite is no limit, and is not."""
+
+JointValues = ArrayLike | Mapping[str, float]
+"""One number for all joints, one for each (n,), or those of some joints by name."""
+
+
+@typed
+def with_limits(
+    robot: Robot,
+    *,
+    lower: JointValues | None = None,
+    upper: JointValues | None = None,
+    max_velocity: JointValues | None = None,
+) -> Robot:
+    """The robot with other limits of its joints; those that are not given stay. `math.inf` is no limit.
+
+    MJCF has no speed limits, and DH tables and URDFs of users often lack them; a control step and timing need them.
+
+    Args:
+        lower, upper: positions [rad; m of a prismatic joint]: one number for all joints, one for each (n,), or a
+            mapping from the names of some.
+        max_velocity: speeds [rad/s; m/s], likewise.
+
+    Raises:
+        ArgumentError: lower above upper, a speed that is not positive, or limits that seem to be in degrees.
+        UnknownNameError: a joint that there is not. ShapeError: not one number for each joint.
+    """
+    given = {"lower": lower, "upper": upper, "max_velocity": max_velocity}
+    known = {what: _each(robot, what, value) for what, value in given.items() if value is not None}
+    hinges = robot.hinges
+    for what, values in known.items():
+        most = FASTEST if what == "max_velocity" else FARTHEST_TURN
+        doubted = np.isfinite(values) & (np.abs(values) > most) & hinges
+        if doubted.any():
+            i = int(np.argmax(doubted))
+            unit = "rad/s" if what == "max_velocity" else "rad"
+            cure = f"give {unit}, as np.deg2rad({values[i]:g}), or math.inf for none"
+            raise ArgumentError(f"{what} of joint {robot.joint_names[i]!r}", f"{values[i]:g} {unit}", cure)
+    rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
+    return replace(robot, coordinates=tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True)))
+
+
+def _each(robot: Robot, what: str, value: JointValues) -> Vector:
+    """(n,) of a number, of n numbers, or of those of some joints, where the others stay."""
+    values = getattr(robot, what).copy()
+    if isinstance(value, Mapping):
+        for name, one in value.items():
+            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", one)
+        return values
+    found = numbers(what, value)
+    if found.shape not in ((), (robot.n,)):
+        raise ShapeError(what, f"() or ({robot.n},)", found.shape)
+    values[...] = found
+    return values
+
+
+def _number(what: str, value: float) -> float:
+    found = numbers(what, value)
+    if found.shape != ():
+        raise ShapeError(what, "()", found.shape)
+    return float(found)
