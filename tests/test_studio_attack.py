@@ -82,9 +82,10 @@ def scene() -> Iterator[Any]:
         others = ThreadingHTTPServer(("127.0.0.1", 0), Blank)
         threading.Thread(target=others.serve_forever, daemon=True).start()
         panels = studio.page.panels
+        wanted = [(panels.cycles, 1e308), (panels.job, "/etc/passwd"), (panels.open, True), (panels.start, True)]
         said = [
             {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
-            for control, value in ((panels.cycles, 1e308), (panels.job, "/etc/passwd"), (panels.open, True), (panels.start, True))
+            for control, value in wanted
         ]
         with playwright.sync_playwright() as driver:
             browser = driver.chromium.launch(
@@ -97,8 +98,9 @@ def scene() -> Iterator[Any]:
             own.goto(f"{studio.url}?fixedDpr=0.3")
             own.get_by_role("button", name="Start", exact=True).wait_for()
             yield SimpleNamespace(
-                studio=studio, session=studio.session, context=context, own=own, problems=problems, port=others.server_port,
-                asked=asked, said=[list(msgspec.msgpack.encode(one)) for one in said], url=urlsplit(studio.url),
+                studio=studio, session=studio.session, context=context, own=own, problems=problems, asked=asked,
+                said=[list(msgspec.msgpack.encode(one)) for one in said], port=others.server_port,
+                url=urlsplit(studio.url),
             )  # fmt: skip
             browser.close()
         others.shutdown()
@@ -141,7 +143,7 @@ def test_nor_does_it_where_it_knows_the_token(scene: Any, host: str) -> None:
 
 
 def test_a_name_that_is_pointed_at_this_machine_does_nothing(scene: Any) -> None:
-    """After DNS rebinding the attacker's page and the studio are one origin to the browser: the host tells them apart."""
+    """After DNS rebinding the attacker's page and the studio are one origin to a browser; the host tells them apart."""
     page = scene.context.new_page()
     answer = page.goto(f"http://{EVIL}:{scene.url.port}{scene.url.path}")
     assert answer.status == 403 and page.evaluate("location.host") == f"{EVIL}:{scene.url.port}"

@@ -17,6 +17,8 @@ from holokin.job import open_job, run_job
 from holokin.output.palette import NONHOLONOMIC, rgb
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
+
+
 @pytest.fixture(scope="module")
 def uncompiled() -> Iterator[None]:
     """On the virtual machine, which shows the same and needs no compiler."""

@@ -86,11 +86,11 @@ def _guarded(door: Door, answer: Any) -> Any:
     """The check of a request, then what viser answers."""
 
     def process(connection: library.ServerConnection, request: Request) -> Response | None:
-        headers, port = request.headers, connection.local_address[1]
-        hosts = headers.get_all("Host")
-        refused = door.stranger(port, hosts, headers.get_all("Origin"))
+        hosts, port = request.headers.get_all("Host"), connection.local_address[1]
+        refused = door.stranger(port, hosts, request.headers.get_all("Origin"))
         if not refused and door.invited(request.path):
-            found = Response(http.HTTPStatus.FOUND, "Found", Headers({"Location": f"/{door.token}/", "Content-Length": "0"}), b"")
+            headers = Headers({"Location": f"/{door.token}/", "Content-Length": "0"})
+            found = Response(http.HTTPStatus.FOUND, "Found", headers, b"")
         elif refused or not door.knows(request.path):
             found = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
         else:

@@ -36,9 +36,9 @@ ENDED = "Nothing moves any more on this page. Start the studio again: it prints 
 """What browsers are told in the end."""
 
 OPEN = (
-    "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move the "
-    "robots of the page, open packaged jobs in it, and download what it shows; whoever listens on the way reads it all, "
-    "the token, too"
+    "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move "
+    "the robots of the page, open packaged jobs in it, and download what it shows; whoever listens on the way reads "
+    "it all, the token, too"
 )
 """What is said of a host that other machines reach."""
 
