@@ -73,7 +73,7 @@ def scene() -> Iterator[Any]:
             self.end_headers()
             self.wfile.write(body)
 
-        def log_message(self, *_said: Any) -> None:
+        def log_message(self, format: str, *args: Any) -> None:
             pass
 
     with pytest.MonkeyPatch.context() as patch:

@@ -14,6 +14,7 @@ import pytest
 
 import holokin as hk
 from holokin.errors import MissingExtraError
+from holokin.studios import Motion, record, to_job
 from holokin.studios.door import LOOPBACK, Door, inner
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
@@ -220,9 +221,9 @@ def test_a_recording_is_made_behind_a_door_whose_token_nobody_knows() -> None:
 
 def test_the_token_is_in_nothing_that_leaves_the_page(studio: Any) -> None:
     session, token = studio.session, studio.door.token
-    motion = hk.studios.Motion(np.array([0.0, 0.1]), np.stack([session.home, session.home + 0.1]))
-    made = hk.studios.record(session.robot, {"law": motion}, seconds=0.1)
-    assert token not in made.html() and token not in hk.studios.to_job(session)
+    motion = Motion(np.array([0.0, 0.1]), np.stack([session.home, session.home + 0.1]))
+    made = record(session.robot, {"law": motion}, seconds=0.1)
+    assert token not in made.html() and token not in to_job(session)
     kept = studio.server._websock_server._broadcast_buffer.message_from_id
     assert len(kept) > 50 and not [message for message in kept.values() if token in repr(message)]
 
