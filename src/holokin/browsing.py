@@ -42,8 +42,9 @@ def studio(
         The studio: `url`, `session`, `open(name)`, `close()`.
 
     Raises:
-        MissingExtraError: viser or trimesh is not installed, or a viser that cannot be guarded. ArgumentError: a port or host that cannot be; a robot
-            without a joint to spare. HolokinError: what reading the job or robot raises.
+        MissingExtraError: viser or trimesh is not installed, or a viser that cannot be guarded.
+        ArgumentError: a port or host that cannot be; a robot without a joint to spare.
+        HolokinError: what reading the job or robot raises.
     """
     check("port", int, port)
     check("host", str, host)

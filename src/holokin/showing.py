@@ -22,9 +22,7 @@ def studio(
     port: Annotated[int, typer.Option(help="Where the page is; the next free one if it is in use.")] = 8080,
     host: Annotated[
         str,
-        typer.Option(
-            help="The address that is served: by default this machine alone; others are open to the network, unencrypted."
-        ),
+        typer.Option(help="By default this machine alone; another address is open to the network, unencrypted."),
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
 ) -> None:
