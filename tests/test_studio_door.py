@@ -135,22 +135,24 @@ def test_all_answers_keep_the_address_secret_and_the_page_out_of_frames(studio: 
     assert f"connect-src 'self' ws://localhost:{port} blob: data:;" in page and "frame-ancestors 'none'" in page
 
 
-def test_the_browser_is_started_without_the_token_by_a_path_that_holds_once(
-    studio: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_browser_is_started_without_the_token_by_a_path_that_holds_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Arguments of programs are seen by all users of a machine."""
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
-    studio.browse()
-    port, path = place(studio)
-    invitation = urlsplit(opened[0])
-    assert path.strip("/") not in opened[0] and invitation.port == port
-    host = f"Host: localhost:{port}\r\n"
-    assert status(answer(port, invitation.path, f"Host: evil.example:{port}\r\n", False)) == 403
-    assert status(answer(port, invitation.path, f"{host}Origin: http://evil.example\r\n", False)) == 403
-    found = answer(port, invitation.path, host, False)
-    assert status(found) == 302 and f"Location: {path}\r\n" in found
-    assert status(answer(port, invitation.path, host, False)) == 403
+    studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, tell=str)
+    try:
+        port, path = place(studio)
+        (address,) = opened
+        invitation = urlsplit(address)
+        assert path.strip("/") not in address and invitation.port == port
+        host = f"Host: localhost:{port}\r\n"
+        assert status(answer(port, invitation.path, f"Host: evil.example:{port}\r\n", False)) == 403
+        assert status(answer(port, invitation.path, f"{host}Origin: http://evil.example\r\n", False)) == 403
+        found = answer(port, invitation.path, host, False)
+        assert status(found) == 302 and f"Location: {path}\r\n" in found
+        assert status(answer(port, invitation.path, host, False)) == 403
+    finally:
+        studio.close()
 
 
 def test_an_invitation_ends_with_time(monkeypatch: pytest.MonkeyPatch) -> None:
