@@ -111,9 +111,9 @@ def _listening(incoming: Incoming) -> Any:
     class Listening(library.ServerConnection):
         heard, second = 0, 0.0
 
-        async def recv(self, decode: bool | None = None) -> Any:
+        async def recv(self, *given: Any, **named: Any) -> Any:
             while True:
-                said = await super().recv(decode)
+                said = await super().recv(*given, **named)
                 await self._paced()
                 found = incoming.passed(said)
                 if found is not None:
