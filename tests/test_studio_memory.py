@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +15,9 @@ from holokin.codegen import native
 from holokin.studios import Session, open_session
 from sessions import panda, shifted
 
-pytestmark = [
-    pytest.mark.skipif(not Path("/proc/self/maps").is_file(), reason="only Linux tells what is mapped"),
-    pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="only glibc tells what is allocated"),
-]
+GLIBC = sys.platform == "linux" and hasattr(ctypes.CDLL(None), "mallinfo2")
+
+pytestmark = pytest.mark.skipif(not GLIBC, reason="only glibc, on Linux, tells what is allocated and what is loaded")
 
 WARM, COUNT = 2, 5
 """Sessions that fill caches, and those that are counted."""
