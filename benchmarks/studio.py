@@ -87,12 +87,12 @@ def moves(message: bytes | str) -> bool:
     return GHOSTS in zstandard.ZstdDecompressor().decompress(message[HEADER : HEADER + size])
 
 
-def listen(port: int, counts: list[int], index: int, ended: threading.Event) -> None:
+def listen(url: str, counts: list[int], index: int, ended: threading.Event) -> None:
     """A client that draws nothing, and counts."""
     import viser
     from websockets.sync.client import connect
 
-    with connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as line:  # type: ignore[list-item]
+    with connect(url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as line:  # type: ignore[list-item]
         while not ended.is_set():
             try:
                 counts[index] += moves(line.recv(timeout=1.0))
@@ -113,8 +113,7 @@ def counted(counts: list[int], seconds: float) -> tuple[list[float], float]:
 def listeners(studio: hk.studios.Studio, clients: int, seconds: float) -> tuple[list[float], float]:
     """What comes to so many clients that listen, a second, and the share of a core."""
     ended, counts = threading.Event(), [0] * clients
-    port = studio.server.get_port()
-    hands = [threading.Thread(target=listen, args=(port, counts, i, ended), daemon=True) for i in range(clients)]
+    hands = [threading.Thread(target=listen, args=(studio.url, counts, i, ended), daemon=True) for i in range(clients)]
     for hand in hands:
         hand.start()
     time.sleep(min(WARM, seconds))

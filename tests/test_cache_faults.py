@@ -268,12 +268,14 @@ def test_a_file_swapped_after_the_check_is_not_loaded(tmp_path: Path, monkeypatc
         foreign.replace(file)
         return true(path, *rest)
 
+    monkeypatch.setattr(cache_module, "_loads", {})  # as in a process that has not loaded it yet
     monkeypatch.setattr(ctypes, "CDLL", swap)
     loaded = native.library(source)
     loaded.answer.restype = ctypes.c_double
     assert loaded.answer() == 42.0
     assert not foreign.exists()
     monkeypatch.setattr(ctypes, "CDLL", true)
+    monkeypatch.setattr(cache_module, "_loads", {})
     again = native.library(source)  # nor by the next
     again.answer.restype = ctypes.c_double
     assert again.answer() == 42.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
@@ -13,20 +12,11 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.job import open_job, run_job
 from holokin.output.palette import NONHOLONOMIC, rgb
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-if BROWSER is None:
-    pytest.skip("there is no chromium here: install one, as with `apt-get install chromium`", allow_module_level=True)
-
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage"]
-"""WebGL without a graphics card."""
-
-PATIENCE = 60_000
-"""Milliseconds: a machine without a graphics card, whose cores are shared."""
 
 
 @pytest.fixture(scope="module")

@@ -190,7 +190,7 @@ def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_sa
         kept.append(hk.studio("ppr-cycle", port=port, browser=False, wait=False, tell=said.append))
     assert kept[0].server.get_port() != port
     assert said[0] == f"port {port} is in use: the page is at port {kept[0].server.get_port()}"
-    assert said[1] == f"the studio is at http://localhost:{kept[0].server.get_port()}"
+    assert said[1] == f"the studio is at http://localhost:{kept[0].server.get_port()}/{kept[0].door.token}/"
     assert kept[0].server.get_host() == "127.0.0.1"
 
 

@@ -31,17 +31,20 @@ def studio(
         what: a job (packaged, or a file), a robot (of the catalogue, a file, or a Robot), or a `studios.Session`; by
             default the job panda-circle.
         port: where the page is served; the next free one if it is in use, 0 for any.
-        host: "127.0.0.1" is this machine alone; with another address of it others can open the page, too.
+        host: "127.0.0.1" is this machine alone; another address of it opens the page to the network, unencrypted, for
+            all who know its address.
         browser: False opens none.
         wait: serve until Ctrl-C; False returns at once, and `close()` ends it.
-        tell: hears where the page is, and what else is to be known of it, a sentence at a time.
+        tell: hears where the page is, and what else is to be known of it, a sentence at a time. The address has a
+            token in it: who has it can open the page.
 
     Returns:
         The studio: `url`, `session`, `open(name)`, `close()`.
 
     Raises:
-        MissingExtraError: viser or trimesh is not installed. ArgumentError: a port or host that cannot be; a robot
-            without a joint to spare. HolokinError: what reading the job or robot raises.
+        MissingExtraError: viser or trimesh is not installed, or a viser that cannot be guarded.
+        ArgumentError: a port or host that cannot be; a robot without a joint to spare.
+        HolokinError: what reading the job or robot raises.
     """
     check("port", int, port)
     check("host", str, host)

@@ -20,7 +20,10 @@ def studio(
     tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
     port: Annotated[int, typer.Option(help="Where the page is; the next free one if it is in use.")] = 8080,
-    host: Annotated[str, typer.Option(help="The address that is served: by default this machine alone.")] = "127.0.0.1",
+    host: Annotated[
+        str,
+        typer.Option(help="By default this machine alone; another address is open to the network, unencrypted."),
+    ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
 ) -> None:
     """Show a job or a robot as a page in the browser: drag the tool or a loop, and see which joints drift.

@@ -39,6 +39,7 @@ STALE = 3600.0
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _SEAL = 64
 _spellings = itertools.count()
+_loads: dict[bytes, ctypes.CDLL] = {}
 
 
 def cache_folder() -> Path:
@@ -110,9 +111,17 @@ def keep(path: Path, library: bytes) -> None:
 def load(library: bytes, path: Path) -> ctypes.CDLL:
     """Exactly these bytes as a shared library, not whatever is at `path` by now (but on Windows).
 
+    The same bytes are one library, however often they are asked for: what is loaded stays until the process ends.
+
     Raises:
         OSError: they end before their headers say, or the loader refuses them.
     """
+    key = hashlib.sha256(library).digest()
+    found = _loads.get(key)
+    return _loads.setdefault(key, _load(library, path)) if found is None else found
+
+
+def _load(library: bytes, path: Path) -> ctypes.CDLL:
     if _is_cut(library):
         raise OSError("the file is cut short")
     if sys.platform == "win32":

@@ -17,6 +17,9 @@ from .states import Phase, Snapshot
 LEAST = 0.005
 """Smallest radius of a loop that can be dragged [m]."""
 
+FAR, MOST = 100.0, 50
+"""Where corners are [m], and how many: a click near the horizon meets the tool's level far beyond all robots."""
+
 
 class Handles:
     """Transform controls in the scene of a page."""
@@ -84,10 +87,13 @@ class Handles:
         if abs(ray[2]) < 1e-9 or (height - origin[2]) / ray[2] <= 0:
             self.page.say("That click does not meet the level of the tool: look at it from above and click again.")
             return
-        self.corners.append(origin + (height - origin[2]) / ray[2] * ray)
+        corner = origin + (height - origin[2]) / ray[2] * ray
+        if np.abs(corner).max() > FAR or len(self.corners) == MOST:
+            self.page.say(f"A corner is within {FAR:g} m of the base, and a polygon has at most {MOST} of them.")
+            return
+        self.corners.append(corner)
         self.page.scene.path(self.corners, "corners")
-        for index, corner in enumerate(self.corners):
-            self.page.scene.ball(corner, LOOP, f"corner{index}", 0.08 * self.size)
+        self.page.scene.ball(corner, LOOP, f"corner{len(self.corners) - 1}", 0.08 * self.size)
 
     def close_corners(self) -> None:
         """The polygon through the corners is the loop. Raises: ArgumentError: fewer than three."""

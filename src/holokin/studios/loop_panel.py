@@ -78,7 +78,7 @@ class LoopPanel:
 
         @self.ways.on_click
         def _(_event: Any) -> None:
-            page.attempt(self._two_ways)
+            page.alone("two ways", self._two_ways)
 
     def _tool(self) -> Any:
         return self.page.session.snapshot().target[0][:3, 3]

@@ -55,6 +55,7 @@ class Page:
         self._loop_drawn: tuple[int, str] | None = None
         self._slow_at, self._turn = 0.0, 0
         self._waiting: dict[object, Action] = {}
+        self._busy: set[object] = set()
         self._wake = threading.Condition()
         self._over = False
         self.said = ""
@@ -172,6 +173,18 @@ class Page:
         except Exception as problem:  # noqa: BLE001  one fault must not end the page of everybody
             if not self._over:
                 self.say(f"holokin failed where it should not: {type(problem).__name__}: {problem}")
+
+    def alone(self, key: object, action: Action) -> None:
+        """As `attempt`, and not while it is being done: threads of clicks are few, and all browsers share them."""
+        with self._wake:
+            if key in self._busy:
+                return
+            self._busy.add(key)
+        try:
+            self.attempt(action)
+        finally:
+            with self._wake:
+                self._busy.discard(key)
 
     def _look(self) -> None:
         loop = self.session.loop

@@ -125,7 +125,7 @@ class Panels:
 
         @self.open.on_click
         def _(_event: Any) -> None:
-            reopen(self.job.value)
+            self.page.alone("open", lambda: reopen(self.job.value))
 
     def _back(self) -> None:
         """All laws to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""

@@ -17,6 +17,9 @@ PICTURES, PAUSE = 60, 0.1
 WIDE = 720
 """Width of a GIF [pixels]."""
 
+TALL = 3.0
+"""Height of a GIF over its width, at most: a telephone's page has 2.2."""
+
 PATIENCE = 30.0
 """Seconds to wait for a picture of a browser."""
 
@@ -47,7 +50,7 @@ class SavePanel:
             @button.on_click
             def _(event: Any, make: Any = make) -> None:
                 if event.client is not None:
-                    page.attempt(lambda: self._out(event.client, make))
+                    page.alone(("save", event.client_id), lambda: self._out(event.client, make))
 
     def _out(self, client: Any, make: Any) -> None:
         try:
@@ -76,7 +79,8 @@ class SavePanel:
         if page.session.snapshot().phase not in (Phase.RUNNING, Phase.GATHERING):
             page.session.play()
         first = page.session.snapshot().cycle
-        height = int(WIDE * client.camera.image_height / client.camera.image_width)
+        shape = client.camera.image_height / max(client.camera.image_width, 1)
+        height = int(WIDE * min(shape, TALL))
         while len(frames) < PICTURES:
             began = time.perf_counter()
             frames.append(client.get_render(height, WIDE, timeout=PATIENCE))

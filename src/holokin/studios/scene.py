@@ -30,6 +30,10 @@ SAME = 0.001
 FOV = np.deg2rad(40.0)
 """Of the camera, upright: as of a 50 mm lens."""
 
+_PLAIN_ADDRESS = (
+    'const at = new URL(location.href); at.searchParams.delete("websocket"); history.replaceState(null, "", at.href);'
+)
+
 _FLOOR = (246, 247, 249)
 _CELL, _SECTION = (228, 231, 235), (208, 213, 220)
 
@@ -57,12 +61,15 @@ def silent_viser() -> Iterator[None]:
 
 
 def name_tab(server: Any, title: str) -> None:
-    """The title of the tab of all browsers. viser has no call for it; without its message the title is viser's."""
+    """The title of the tab of all browsers, and its address without what viser adds.
+
+    viser has no call for it; without its message the title is viser's.
+    """
     try:
         from viser._messages import RunJavascriptMessage
 
         server.gui._websock_interface.queue_message(
-            RunJavascriptMessage(source=f"document.title = {json.dumps(title)};")
+            RunJavascriptMessage(source=f"document.title = {json.dumps(title)};{_PLAIN_ADDRESS}")
         )
     except (ImportError, AttributeError):
         return

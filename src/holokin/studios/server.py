@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import ipaddress
 import os
 import socket
 import threading
@@ -13,8 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, UnknownNameError
+from ..job import packaged_jobs
 from ..robot import Robot
+from .door import HERE, Door, loopback, wildcard
 from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .opening import open_session, session_of_robot
 from .page import Page
@@ -25,17 +26,21 @@ from .working import failure
 PORT = 8080
 """Where the page is, unless it is in use."""
 
-HERE = "127.0.0.1"
-"""This machine alone."""
-
 TRIED = 50
 """Ports that are tried."""
 
 FAREWELL = 1.0
 """Seconds for the last words to reach browsers: the server ends its sending threads without waiting for them."""
 
-ENDED = "Nothing moves any more on this page. Start the studio again, and load the page again."
+ENDED = "Nothing moves any more on this page. Start the studio again: it prints a new address."
 """What browsers are told in the end."""
+
+OPEN = (
+    "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move "
+    "the robots of the page, open packaged jobs in it, and download what it shows; whoever listens on the way reads "
+    "it all, the token, too"
+)
+"""What is said of a host that other machines reach."""
 
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
@@ -49,22 +54,29 @@ class Studio:
     """A page that is served until `close`. `hk.studio` makes one.
 
     Attributes:
-        url: where the page is. notes: what is to be said of it: another port than asked for, a host that others reach.
+        url: where the page is, with its token: who has it can open the page.
+        notes: what is to be said of it: another port than asked for, a host that others reach.
+
+    Raises:
+        MissingExtraError: viser is not installed, or is one that cannot be guarded.
     """
 
     def __init__(self, session: Session, port: int = PORT, host: str = HERE):
-        viser = viser_package()
+        viser_package()
+        from .gate import open_server
+        from .incoming import Incoming
+
         self._lock, self._over = threading.Lock(), False
-        free = free_port(host, port)
-        with silent_viser():  # our own sentence says more than its banner
-            self.server = viser.ViserServer(host=host, port=free, verbose=False)
+        self.door = Door(host)
+        self.server = open_server(host, free_port(host, port), self.door, Incoming())
         found = self.server.get_port()
-        self.url = url_of(host, found)
+        self._base = url_of(host, found)
+        self.url = f"{self._base}/{self.door.token}/"
         self.notes: list[str] = []
         if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
-        if not _loopback(host):
-            self.notes.append(f"everyone who reaches this machine at {host} can open and move the page")
+        if not loopback(host):
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
         self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
 
@@ -123,9 +135,15 @@ class Studio:
         name_tab(self.server, f"{session.source or session.title} - holokin studio")
         return page
 
+    def browse(self) -> None:
+        """Open a browser of this machine. Its arguments, which all users of the machine can see, tell no token."""
+        webbrowser.open(f"{self._base}{self.door.invite()}")
+
     def _reopen(self, name: str) -> None:
-        """Asked for in the page: what is wrong is said there."""
+        """Asked for in the page, which may name packaged jobs only; what is wrong is said there."""
         try:
+            if name not in packaged_jobs():
+                raise UnknownNameError("job of the page", name, packaged_jobs())
             self.open(name)
         except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
             self.page.say(failure(f"{name} was not opened", problem))
@@ -142,7 +160,7 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
         tell(note)
     tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
     if browser:
-        webbrowser.open(made.url)
+        made.browse()
     if wait:
         made.wait()
     return made
@@ -173,9 +191,14 @@ def free_port(host: str, port: int) -> int:
 
 
 def url_of(host: str, port: int) -> str:
-    """Where a browser finds a page; an IPv6 address stands in brackets (RFC 3986, section 3.2.2)."""
-    name = "localhost" if host == HERE else f"[{host}]" if ":" in host else host
+    """Where a browser of this machine finds a server; an IPv6 address stands in brackets (RFC 3986, section 3.2.2)."""
+    name = "localhost" if host == HERE or wildcard(host) else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}"
+
+
+def known_as(host: str) -> str:
+    """By which name other machines find a host."""
+    return socket.gethostname() or host if wildcard(host) else host
 
 
 def _session(what: What) -> Session:
@@ -184,10 +207,3 @@ def _session(what: What) -> Session:
     if isinstance(what, Robot):
         return session_of_robot(what, source=what.name)
     return open_session(str(what or DEFAULT))
-
-
-def _loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

@@ -33,6 +33,10 @@ class Stage(Protocol):
         """Do something in this thread; what it raises is said in the page."""
         ...
 
+    def alone(self, key: object, action: Callable[[], Any]) -> None:
+        """The same, and not while it is being done already, as a key tells."""
+        ...
+
     def clear_traces(self) -> None:
         """Take the lines away that elbows drew."""
         ...
