@@ -48,7 +48,7 @@ def test_the_angles_of_kuka_turn_about_z_then_the_new_y_then_the_new_x(tmp_path:
         assert "KUKA's angles: a about z" in read.notes[0]
     same = table(tmp_path / "v.csv", "x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg", ROWS, abc[:, ::-1])
     assert np.abs(hk.read_waypoints(same).rotations - Rz @ Ry @ Rx).max() < 1e-14
-    poses = hk.read_workspace(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ROWS, abc)).poses
+    poses = hk.read_workspace(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ROWS, abc)).poses(3)
     assert np.abs(poses[:, :3, :3] - Rz @ Ry @ Rx).max() < 1e-14
 
 
