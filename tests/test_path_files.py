@@ -230,6 +230,22 @@ def test_a_drawing_without_size_or_outlines_is_refused(tmp_path: Path, body: str
         drawn(tmp_path, body, size)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<svg width="9mm"><path d="L 5 5"/></svg>', r"has a <path> that cannot be drawn \(.*correct its numbers"),
+        ('<g><svg width="9mm"/></g>', "root is no <svg>"),
+        ('<svg width="1.2.3mm" height="9mm"><circle r="5"/></svg>', r"gives its width as '1\.2\.3mm'"),
+        ('<svg width="+-emm" height="9mm"><circle r="5"/></svg>', "gives its width as"),
+    ],
+)
+def test_a_drawing_that_the_library_cannot_draw_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    pytest.importorskip("svgelements")
+    (tmp_path / "d.svg").write_text(text.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"'))
+    with pytest.raises(RecordingError, match=words):
+        hk.read_svg(tmp_path / "d.svg")
+
+
 def test_a_drawing_in_pixels_has_the_size_that_you_say(tmp_path: Path) -> None:
     (circle,) = drawn(tmp_path, "<circle r='3'/>", 'width="100" height="50"', pixel=1e-3)
     assert circle.length == pytest.approx(2 * np.pi * 0.003)
