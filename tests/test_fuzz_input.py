@@ -12,6 +12,18 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.fuzz import harness
 
 
+@pytest.mark.parametrize(
+    ("kind", "count"), [("survey_files", 150), ("certificate_files", 60), ("mjcf_files", 60), ("drawings", 40)]
+)
+def test_a_mutant_of_what_others_send_is_read_or_refused(kind: str, count: int) -> None:
+    extras = {"mjcf_files": "mujoco", "drawings": "svgelements", "certificate_files": "flint"}
+    if kind in extras:
+        pytest.importorskip(extras[kind])
+    found = [harness.one(kind, seed) for seed in range(count)]
+    assert {seed: fault for seed, _, _, fault in found if fault} == {}
+    assert count / 10 < sum(refusal for _, refusal, _, _ in found) < count
+
+
 @pytest.mark.parametrize("kind", ["jobs", "urdfs", "dh"])
 def test_a_mutant_is_done_or_refused(kind: str) -> None:
     found = [harness.one(kind, seed) for seed in range(150)]

@@ -43,6 +43,17 @@ def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str,
     assert [law["solid"] for law in caption["laws"]] == [False, True]
 
 
+@pytest.mark.parametrize("title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
+def test_no_title_ends_the_script_of_a_recording_or_hides_its_end(motions, title: str) -> None:
+    """After "<!--<script" a browser looks for two ends of a script: the page would stay empty."""
+    pytest.importorskip("viser", reason="the extra `studio` is not installed")
+    plain, page = (record(hk.load("panda"), motions, title=t, seconds=0.1).html() for t in ("x", title))
+    for mark in ("<!--", "<script", "</script"):
+        assert page.lower().count(mark) == plain.lower().count(mark)
+    caption = page[page.index("HOLOKIN_CAPTION=") + len("HOLOKIN_CAPTION=") :]
+    assert json.JSONDecoder().raw_decode(caption)[0]["title"] == title
+
+
 def test_a_browser_plays_a_recording_from_a_file_without_network(motions, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

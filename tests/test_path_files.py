@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipe
 
 import holokin as hk
-from holokin.errors import RecordingError
+from holokin.errors import ArgumentError, RecordingError
 
 ROWS = np.array([[400, 0, 300], [450, 20, 300], [500, 0, 310]])
 TURNS = Rotation.from_euler("xyz", [[180, 0, 0], [170, 5, 10], [160, 0, 20]], degrees=True)
@@ -32,6 +32,66 @@ def forms() -> dict[str, tuple[str, list[np.ndarray], dict[str, str]]]:
         "radians": ("x,y,z,roll,pitch,yaw", [ROWS / 1e3, np.deg2rad(rpy)], {"units": "m", "angles": "rad"}),
         "rotation vector": ("X(mm),Y(mm),Z(mm),rx_rad,ry_rad,rz_rad", [ROWS, TURNS.as_rotvec()], {}),
     }
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_angles_of_kuka_turn_about_z_then_the_new_y_then_the_new_x(tmp_path: Path, seed: int) -> None:
+    abc = np.random.default_rng(seed).uniform([-180, -90, -180], [180, 90, 180], (3, 3))
+    Rz, Ry, Rx = (Rotation.from_euler(axis, abc[:, [i]], degrees=True).as_matrix() for i, axis in enumerate("zyx"))
+    for header, said in (
+        ("X_mm,Y_mm,Z_mm,A_deg,B_deg,C_deg", {}),
+        ("x,y,z,a,b,c", {"units": "mm", "angles": "deg"}),
+    ):
+        read = hk.read_waypoints(table(tmp_path / "w.csv", header, ROWS, abc), **said)  # type: ignore[arg-type]
+        assert read.rotations is not None
+        assert np.abs(read.rotations - Rz @ Ry @ Rx).max() < 1e-14
+        assert "KUKA's angles: a about z" in read.notes[0]
+    same = table(tmp_path / "v.csv", "x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg", ROWS, abc[:, ::-1])
+    assert np.abs(hk.read_waypoints(same).rotations - Rz @ Ry @ Rx).max() < 1e-14
+    poses = hk.read_workspace(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ROWS, abc)).poses(3)
+    assert np.abs(poses[:, :3, :3] - Rz @ Ry @ Rx).max() < 1e-14
+
+
+STRANGE = {
+    "two of three angles": ("x_mm,y_mm,z_mm,a_deg,b_deg", "column 'a' alone is no orientation"),
+    "angles by no name": (
+        "x_mm,y_mm,z_mm,alpha_deg,beta_deg,gamma_deg",
+        "its column 'alpha_deg' is neither a position",
+    ),
+    "angles of Fanuc": ("x_mm,y_mm,z_mm,w_deg,p_deg,r_deg", "its column 'w_deg' is neither"),
+    "angles of Kawasaki": ("x_mm,y_mm,z_mm,o_deg,a_deg,t_deg", "alone is no orientation|in deg"),
+    "a speed": (
+        "x_mm,y_mm,z_mm,speed",
+        r"its column 'speed' is neither .* leave it out on purpose with ignore=\['speed'\]",
+    ),
+    "status and turn": ("x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,s", "its column 's' is neither"),
+    "a misspelt quaternion": ("x_mm,y_mm,z_mm,quat_x,quat_y,quat_z,quat_w", "its column 'quat_x' is neither"),
+    "joints": ("x_mm,y_mm,z_mm,joint_1", "its column 'joint_1' is neither"),
+    "external axes": ("x_mm,y_mm,z_mm,e1", "its column 'e1' is neither"),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_a_column_that_is_not_understood_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    header, words = STRANGE[name]
+    many = header.count(",") - 2
+    file = table(tmp_path / "w.csv", header, ROWS, np.arange(1.0, 1 + 3 * many).reshape(3, -1))
+    for read in (hk.read_waypoints, hk.read_workspace):
+        with pytest.raises(RecordingError, match=words):
+            read(file)
+    named = header.split(",")[3:]
+    assert hk.read_waypoints(file, ignore=named).rotations is None
+    assert hk.read_workspace(file, ignore=[name.upper() for name in named]).size == 3
+
+
+def test_remarks_are_passed_over_and_what_is_left_out_must_be_there(tmp_path: Path) -> None:
+    file = tmp_path / "w.csv"
+    file.write_text(",Name,x_mm,y_mm,z_mm,tool_a,tool_b\n0,first,1,2,3,4,5\n1,second,4,5,6,7,8\n")
+    assert hk.read_waypoints(file, ignore=["tool_*"]).points[1] == pytest.approx([0.004, 0.005, 0.006])
+    with pytest.raises(ArgumentError, match=r"ignore .*there is no such column"):
+        hk.read_waypoints(file, ignore=["tool_*", "sped"])
+    with pytest.raises(RecordingError, match="no column x"):
+        hk.read_waypoints(file, ignore=["x_mm", "tool_*"])
 
 
 @pytest.mark.parametrize("form", forms())
@@ -168,6 +228,22 @@ def test_curves_stay_within_their_tolerance_of_the_drawing(tmp_path: Path) -> No
 def test_a_drawing_without_size_or_outlines_is_refused(tmp_path: Path, body: str, size: str, words: str) -> None:
     with pytest.raises(RecordingError, match=words):
         drawn(tmp_path, body, size)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<svg width="9mm"><path d="L 5 5"/></svg>', r"has a <path> that cannot be drawn \(.*correct its numbers"),
+        ('<g><svg width="9mm"/></g>', "root is no <svg>"),
+        ('<svg width="1.2.3mm" height="9mm"><circle r="5"/></svg>', r"gives its width as '1\.2\.3mm'"),
+        ('<svg width="+-emm" height="9mm"><circle r="5"/></svg>', "gives its width as"),
+    ],
+)
+def test_a_drawing_that_the_library_cannot_draw_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    pytest.importorskip("svgelements")
+    (tmp_path / "d.svg").write_text(text.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"'))
+    with pytest.raises(RecordingError, match=words):
+        hk.read_svg(tmp_path / "d.svg")
 
 
 def test_a_drawing_in_pixels_has_the_size_that_you_say(tmp_path: Path) -> None:

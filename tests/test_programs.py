@@ -125,6 +125,14 @@ def test_a_sliding_joint_is_in_millimetres_and_an_axis_may_stand_still(ppr: hk.R
         to_rapid(moved, wiring=Wiring(axes=(one, two, three, 0.0, 0.0, 0.0)))
 
 
+def test_a_remark_of_a_fanuc_program_ends_no_statement(six: TimedTrajectory) -> None:
+    """A semicolon ends a statement: of a remark that held one, the rest would be an instruction."""
+    (text,) = to_fanuc(six, about="law; R[1]=0 ;CALL EVIL;x").files.values()
+    body = text[text.index("/MN") : text.index("/POS")].splitlines()[1:]
+    assert all(line.endswith(" ;") and line.count(";") == 1 for line in body)
+    assert any("CALL EVIL" in line and line.split(":", 1)[1].lstrip().startswith("!") for line in body)
+
+
 def test_fanuc_counts_joint_three_from_the_floor_when_asked(six: TimedTrajectory) -> None:
     """J3 = joint 3 - joint 2, as ROS-Industrial's driver has it; the header says which of the two it is."""
     plain, coupled = (read(to_fanuc(six, coupled=c), "ls") for c in (False, True))

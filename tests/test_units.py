@@ -215,3 +215,54 @@ def test_a_law_that_is_singular_in_the_ball_it_is_fitted_in_asks_for_a_smaller_o
     law = hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START)
     with pytest.raises(BranchError, match=r"'r' is singular within 1.5 m of the start: at q1 .* give a smaller radius"):
         Fitted(kind="fitted", of="r", radius=1.5).fit(law, R3_START, "f")
+
+
+# --- tables of links, and tools ---
+
+SCARA = [{"a": 0.4, "lower": -2.9, "upper": 2.9}, {"a": 0.3, "alpha": np.pi, "lower": -2.5, "upper": 2.5}]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_dh_table_in_degrees_or_millimetres_is_refused_and_the_same_in_si_is_read(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    rows = [
+        {
+            "a": rng.uniform(0.02, 0.8), "d": rng.uniform(-0.5, 0.5), "alpha": rng.choice([-1, 0, 1]) * np.pi / 2,
+            "theta": rng.uniform(-np.pi, np.pi), "lower": -rng.uniform(1, 3), "upper": rng.uniform(1, 3),
+        }
+        for _ in range(n)
+    ]  # fmt: skip
+    assert hk.from_dh(rows).n == n
+    for keys, words in ((("alpha",), "degrees"), (("theta",), "degrees"), (("lower", "upper"), "degrees")):
+        spoilt = [row | {key: float(np.rad2deg(row[key])) for key in keys} for row in rows]
+        if any(abs(row[key]) > 7 for row in spoilt for key in keys):
+            with pytest.raises(ArgumentError, match=words):
+                hk.from_dh(spoilt)
+    with pytest.raises(ArgumentError, match="millimetres"):
+        hk.from_dh([row | {"a": 1e3 * row["a"], "d": 1e3 * row["d"]} for row in rows])
+
+
+def test_one_hinge_of_many_turns_is_no_doubt() -> None:
+    spindle = {"lower": -500.0, "upper": 500.0}
+    assert hk.from_dh([*SCARA, spindle]).upper[-1] == 500
+    assert hk.from_dh([spindle]).n == 1
+    assert hk.from_dh([{"a": 1.0}, {"a": 1.0}]).n == 2  # without limits
+    assert hk.from_dh([*SCARA, {"kind": "prismatic", "lower": -30.0, "upper": 30.0}]).n == 3
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "irb140", "rail", "planar-3r", "yumi-arm", "ppr"])
+def test_a_tool_in_millimetres_or_degrees_is_refused(name: str) -> None:
+    robot = hk.load(name)
+    assert hk.with_tool(robot, [0, 0, 0.15], [0, np.pi / 2, -np.pi]).n == robot.n
+    with pytest.raises(ArgumentError, match=r"xyz of a tool .*looks like millimetres, .*give metres"):
+        hk.with_tool(robot, [0, 0, 150])
+    for turned in (lambda rpy: hk.with_tool(robot, rpy=rpy), lambda rpy: hk.with_base_pose(robot, rpy=rpy)):
+        with pytest.raises(ArgumentError, match=r"rpy of a .*looks like degrees: give radians"):
+            turned([0, 90, 0])
+    with pytest.raises(ArgumentError, match="looks like degrees"):
+        hk.Part(robot, rpy=[0, 0, 180])
+
+
+def test_a_wrist_of_no_reach_carries_a_tool() -> None:
+    assert hk.with_tool(hk.from_dh([{"alpha": 1.5}, {"alpha": -1.5}, {}]), [0, 0, 0.4]).n == 3

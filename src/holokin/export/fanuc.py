@@ -64,7 +64,8 @@ def to_fanuc(
     short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language").upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {frame}, UT {tool}"]
-    body = [f"!{line}" for line in header(timed, about, found, wiring, more, REMARK)]
+    remarks = header(timed, about, found, wiring, more, REMARK)
+    body = [f"!{line.replace(';', ',')}" for line in remarks]  # a semicolon ends a statement
     body += [f"UFRAME_NUM={frame}", f"UTOOL_NUM={tool}", "J P[1] 10% FINE"]
     times = np.rint(1e3 * found.t).astype(int)
     last = len(times) - 1

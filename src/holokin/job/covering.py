@@ -67,7 +67,7 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePa
         JobError, RecordingError.
     """
     if table.kind == "poses":
-        return read_workspace(file.parent / str(table.file))
+        return read_workspace(file.parent / str(table.file), ignore=table.ignore)
     solid = {
         "box": (table.center, table.half),
         "cylinder": (table.center, table.radius, table.half_height),

@@ -115,7 +115,11 @@ def _through(table: PathTable, origin: Vector, file: FilePath, notes: list[str])
         targets = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
     else:
         read = read_waypoints(
-            file.parent / (table.file or ""), units=table.units, angles=table.angles, order=table.order
+            file.parent / (table.file or ""),
+            units=table.units,
+            angles=table.angles,
+            order=table.order,
+            ignore=table.ignore,
         )
         notes += read.notes
         targets, times = read.targets, None if read.times is None else read.times.tolist()

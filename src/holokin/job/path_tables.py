@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from ..robot import FARTHEST
 from ..types import Matrix
-from .robot_tables import MOST_PARTS, FrameTable, Three
+from .robot_tables import MOST_PARTS, FrameTable, Names, Three
 from .table import Formula, Length, Number, Positive, Table
 
 MOST_POINTS = 10_000
@@ -38,7 +38,7 @@ _OF = {
     "clockwise": ("circle", "arc", "spiral"), "points": ("polyline", "spline"), "turns_deg": ("polyline",),
     "closed": ("polyline", "spline", "poses", "waypoints"), "times": ("spline", "poses"), "poses": ("poses",),
     "through": ("poses", "waypoints"), "file": ("waypoints", "svg"), "units": ("waypoints",), "angles": ("waypoints",),
-    "order": ("waypoints",), "pixel": ("svg",), "outline": ("svg",),
+    "order": ("waypoints",), "ignore": ("waypoints",), "pixel": ("svg",), "outline": ("svg",),
     "at": ("circle", "arc", "svg", "figure-eight", "raster", "spiral"),
     "width": ("figure-eight",), "height": ("figure-eight",), "along": ("figure-eight", "raster", "spiral"),
     "across": ("raster",), "spacing": ("raster", "spiral"), "radius": ("spiral",), "inward": ("spiral",),
@@ -80,6 +80,7 @@ class PathTable(Table):
     units: Literal["m", "mm"] | None = None
     angles: Literal["rad", "deg"] | None = None
     order: Literal["xyzw", "wxyz"] | None = None
+    ignore: Names = Field(default=[])
     pixel: Positive | None = None
     outline: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
     at: Point | None = None

@@ -207,7 +207,10 @@ def _key(loc: tuple[int | str, ...], table: Any) -> Key:
     for part in loc:
         if isinstance(table, dict) or (isinstance(table, list) and isinstance(part, int)):
             parts.append(str(part))
-            table = table.get(part) if isinstance(table, dict) else table[int(part)]
+            if isinstance(table, dict):
+                table = table.get(part)
+            else:  # a list may lack the part whose absence is the fault
+                table = table[int(part)] if int(part) < len(table) else None
     return tuple(parts)
 
 

@@ -12,7 +12,7 @@ from .check_tables import ChecksTable
 from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
-from .robot_tables import RobotTable
+from .robot_tables import Names, RobotTable
 from .strategies import AnyStrategy, Fitted
 from .table import Few, Length, Positive, Table
 from .task_tables import TaskTable
@@ -135,6 +135,7 @@ class WorkspaceTable(Table):
     radius: Positive | None = None
     half_height: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)] | None = None
     file: str | None = None
+    ignore: Names = Field(default=[])
     rotation: Literal["down", "start"] | Annotated[list[Row], Field(min_length=3, max_length=3)] = "down"
     tilt_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
     spin_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
@@ -148,7 +149,7 @@ class WorkspaceTable(Table):
         shape = {"center", "rotation", "tilt_deg", "spin_deg"}
         uses = {
             "box": {"half"} | shape, "cylinder": {"radius", "half_height"} | shape, "sphere": {"radius"} | shape,
-            "poses": {"file"},
+            "poses": {"file", "ignore"},
         }[self.kind]  # fmt: skip
         missing = [
             key

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase as fnmatch
 from itertools import chain
 from pathlib import Path
 
@@ -13,18 +14,34 @@ import numpy as np
 from ..errors import ArgumentError, RecordingError
 from ..types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from .csv_log import csv_pieces
-from .log import listed
+from .log import listed, shown
 from .reading import is_folder
 
 POSITION = ("x", "y", "z")
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
 """Columns of a pose as the first three rows of its matrix, counted from 0; a last row may stand there too."""
 
-NAMED = {"quaternion": ("qx", "qy", "qz", "qw"), "angles": ("roll", "pitch", "yaw"), "vector": ("rx", "ry", "rz")}
+NAMED = {
+    "quaternion": ("qx", "qy", "qz", "qw"), "angles": ("roll", "pitch", "yaw"), "vector": ("rx", "ry", "rz"),
+    "KUKA": ("a", "b", "c"),
+}  # fmt: skip
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
 TIMES = ("t", "time")
 ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 """Of a quaternion's numbers -> where x, y, z and w are among them."""
+
+REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
+"""Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
+
+LAST_ROW = ("t30", "t31", "t32", "t33")
+
+COVERAGE = (("x", "y", "z", "qx", "qy", "qz", "qw", "status"), ("rcond", "margin"))
+"""How the header of a saved coverage begins and ends; between are the joints."""
+
+AS_KUKA = (
+    "a, b, c are read as KUKA's angles: a about z, b about the new y, c about the new x. Where a is about x, name them "
+    "roll, pitch, yaw"
+)
 
 ALLOWED = {"units": ("m", "cm", "mm", "um"), "angles": ("rad", "deg"), "times": ("s", "ms")}
 SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180, "s": 1.0, "ms": 1e-3}
@@ -51,13 +68,15 @@ _NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|ms|m|s|deg|
 class Units:
     """What the caller says of a file; None where its header must say it.
 
-    With `assumed` a header that does not say it means metres and radians; q1 to q4 and times are other columns then.
+    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
+    are left out. Columns that `ignore` names, or fits with a *, are not there.
     """
 
     units: str | None
     angles: str | None
     order: str | None
     assumed: bool
+    ignore: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         known = {"units": ("m", "mm"), "angles": ("rad", "deg"), "order": tuple(ORDERS)}
@@ -120,14 +139,18 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
     _check_lengths(file, points, lines, notes, columns.scales[0])
     rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
+    if columns.kind == "KUKA":
+        notes.append(AS_KUKA)
     return PoseRows(points, rotations, table[:, -1] if columns.time else None, lines, notes)
 
 
 def _columns(file: Path, header: Sequence[str], said: Units) -> _Columns:
+    header = header[: len(POSITION) + 4] if _is_coverage(header) else header
+    left = _ignored(header, said.ignore)
     known: dict[str, tuple[int, str]] = {}
     for i, name in enumerate(header):
         match = _NAME.fullmatch(name.lower())
-        if match is None:
+        if match is None or i in left:
             continue
         if match[1] in known and match[1] in _MEANT:
             raise RecordingError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
@@ -143,7 +166,7 @@ def _columns(file: Path, header: Sequence[str], said: Units) -> _Columns:
     kind, names = (
         ("matrix", tuple(n for n in MATRIX if n not in where)) if matrix else _orientation(file, known, header, said)
     )
-    if kind in ("angles", "vector"):
+    if kind in ("angles", "vector", "KUKA"):
         scales += _scales(file, known, names, "angles", said.angles, otherwise[1])
     else:
         if said.angles is not None:
@@ -154,9 +177,32 @@ def _columns(file: Path, header: Sequence[str], said: Units) -> _Columns:
         raise RecordingError(file, "has columns t and time", "keep one of them")
     scales += _scales(file, known, time, "times", None, "s")
     places = {name: place for name, (place, _) in known.items()}
+    read = {places[name] for name in (*where, *names, *time)}
+    passed = {places[name] for name in (*TIMES * said.assumed, *LAST_ROW * matrix) if name in places}
+    for i, name in enumerate(header):
+        if i not in read | passed | left and name.lower() not in REMARKS:
+            fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
+            cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
+            raise RecordingError(file, fact, cure)
     return _Columns(
         [places[n] for n in where], [places[n] for n in names], kind, [places[n] for n in time], np.array(scales)
     )
+
+
+def _is_coverage(header: Sequence[str]) -> bool:
+    first, last = COVERAGE
+    return tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last
+
+
+def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
+    """The places of the columns to leave out. Raises: ArgumentError: one that is not there."""
+    left: set[int] = set()
+    for pattern in patterns:
+        fits = {i for i, name in enumerate(header) if fnmatch(name.lower(), pattern.strip().lower())}
+        if not fits:
+            raise ArgumentError("ignore", pattern, f"there is no such column; they are {listed(header)}")
+        left |= fits
+    return left
 
 
 def _orientation(
@@ -174,7 +220,9 @@ def _orientation(
         some = [n for n in some if n in known]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"
-            cure = f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz; the columns are {listed(header)}"
+            cure = (
+                f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, or a, b, c; the columns are {listed(header)}"
+            )
             raise RecordingError(file, fact, cure)
         if said.order is not None:
             raise RecordingError(file, "has no quaternions", "leave out order=")
@@ -245,8 +293,9 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Unit
         i = int(np.argmax(far))
         fact = f"line {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: it looks like degrees"
         raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
-    made = Rotation.from_euler("xyz", values) if kind == "angles" else Rotation.from_rotvec(values)
-    return made.as_matrix()
+    if kind == "vector":
+        return Rotation.from_rotvec(values).as_matrix()
+    return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
 
 
 def _check_quaternions(file: Path, values: Matrix, lines: Indices) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -22,6 +23,7 @@ def read_workspace(
     angles: Literal["rad", "deg"] | None = None,
     order: Literal["xyzw", "wxyz"] | None = None,
     rotation: ArrayLike | None = None,
+    ignore: Sequence[str] = (),
 ) -> PoseCloud:
     """A workspace of the tool poses in a CSV file, a line each, in the frame of the robot's base.
 
@@ -31,6 +33,8 @@ def read_workspace(
     Args:
         units, angles, order: as of `read_waypoints`, where the header does not say it.
         rotation: of the tool (3, 3), for a file of positions alone.
+        ignore: columns to leave out, as of `read_waypoints`. Times are left out, and what `Coverage.save` wrote behind
+            the poses.
 
     Raises:
         RecordingError: as of `read_waypoints`.
@@ -39,7 +43,7 @@ def read_workspace(
     if rotation is not None:
         rotation = finite("the rotation", rotation, (3, 3))
         check_rotation("the rotation", rotation)
-    read = pose_rows(Path(path), "pose", Units(units, angles, order, assumed=True))
+    read = pose_rows(Path(path), "pose", Units(units, angles, order, True, tuple(ignore)))
     if rotation is not None and read.rotations is not None:
         raise ArgumentError("rotation", rotation.tolist(), f"leave it out: {path} has a rotation for each pose")
     poses = np.tile(np.eye(4), (len(read.points), 1, 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -35,7 +35,7 @@ LARGEST = 20_000_000
 
 MOST_PIECES = 20_000
 
-_SIZE = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z]+)\s*")
+_SIZE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Z]+)\s*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,23 +88,40 @@ def read_svg(
     positive("tolerance", tolerance)
     positive("speed", speed)
     drawing = _parsed(file, svgelements)
+    if not isinstance(drawing, svgelements.SVG):
+        raise RecordingError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
     to_metres = _to_metres(file, drawing, pixel)
     out: list[Path] = []
-    for element in drawing.elements():
-        if not isinstance(element, svgelements.Shape) or _inside_definition(element):
-            continue
-        for outline in svgelements.Path(element).as_subpaths():
-            pieces = [
-                p for s in outline if not isinstance(s, svgelements.Move) for p in _piece(s, to_metres, svgelements)
-            ]
-            if len(pieces) > MOST_PIECES:
-                fact = f"has an outline of {len(pieces)} pieces"
-                raise RecordingError(file, fact, f"simplify it to {MOST_PIECES} at most")
-            if pieces:
-                out.append(_path(file, pieces, tolerance, speed))
+    for pieces in _outlines(file, drawing, to_metres, svgelements):
+        if len(pieces) > MOST_PIECES:
+            fact = f"has an outline of {len(pieces)} pieces"
+            raise RecordingError(file, fact, f"simplify it to {MOST_PIECES} at most")
+        if pieces:
+            out.append(_path(file, pieces, tolerance, speed))
     if not out:
         raise RecordingError(file, "has no outlines", "convert text and images to paths in your drawing program")
     return out
+
+
+def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece]]:
+    """The pieces of each outline. Raises: RecordingError: an element whose numbers the library cannot draw."""
+    for element in drawing.elements():
+        if not isinstance(element, svgelements.Shape) or _inside_definition(element):
+            continue
+        try:
+            found = [
+                [p for s in outline if not isinstance(s, svgelements.Move) for p in _piece(s, to_metres, svgelements)]
+                for outline in svgelements.Path(element).as_subpaths()
+            ]
+        except Exception as problem:  # noqa: BLE001  of a shape without a start, or of numbers beyond all bounds
+            said = str(problem) or type(problem).__name__
+            fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(said)})"
+            raise RecordingError(file, fact, "correct its numbers") from None
+        yield from found
+
+
+def _tag(element: Any) -> str:
+    return str(element.values.get("tag") or type(element).__name__.lower())
 
 
 def _parsed(file: FilePath, svgelements: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -24,28 +25,33 @@ def read_waypoints(
     units: Literal["m", "mm"] | None = None,
     angles: Literal["rad", "deg"] | None = None,
     order: Literal["xyzw", "wxyz"] | None = None,
+    ignore: Sequence[str] = (),
 ) -> Waypoints:
     """Waypoints of the tool from a CSV file, a line each; `hk.spline` and `hk.polyline` lead a path through them.
 
-    The header names the columns, in any order, others are left out: x, y, z; for the orientation, if there is one, qx,
-    qy, qz, qw, or q1 to q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in
-    this order), or rx, ry, rz, a rotation vector; for the time, if there is one, t or time [s]; or T00, T01, ..., T23,
-    the first three rows of the pose's matrix. A unit may stand at the end of a name: x_mm, roll_deg, t_ms, "x [mm]".
+    The header names the columns, in any order: x, y, z; for the orientation, if there is one, qx, qy, qz, qw, or q1 to
+    q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
+    ry, rz, a rotation vector, or a, b, c, KUKA's angles, R = Rz(a) Ry(b) Rx(c) [KSS]; for the time, if there is one, t
+    or time [s]; or T00, T01, ..., T23, the first three rows of the pose's matrix. A unit may stand at the end of a
+    name: x_mm, roll_deg, t_ms, "x [mm]". Columns named name, label, comment, remark, note, id, index, number, point,
+    line or row are passed over; any other is refused.
 
     Args:
         units: of x, y, z where the header names none. Nobody guesses: one of the two must say it.
         angles: of roll, pitch, yaw and of rotation vectors, likewise.
         order: of the numbers of a quaternion in columns q1 to q4 or q0 to q3.
+        ignore: columns to leave out, by their names in the header, or patterns with *, as in ["speed", "tool_*"].
 
     Returns:
         Waypoints whose `notes` say what was repaired, and what looks odd.
 
     Raises:
-        RecordingError: no such file, unreadable; missing columns, no unit; text or NaN in a cell, with line and column;
+        RecordingError: no such file, unreadable; missing columns, columns that are not understood,
+            no unit; text or NaN in a cell, with line and column;
             values that look like another unit; quaternions that are not of unit length; times that do not rise.
     """
     file = Path(path)
-    read = pose_rows(file, "waypoint", Units(units, angles, order, assumed=False))
+    read = pose_rows(file, "waypoint", Units(units, angles, order, False, tuple(ignore)))
     if len(read.points) < 2:
         raise RecordingError(file, "has one waypoint", "give two at least")
     if read.rotations is not None:

@@ -47,6 +47,11 @@ def load(
 ) -> Robot:
     """A robot by catalogue name, by path, or by a name of the packages robot_descriptions and example-robot-data.
 
+    Robot files are data: nothing in a URDF, xacro, MJCF or TOML file is run. The expressions of a xacro file are
+    evaluated by an interpreter of holokin, in a process with limits, which knows numbers, texts, lists and the
+    functions of xacro. A xacro file can read other files of this machine and its environment variables. A name of
+    robot_descriptions runs that package, which fetches files.
+
     Args:
         name: a name of the `catalogue`; a file that ends in `.urdf`, `.xacro`, `.xml` (MJCF or URDF) or `.toml` (DH
             table, joints as in a URDF, or parts put together); or "robot_descriptions:panda_description",

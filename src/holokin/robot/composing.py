@@ -13,6 +13,7 @@ from ..symbolic.geometry import rotation_from_rpy
 from ..types import ArrayLike, Matrix, Value, Vector, finite
 from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
+from .units import check_radians, check_tool
 from .visuals import Visual
 
 BASE = "base"
@@ -40,6 +41,7 @@ class Part(Value):
         check("prefix of a part", str, self.prefix)
         object.__setattr__(self, "xyz", finite("xyz of a part", self.xyz, (3,)))
         object.__setattr__(self, "rpy", finite("rpy of a part", self.rpy, (3,)))
+        check_radians("rpy of a part", self.rpy)
         super().__post_init__()
 
 
@@ -147,10 +149,14 @@ def with_tool(
         name: of the new tip.
 
     Raises:
-        UnknownNameError: no such tip. ArgumentError: another tip has that name. ShapeError, NotFiniteError.
+        UnknownNameError: no such tip. ArgumentError: another tip has that name; angles over a turn, which look like
+        degrees, or a tool ten times as long as the arm, which looks like millimetres. ShapeError, NotFiniteError.
     """
-    T = pose_matrix(finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,)))
+    place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
     carrier = robot.tip(tip)
+    check_radians("rpy of a tool", turn)
+    check_tool(robot, place, carrier.name)
+    T = pose_matrix(place, turn)
     tips = [Tip(name, t.joint, t.placement @ T) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))

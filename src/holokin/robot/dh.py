@@ -13,6 +13,7 @@ from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
 from ..types import ArrayLike, Matrix, number, numbers
 from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
+from .units import check_limits_of_hinges, check_link, check_radians
 
 CONVENTIONS = ("standard", "modified")
 
@@ -60,7 +61,8 @@ def from_dh(
         tool: pose (4, 4) of the tool in the last frame; identity by default.
 
     Raises:
-        UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind.
+        UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind; numbers that look like
+        degrees (an angle over a turn, limits of many turns on every hinge) or millimetres (a link of over 20).
         NotFiniteError: a number that is not finite.
     """
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
@@ -82,6 +84,8 @@ def from_dh(
         given = (row.a, row.alpha, row.d, row.theta)
         if not np.isfinite(given).all():
             raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", given)
+        check_radians(f"alpha and theta of joint {label!r}", np.array([row.alpha, row.theta]))
+        check_link(f"a and d of joint {label!r}", np.array([row.a, row.d]))
         link = _screw("x", row.alpha, row.a)
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.
@@ -89,6 +93,8 @@ def from_dh(
         joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i))
         coordinates.append(Coordinate(label, row.kind, row.lower, row.upper, row.max_velocity))
         before = link if convention == "standard" else np.eye(4)
+    hinges = [[c.lower, c.upper] for c in coordinates if c.kind == "revolute"]
+    check_limits_of_hinges(f"the limits of {name!r}", np.array(hinges).reshape(-1, 2))
     end = before @ (np.eye(4) if tool is None else _pose("tool", tool))
     return Robot(name, tuple(coordinates), tuple(joints), (Tip(tip, len(joints) - 1, end),), source)
 

@@ -16,10 +16,14 @@ from .chains import robot_of
 from .geometry import LinkShape, Unread
 from .limits import JointValues, with_limits
 from .mjcf_shapes import shapes_of, transform
+from .mjcf_sizes import check_sizes
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
 from .urdf_xml import read_model
 from .visuals import mjcf_visuals
+
+_FAULTS = (ValueError, RuntimeError, MemoryError)
+"""What MuJoCo raises of a text that is no model: RuntimeError where memory is short, or of what it did not foresee."""
 
 _UNKNOWN = (1.0, 0.01)
 """Mass [kg] and inertia [kg m^2] that MuJoCo gets for a body that has none without its meshes; thrown away again."""
@@ -70,13 +74,14 @@ def from_mjcf(
 
 def mjcf_tree(path: str | Path) -> Tree:
     """The tree of an MJCF file. Raises: MissingExtraError, RobotFileError."""
-    read_model(path)  # says what is wrong with the file itself
+    check_sizes(read_model(path), str(path), Path(path).parent)  # says what is wrong with the file itself, too
     return _compiled_tree(lambda: _mujoco().MjSpec.from_file(str(path)), str(path), Path(path).stem)
 
 
 def mjcf_text_tree(text: str, source: str = "") -> Tree:
     """The same of a text. Raises: MissingExtraError, RobotFileError."""
     head = source or f"MJCF text {' '.join(text[:_LONGEST_NAME].split())!r}"
+    check_sizes(text.encode("utf-8", "replace"), head, Path())
     return _compiled_tree(lambda: _mujoco().MjSpec.from_string(text), head, "model")
 
 
@@ -94,13 +99,13 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
     weighed, bare = True, {}
     try:
         model = spec.compile()
-    except ValueError:
+    except _FAULTS:
         spec = _parsed(parse, source)
         bare = {body.name or f"body {i}": source for i, body in enumerate(spec.bodies) if list(body.geoms)}
         try:
             weighed = _without_shapes(spec)
             model = spec.compile()
-        except ValueError as problem:
+        except _FAULTS as problem:
             raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
     tree = model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
     if bare:
@@ -112,7 +117,7 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
 def _parsed(parse: Any, source: str) -> Any:
     try:
         return parse()
-    except ValueError as problem:
+    except _FAULTS as problem:
         raise RobotFileError(source, f"is no MJCF that MuJoCo reads ({problem})", "correct it there") from None
 
 

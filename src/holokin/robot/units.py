@@ -11,6 +11,18 @@ from .model import WOUND, Robot
 FAR = 100.0
 """Reaches of an arm from its base at which a place is not in metres: millimetres make a thousand of one."""
 
+TURN = 2 * np.pi * 1.001
+"""Angles [rad] of a frame beyond which radians are doubted: a full turn more changes nothing."""
+
+WIDEST = 4 * np.pi
+"""Limits [rad] of every hinge at which radians are doubted: single joints turn further, no whole arm does."""
+
+LONGEST = 20.0
+"""A link, or a tool of an arm whose reach has no end [m], at which metres are doubted: no robot has one."""
+
+SHARE = 10.0
+"""Reaches of an arm at which a tool on it is not in metres."""
+
 
 def start_posture(robot: Robot, q: ArrayLike) -> Vector:
     """q as (n,) finite floats, for starts that may be beyond the joint limits.
@@ -55,3 +67,30 @@ def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
     if said := doubtful_unit(robot, poses[:, :3, 3], tip):
         first = poses[0, :3, 3].tolist()
         raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
+
+
+def check_radians(what: str, angles: Vector) -> None:
+    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are."""
+    if (np.abs(angles) > TURN).any():
+        raise ArgumentError(what, np.asarray(angles).tolist(), "this looks like degrees: give radians, np.deg2rad(...)")
+
+
+def check_link(what: str, lengths: Vector) -> None:
+    """Raises: ArgumentError where a length of a link is one of no robot in metres, as millimetres are."""
+    if (np.abs(lengths) > LONGEST).any():
+        raise ArgumentError(what, np.asarray(lengths).tolist(), "this looks like millimetres: give metres")
+
+
+def check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
+    """Raises: ArgumentError where a tool is many times longer than the arm that carries it, as in millimetres."""
+    reach, size = longest_reach(robot, tip), float(np.linalg.norm(xyz))
+    if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
+        cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
+        raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
+
+
+def check_limits_of_hinges(what: str, limits: Matrix) -> None:
+    """Raises: ArgumentError where the limits (k, 2) [rad] of every hinge are many turns, as degrees are."""
+    widest = np.where(np.isfinite(limits), np.abs(limits), 0.0).max(axis=1, initial=0.0)
+    if np.count_nonzero(widest) > 1 and (widest[widest > 0] > WIDEST).all():
+        raise ArgumentError(what, limits.tolist(), "these look like degrees: give radians, np.deg2rad(...)")

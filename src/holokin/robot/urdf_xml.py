@@ -12,6 +12,9 @@ from .files import read_whole
 LONGEST_URDF = 50_000_000
 """Bytes of a URDF: a hundred times those of a humanoid."""
 
+MOST_LINKS = 20_000
+"""Links, and joints, of a URDF: some seconds. A humanoid with hands has a hundred."""
+
 _KEPT = {
     "link", "link/inertial", *(f"link/inertial/{part}" for part in ("origin", "mass", "inertia")),
     "joint", *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
@@ -51,9 +54,14 @@ def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: boo
     root: ElementTree.Element | None = None
     tags: list[str] = []
     kept: list[ElementTree.Element] = []
+    counts = {"link": 0, "joint": 0}
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal root
+        if tag in counts:
+            counts[tag] += 1
+            if counts[tag] > MOST_LINKS:
+                raise RobotFileError(path, f"has more than {MOST_LINKS:,} {tag}s", "give the URDF of a robot")
         if not tags:
             root = ElementTree.Element(tag, attributes)
             kept.append(root)

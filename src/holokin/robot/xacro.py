@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Mapping
-from contextlib import chdir
+from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import MissingExtraError, RobotFileError, brief
@@ -11,10 +14,18 @@ from .mjcf import mjcf_text_tree
 from .tree import Tree
 from .urdf import urdf_text_tree
 from .urdf_xml import read_model
+from .xacro_expander import PATIENCE
+
+_WAIT = 4 * PATIENCE
+"""Seconds that an expansion may take in all: its processor time on a busy machine."""
+
+_CURE = "correct the file, or give what it lacks with args={name: value}"
 
 
 def xacro_tree(path: str | Path, args: Mapping[str, str | float | bool] | None = None) -> Tree:
     """The tree of a xacro file. Packages that it names, $(find PACKAGE), are looked for in the folders above it.
+
+    Nothing of the file is run as Python: see `xacro_expander`.
 
     Args:
         args: values of its arguments, <xacro:arg name=...>.
@@ -23,21 +34,45 @@ def xacro_tree(path: str | Path, args: Mapping[str, str | float | bool] | None =
         MissingExtraError: xacrodoc is not installed. RobotFileError: it cannot be expanded, or gives no robot.
     """
     read_model(path)  # says what is wrong with the file itself
-    try:
-        from xacrodoc import XacroDoc
-    except ImportError:
-        raise MissingExtraError("xacrodoc", "xacro") from None
+    if find_spec("xacrodoc") is None:
+        raise MissingExtraError("xacrodoc", "xacro")
     given = {name: _word(value) for name, value in (args or {}).items()}
-    try:
-        with chdir(Path(path).parent):  # from where xacro looks for files that are named without a package
-            text = XacroDoc.from_file(Path(path).name, subargs=given, resolve_packages=False).dom.toxml()
-    except Exception as problem:
-        said = brief(str(problem).strip() or type(problem).__name__)
-        cure = "correct the file, or give what it lacks with args={name: value}"
-        raise RobotFileError(path, f"cannot be expanded ({said})", cure) from problem
+    text = _expanded(Path(path), given)
     if "<mujoco" in text:
         return mjcf_text_tree(text, str(path))
     return urdf_text_tree(text.encode(), path)
+
+
+def _expanded(path: Path, args: Mapping[str, str]) -> str:
+    """The text that a process of its own gives. Raises: RobotFileError."""
+    program = str(Path(__file__).with_name("xacro_expander.py"))
+    asked = json.dumps({"path": str(path.resolve()), "args": dict(args)}).encode()
+    try:
+        done = subprocess.run([sys.executable, "-P", program], input=asked, capture_output=True, timeout=_WAIT)
+    except subprocess.TimeoutExpired:
+        raise RobotFileError(path, f"cannot be expanded (it takes longer than {_WAIT} s)", _CURE) from None
+    except OSError as problem:
+        fact = f"cannot be expanded (Python does not start as {sys.executable!r}: {problem.strerror})"
+        raise RobotFileError(path, fact, "expand it with xacro, and give the URDF") from None
+    if done.returncode:
+        raise RobotFileError(path, f"cannot be expanded ({_end(done)})", _CURE)
+    answer = json.loads(done.stdout)
+    if "expression" in answer:
+        where, expression = Path(answer["file"]).name, brief(answer["expression"], 100)
+        fact = f"cannot be expanded (the expression {expression!r} of {where} is not evaluated: {answer['fault']})"
+        cure = "write it with numbers, texts, lists, dictionaries and the functions of xacro"
+        raise RobotFileError(path, fact, f"{cure}, or expand a file that you trust with xacro, and give the URDF")
+    if "fault" in answer:
+        raise RobotFileError(path, f"cannot be expanded ({brief(answer['fault'])})", _CURE)
+    return answer["text"]
+
+
+def _end(done: subprocess.CompletedProcess[bytes]) -> str:
+    """Why a process ended without an answer."""
+    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if done.returncode < 0:
+        return f"it takes more than {PATIENCE} s of processor time, or more memory than there is"
+    return f"its process failed: {brief(said[-1] if said else 'without a word', 200)}"
 
 
 def _word(value: str | float | bool) -> str:

@@ -342,5 +342,5 @@ def _page(script: str) -> str:
 
 
 def _script_json(value: Any) -> str:
-    """JSON that may stand in a script of a page."""
-    return json.dumps(value).replace("</", "<\\/")
+    """JSON that may stand in a script of a page: without "<", by which a text could end the script, or hide its end."""
+    return json.dumps(value).replace("<", "\\u003c")
