@@ -14,7 +14,7 @@ import numpy as np
 from .arguments import typed
 from .errors import ArgumentError
 from .files import write_csv
-from .types import Indices, Matrix, Value, Vector, frozen
+from .types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:
@@ -24,7 +24,7 @@ def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: 
     return np.where(whole, turns, 0.0).astype(int)
 
 
-class Status(Enum):
+class Status(NoTruthValue, Enum, ask="`is Status.COMPLETE`"):
     """How a trajectory ended; the text names cause and cure."""
 
     COMPLETE = "followed to the end"
@@ -57,7 +57,7 @@ def _known(values: Matrix, count: int) -> Matrix:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Value):
+class Trajectory(NoTruthValue, Value, ask="`.status`"):
     """Joint motion at k instants.
 
     t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends; corners: indices at

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from ..errors import posture_text
-from ..types import Value, Vector
+from ..types import NoTruthValue, Value, Vector
 from .region import Region
 
 
@@ -30,7 +30,7 @@ class Evidence(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict(Value):
+class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     """What `involutivity` found at the postures that it judged.
 
     `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`

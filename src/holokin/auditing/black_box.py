@@ -20,7 +20,7 @@ from ..motion import as_control_law
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..task import Task, of_one_tool
-from ..types import ArrayLike
+from ..types import ArrayLike, NoTruthValue
 from .history import ask_history
 from .judge import Repeatability
 from .planes import looked_at, plane_name
@@ -48,7 +48,7 @@ shows on a robot, 1 mm at the end of 1 m."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(NoTruthValue, ask="`.fault`"):
     """One question's answer. `metrics` by name [joint units unless the name says else]; `fault` if the law failed."""
 
     question: str
@@ -58,7 +58,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Audit:
+class Audit(NoTruthValue, ask="`.verdict`"):
     """What `audit` found: the verdict, each question apart from the others, and the planes of the task."""
 
     law: str

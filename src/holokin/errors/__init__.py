@@ -29,6 +29,7 @@ from .given import (
     UnknownNameError,
 )
 from .judging import (
+    AmbiguousTruthError,
     EmptyRegionError,
     NotHolonomicError,
     RoundOffError,
@@ -64,6 +65,7 @@ __all__ = [
     "LONGEST_PART",
     "MOST_NAMES",
     "SYNONYMS",
+    "AmbiguousTruthError",
     "ArgumentError",
     "BranchError",
     "CertificateError",

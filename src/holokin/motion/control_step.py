@@ -26,7 +26,7 @@ from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
+from ..types import Array, ArrayLike, Matrix, NoTruthValue, Vector, frozen, number, right_last_row
 from .control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .leaf import leaf_value
 
@@ -45,7 +45,7 @@ Rates = Callable[[Any, Any, Any], Vector]
 """(q, pose, twist) -> dq, a new array."""
 
 
-class StepStatus(IntEnum):
+class StepStatus(NoTruthValue, IntEnum, ask="`is StepStatus.OK`"):
     """What became of a step; from SINGULAR on dq is zero."""
 
     OK = 0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from ..types import Flags, Indices, Matrix, Value
+from ..types import Flags, Indices, Matrix, NoTruthValue, Value
 
 
-class InverseStatus(IntEnum):
+class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     """What became of a pose."""
 
     REACHED = 0
@@ -32,7 +32,7 @@ class InverseStatus(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solutions(Value):
+class Solutions(NoTruthValue, Value, ask="`.reached`"):
     """Inverse kinematics of many poses.
 
     q: joints (k, n), a row of NaN where a pose was not reached.
