@@ -32,6 +32,7 @@ class Status(NoTruthValue, Enum, ask="`is Status.COMPLETE`"):
     OUT_OF_REACH = "stopped: the path leaves the workspace; move or shrink it"
     SINGULAR = "stopped at a singularity of the strategy; choose another constraint, leaf or path"
     BRANCH = "stopped where the leaf folds back; choose another constraint or leaf"
+    JUMP = "stopped where g jumps; choose a constraint whose formula does not jump there, or mark angles as angular"
     FAULT = "stopped: the controller threw, blocked or returned no finite rates; correct the controller"
     LOST = "stopped: integration lost the path; use more samples"
 

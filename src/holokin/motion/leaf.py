@@ -9,18 +9,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
+from ..errors import BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..robot import start_posture
 from ..sampling import Plan
-from ..strategies import HolonomicStrategy
+from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
+from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
+from ..trajectory import Trajectory
 from ..types import ArrayLike, Matrix, Vector, finite, kept
 from ..ways import straight
 from .branch import Branch, branch_code
@@ -43,6 +46,9 @@ CREEP = 1e-10
 """Joint motion [joint units] of a piece of an interval below which a walk is at a fold: pieces shrink in proportion to
 the joints' distance from it."""
 
+
+PIECES = 32
+"""Pieces in which a way is gone again, to see where on it g may jump."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
@@ -180,6 +186,14 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
     )
 
 
+def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Trajectory | None = None) -> JumpError:
+    """What is said of a leaf that ends where g jumps."""
+    at = posture_text(jump.q, strategy.task.robot.joint_names)
+    fact = f"{where}the leaf of {strategy.name!r} ends at {at}, where its g jumps by {jump.level:.3g} ({jump.what})"
+    cure = "write g without the jump, mark it as an angle if it is one, or keep the path away from there"
+    return JumpError(fact, cure, walk, jump.what, jump.q, jump.level)
+
+
 def leaf_walk(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, Way], tuple[Vector, WayEnd]]:
@@ -219,6 +233,25 @@ def leaf_walk(
         return q, WayEnd.TRIED
 
     return walk
+
+
+def jump_on(strategy: HolonomicStrategy, q0: Vector, way: Way, q: Vector, stopped: bool) -> Jump | None:
+    """A jump of g on a way from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
+
+    stopped: the way leads on, but no walk got farther than q: then a jump next to q counts, too.
+    """
+    if np.array_equal(*states(strategy, np.array([q0, q]))):
+        return jump_near(strategy, q) if stopped else None
+    walk, rows = leaf_walk(strategy, q0), [q0]
+    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
+        piece = replace(way, at=lambda s, a=first, b=last: way.at(a + s * (b - a)), arc=way.arc / PIECES**2)
+        posture, ended = walk(rows[-1], piece)
+        rows.append(posture)
+        stopped = stopped or ended is not WayEnd.REACHED
+        if ended is not WayEnd.REACHED:
+            break
+    met = first_jump(strategy, np.array(rows))
+    return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None
 
 
 def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:

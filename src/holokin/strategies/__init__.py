@@ -4,6 +4,7 @@ from .base import Field, Strategy, check_regular, checked_rate
 from .build import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
 from .expressions import Brackets, Expressions, FrameExpressions, RowExpressions
 from .family import from_transport
+from .jumps import Jump, first_jump, jump_near, jumps_of, may_jump
 from .kinds import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy
 from .physical import check_exact, geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
 from .polynomial import fitted
@@ -17,6 +18,7 @@ __all__ = [
     "FrameExpressions",
     "FrameStrategy",
     "HolonomicStrategy",
+    "Jump",
     "KernelStrategy",
     "RowExpressions",
     "RowStrategy",
@@ -28,6 +30,7 @@ __all__ = [
     "checked_rate",
     "correction",
     "coupled_twist",
+    "first_jump",
     "fitted",
     "from_transport",
     "geometric_stiffness",
@@ -35,6 +38,9 @@ __all__ = [
     "holonomic",
     "impedance",
     "inertia_weighted",
+    "jump_near",
+    "jumps_of",
+    "may_jump",
     "moore_penrose",
     "null_basis",
     "pfaffian",

@@ -34,6 +34,7 @@ from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
+from .switching import switches
 from .taylor import TaylorModel
 
 __all__ = [
@@ -82,6 +83,7 @@ __all__ = [
     "sparsify",
     "substitute",
     "sumsqr",
+    "switches",
     "symbol",
     "transport",
     "vec",
