@@ -59,15 +59,16 @@ class Jump(Value):
 
 @kept
 def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
-    """(words, gaps, states) of the switches of g, if there is one, else of the planes; none of a law with a loop."""
+    """(words, gaps, states) of the switches of g, if there is one, else of the planes; none of a law with a loop,
+    as `radial`, whose g is integrated from the planes of another law."""
     e = strategy.expressions
-    if strategy.transport is not None:
+    if strategy.transport is not None or strategy.looped is not strategy:
         return (), SX(0, 1), SX(0, 1)
     if isinstance(strategy, HolonomicStrategy):
         g = strategy.constraint_expression
         found = [switches(g[i], e.q, angle=flag) for i, flag in enumerate(strategy.constraint.angular)]
     else:
-        found = [switches(e.planes, e.q)]
+        found = [switches(e.planes, e.q, reflected=True)]
     words = tuple(word for one in found for word in one.words)
     return words, vertcat(SX(0, 1), *(one.gap for one in found)), vertcat(SX(0, 1), *(one.state for one in found))
 
@@ -126,6 +127,8 @@ def _places(strategy: Strategy, i: int, Q: Matrix, low: Vector, high: Vector) ->
         gap, slope = at(X)
         size = np.linalg.norm(slope, axis=1)
         X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
+    if not len(X):
+        return []
     normals = slope / np.linalg.norm(slope, axis=1)[:, None]
     sides = states(strategy, np.vstack([X - BESIDE * normals, X + BESIDE * normals])).reshape(2, len(X), -1)[:, :, i]
     turned = np.flatnonzero(sides[0] != sides[1])

@@ -27,15 +27,16 @@ class Switches:
     state: ca.SX
 
 
-def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False) -> Switches:
+def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: bool = False) -> Switches:
     """The switches of an expression of q. What is a kink at most, as of fabs, fmin and fmax, is none.
 
-    angle: the expression is an angle, to which the cut of an atan2 does nothing.
+    angle: the expression is an angle, to which the cut of an atan2 does nothing. reflected: it may hold factorisations
+    of matrices, whose reflections choose a sign by copysign, and span the same planes with either.
     """
     flat = ca.densify(ca.vec(expression))
     made = ca.Function("made", [q], [flat])
-    kinds = {made.instruction_id(i) for i in range(made.n_instructions())} & set(_JUMPS)
-    if not kinds - ({ca.OP_ATAN2} if angle else set()):
+    harmless = ({ca.OP_ATAN2} if angle else set()) | ({ca.OP_COPYSIGN} if reflected else set())
+    if not ({made.instruction_id(i) for i in range(made.n_instructions())} & set(_JUMPS)) - harmless:
         return Switches((), ca.SX(0, 1), ca.SX(0, 1))
     made = ca.Function("made", [q], [ca.cse([flat])[0]])
     work: dict[int, ca.SX] = {}
@@ -50,7 +51,7 @@ def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False) -> Switches:
             work[out[0]] = q[into[1]]
         else:
             parts = [work[j] for j in into]
-            if op in _JUMPS and not (angle and op == ca.OP_ATAN2) and not all(part.is_constant() for part in parts):
+            if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
                 found.append((_JUMPS[op], *_turning(op, parts)))
             work[out[0]] = ca.SX.unary(op, parts[0]) if len(parts) == 1 else ca.SX.binary(op, *parts)
     words, gaps, states = zip(*found, strict=True) if found else ((), (), ())
