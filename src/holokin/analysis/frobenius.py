@@ -14,13 +14,13 @@ from ..strategies import HolonomicStrategy, Jump, Strategy, jumps_of, may_jump
 from ..symbolic import (
     SX,
     Function,
-    as_expression,
     factorise,
     horzcat,
     norm_2,
     other_operations,
     pairwise_brackets,
     symbol,
+    written,
 )
 from ..tolerances import TOLERANCES
 from ..types import Array, Matrix, Vector, whole
@@ -122,7 +122,7 @@ def involutivity_of(
         EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
     """
     q = symbol("q", whole("n", n))
-    B = as_expression(distribution(q))
+    B = written("the distribution", distribution, q)
     if B.shape[0] != n:
         raise ShapeError("the distribution", (n, "k"), B.shape)
     units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count

@@ -12,7 +12,7 @@ import numpy as np
 from ..arguments import Made, made
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
+from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped, written
 from ..task import Task
 from ..types import Array, ArrayLike, Value, finite, frozen, whole
 from .implicit import Implicit
@@ -80,7 +80,7 @@ def custom(
         angular: True when every row is an angle that may wrap.
     """
     whole("rows", rows, 0)
-    return Constraint(name, rows, lambda _task, _k, q: as_expression(expression(q)), (angular,) * rows)
+    return Constraint(name, rows, lambda _task, _k, q: written(name, expression, q), (angular,) * rows)
 
 
 @made
@@ -191,7 +191,7 @@ def tilted(
     """
 
     def tilt(task: Task, k: Kinematics) -> SX:
-        value = as_expression(rho((chart or task).value_expression(k)))
+        value = written(f"the tilt of {constraint.name}", rho, (chart or task).value_expression(k))
         if value.shape != (constraint.rows, 1):
             raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), value.shape)
         return value

@@ -15,8 +15,9 @@ import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
+from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..robot import start_posture
+from ..robot.model import WOUND
 from ..sampling import Plan
 from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
 from ..strategies.jumps import states
@@ -49,6 +50,9 @@ the joints' distance from it."""
 
 PIECES = 32
 """Pieces in which a way is gone again, to see where on it g may jump."""
+
+DEGREES = "a joint more than two turns beyond its limits: give levels of angles in rad, as np.radians(...) makes them"
+"""What is said of a level that no robot takes, as one in degrees."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
@@ -323,7 +327,8 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
         leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
-        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves.
+        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves, or
+        a level that must be in degrees.
         ShapeError, NotFiniteError.
     """
     task = strategy.task
@@ -334,6 +339,20 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
+    check_levels(strategy, goal)
     goal = at + strategy.constraint.nearest(goal - at)
     here = tool_at(task, start)
-    return leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
+    found = leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
+    if task.robot.beyond(found).max(initial=0.0) > max(WOUND, task.robot.beyond(start).max(initial=0.0)):
+        raise ArgumentError("the leaf", wanted.tolist(), f"it leads {DEGREES}")
+    return found
+
+
+def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
+    """Raises: ArgumentError: a level (r,) of a row that is an angle is more than two turns, as degrees are."""
+    far = np.array(strategy.constraint.angular, dtype=bool) & (np.abs(levels) > WOUND)
+    if far.any():
+        level = float(levels[far][0])
+        raise ArgumentError(
+            "the leaf", level, f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
+        )

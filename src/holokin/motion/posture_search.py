@@ -16,7 +16,7 @@ from ..task import Task, of_one_tool
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..workspaces import sobol
-from .leaf import leaf_step
+from .leaf import check_levels, leaf_step
 from .newton import newton
 from .whole_turns import free_hinges, turned
 
@@ -120,6 +120,7 @@ def all_postures(
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
+    check_levels(strategy, c)
     aim = _preferred(task.robot, limits) if near is None else task.robot.checked(near, "near")
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)

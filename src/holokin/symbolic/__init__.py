@@ -27,7 +27,7 @@ from casadi import (
 
 from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
 from .enclosure import Enclosure, short
-from .expression import as_expression, as_map, parse, symbol
+from .expression import as_expression, as_map, parse, symbol, written
 from .function import Evaluator, Function
 from .geometry import wrapped
 from .integrate import Transport, runge_kutta, transport
@@ -89,4 +89,5 @@ __all__ = [
     "vec",
     "vertcat",
     "wrapped",
+    "written",
 ]
