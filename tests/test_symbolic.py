@@ -243,7 +243,7 @@ WRONG = {
     "a matrix product": (lambda q: q @ q, "matrix product"),
     "an entry that is not there": (lambda q: q[7], "indices"),
     "NumPy": (lambda q: np.asarray(q)[0], "casadi's functions"),
-    "iteration": (lambda q: [x for x in q][0], r"q\[0\]"),  # noqa: RUF015
+    "iteration": (lambda q: sum(x for x in q), r"q\[0\]"),
     "two arguments": (lambda a, b: a, "one argument"),
     "a slip": (lambda q: q.foo, "AttributeError"),
     "division by zero": (lambda q: 1 / 0, "ZeroDivisionError"),

@@ -224,6 +224,6 @@ def test_a_level_in_degrees_is_told(panda: hk.Robot) -> None:
     for law, level in ((angle, 30), (angle, -95.0), (joint, 30), (joint, -60.0)):
         with pytest.raises(ArgumentError, match="in rad"):
             hk.move_to_leaf(law, q0, level)
-    with pytest.raises(ArgumentError, match="30 degrees are 0.5236"):
+    with pytest.raises(ArgumentError, match=r"30 degrees are 0\.5236"):
         hk.all_postures(angle, panda.pose(q0), 30)
     assert angle.g(hk.move_to_leaf(angle, q0, angle.g(q0) + 0.1)) == pytest.approx(angle.g(q0) + 0.1, abs=1e-9)

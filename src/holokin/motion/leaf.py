@@ -51,8 +51,8 @@ the joints' distance from it."""
 PIECES = 32
 """Pieces in which a way is gone again, to see where on it g may jump."""
 
-DEGREES = "a joint more than two turns beyond its limits: give levels of angles in rad, as np.radians(...) makes them"
-"""What is said of a level that no robot takes, as one in degrees."""
+DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
+"""What is said of a level that the joints do not take, as one in degrees."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
@@ -327,9 +327,8 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
         leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
-        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves, or
-        a level that must be in degrees.
-        ShapeError, NotFiniteError.
+        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
+            a level that must be in degrees. ShapeError, NotFiniteError.
     """
     task = strategy.task
     start = start_posture(task.robot, q0)
@@ -340,12 +339,23 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
     check_levels(strategy, goal)
+    _check_room(strategy, start, goal - at)
     goal = at + strategy.constraint.nearest(goal - at)
     here = tool_at(task, start)
-    found = leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
-    if task.robot.beyond(found).max(initial=0.0) > max(WOUND, task.robot.beyond(start).max(initial=0.0)):
-        raise ArgumentError("the leaf", wanted.tolist(), f"it leads {DEGREES}")
-    return found
+    return leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
+
+
+def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
+    """Raises: ArgumentError: a sum of joints is to change by more than two turns beyond what their limits allow."""
+    robot, A = strategy.task.robot, np.abs(strategy.rows(q))
+    if not np.array_equal(A, np.abs(strategy.rows(q + 0.1))):
+        return  # no sum
+    room = np.maximum(robot.upper - q, q - robot.lower) + WOUND
+    with np.errstate(invalid="ignore"):
+        far = np.abs(change) > np.where(A > 0, A * room, 0.0).sum(axis=1)
+    if far.any():
+        level = float((leaf_value(strategy, q) + change)[far][0])
+        raise ArgumentError("the leaf", level, DEGREES)
 
 
 def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
