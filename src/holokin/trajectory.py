@@ -122,6 +122,7 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         """Joint drift after 1, 2, ... cycles (cycles, n): q at the end of each minus the start posture."""
         return self.q[list(self.marks[1:])] - self.q[0]
 
+    @typed
     def until(self, count: int) -> Trajectory:
         """The first samples of it, and the cycles that end among them; no more than these are measured."""
         return replace(

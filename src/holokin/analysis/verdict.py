@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
+from ..arguments import typed
 from ..errors import posture_text
 from ..strategies import Jump
 from ..types import NoTruthValue, Value, Vector
@@ -118,6 +119,7 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
         """The figures behind the sentence, and how far it reaches."""
         return self.told()
 
+    @typed
     def told(self, names: Sequence[str] = ()) -> str:
         """`details`, with the joints' names (n,) where postures stand, if they are given."""
         at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"

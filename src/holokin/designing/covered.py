@@ -125,6 +125,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         """The margin of that joint (k,) [joint units]; inf where no joint has limits, NaN where there is no posture."""
         return frozen(self.margins[np.arange(len(self)), self.nearest])
 
+    @typed
     def count(self, status: PoseStatus) -> int:
         """How many poses have a status."""
         return int((self.status == status).sum())

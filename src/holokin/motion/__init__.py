@@ -1,7 +1,8 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
 from .control_law import ControlLaw, Step, as_control_law, open_loop
-from .control_step import Controller, StepStatus, controller, has_leaf, step_function
+from .control_step import Controller, StepStatus, controller, has_leaf
+from .control_step import step_function as step_function
 from .entering import approach
 from .following import follow
 from .inverse_kinematics import InverseKinematics, inverse
@@ -54,6 +55,5 @@ __all__ = [
     "path_spread",
     "retime",
     "simulate",
-    "step_function",
     "winding",
 ]

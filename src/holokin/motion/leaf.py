@@ -306,6 +306,7 @@ def native_leaf(
     return NativeFollower(kernel, plan, x, rules, limits, halted)
 
 
+@typed
 def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
     """g(q) (r,); empty when nothing is redundant. Raises: NotFiniteError."""
     if strategy.task.n == strategy.task.m:
