@@ -159,3 +159,46 @@ def test_bad_questions_are_refused(panda: hk.Robot, ppr: hk.Robot) -> None:
     for arguments in ({"cycles": 1}, {"tolerance": 0.0}, {"patience": -1.0}, {"task": hk.position(ppr)}, {"dt": 0.0}):
         with pytest.raises(ArgumentError):
             hk.audit(law, panda, start=PANDA_START, **arguments)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_law_that_answers_otherwise_when_asked_again_does_not_pass(panda: hk.Robot, seed: int) -> None:
+    """Its noise is so quick that the loops end within the tolerance: no run alone shows it."""
+    rng = np.random.default_rng(seed)
+    spin = rng.uniform(0.01, 0.05)
+
+    def law(q, pose, twist, dt):
+        rows = np.vstack([panda.jacobian(q), np.eye(7)[2]])
+        return np.linalg.solve(rows, np.append(pull(panda, q, pose, dt), spin * rng.choice((-1.0, 1.0))))
+
+    point = panda.pose(PANDA_START)[:3, 3]
+    loops = [hk.circle(point, point - [0.05, 0, 0])]
+    found = hk.audit(law, panda, loops=loops, start=PANDA_START, dt=0.02, cycles=3, tolerance=0.05)
+    assert max(found["cycles"].metrics["first"], found["ways"].metrics["apart"]) < 0.05
+    assert found["history"].metrics["otherwise"] > 0
+    assert found.exit_code == 1
+    assert "asked the same again it answered otherwise" in found.sentence
+
+
+def test_noise_below_the_tolerance_is_told_and_passes(panda: hk.Robot) -> None:
+    rng, sound = np.random.default_rng(0), locked(panda, 2)
+    point = panda.pose(PANDA_START)[:3, 3]
+    found = hk.audit(
+        lambda *call: sound(*call) * (1 + 1e-5 * rng.normal()), panda,
+        loops=[hk.circle(point, point - [0.05, 0, 0])], start=PANDA_START, dt=0.02, cycles=3,
+    )  # fmt: skip
+    assert found.exit_code == 0
+    assert "asked the same again it answered otherwise" in found.sentence
+
+
+def test_a_strategy_of_another_robot_is_refused(panda: hk.Robot, iiwa14: hk.Robot) -> None:
+    law = hk.holonomic(hk.pose(iiwa14), hk.lock(2))
+    tool = hk.with_tool(panda, [0.0, 0.0, 0.1])
+    longer = hk.moore_penrose(hk.pose(tool))
+    for other in (law, hk.controller(law, dt=0.01, start=np.full(7, 0.3)), longer):
+        with pytest.raises(ArgumentError, match="it is of another robot"):
+            hk.audit(other, panda, **COARSE)
+    same = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))  # made anew, yet the same arm
+    point = panda.pose(PANDA_START)[:3, 3]
+    loops = [hk.circle(point, point - [0.05, 0, 0])]
+    assert isinstance(hk.audit(same, panda, loops=loops, start=PANDA_START, dt=0.02, cycles=3), hk.auditing.Audit)

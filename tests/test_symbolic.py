@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import holokin as hk
 from holokin.errors import ExpressionError, ShapeError
 from holokin.symbolic import Function, factorise, hessian, jacobian, parse, solve, symbol
 from holokin.symbolic.geometry import log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
@@ -234,3 +235,35 @@ def test_formulas_are_arithmetic_and_nothing_else() -> None:
     ):
         with pytest.raises(ExpressionError):
             parse(text, names)
+
+
+WRONG = {
+    "a truth value": (lambda q: q[0] if q[0] > 0 else q[1], "if_else"),
+    "max": (lambda q: max(q[0], q[1]), "fmax"),
+    "a matrix product": (lambda q: q @ q, "matrix product"),
+    "an entry that is not there": (lambda q: q[7], "indices"),
+    "NumPy": (lambda q: np.asarray(q)[0], "casadi's functions"),
+    "iteration": (lambda q: sum(x for x in q), r"q\[0\]"),
+    "two arguments": (lambda a, b: a, "one argument"),
+    "a slip": (lambda q: q.foo, "AttributeError"),
+    "division by zero": (lambda q: 1 / 0, "ZeroDivisionError"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_function_that_was_not_written_for_symbols_is_told_with_its_cure(planar_3r: hk.Robot, kind: str) -> None:
+    write, words = WRONG[kind]
+    task, q = hk.position(planar_3r), [0.3, 0.9, 0.7]
+    doors = (
+        lambda: hk.holonomic(task, hk.custom(write)),
+        lambda: hk.holonomic(task, hk.stationary(write)),
+        lambda: hk.null_basis(task, write)(q),
+        lambda: hk.weighted(task, write)(q),
+        lambda: hk.strategies.pfaffian(task, write)(q),
+        lambda: hk.strategies.right_inverse(task, write),
+        lambda: hk.custom_task(planar_3r, write, units=("rad",)),
+        lambda: hk.analysis.involutivity_of(write, 3),
+    )
+    for door in doors:
+        with pytest.raises(ExpressionError, match=words):
+            door()

@@ -266,3 +266,15 @@ def test_a_tool_in_millimetres_or_degrees_is_refused(name: str) -> None:
 
 def test_a_wrist_of_no_reach_carries_a_tool() -> None:
     assert hk.with_tool(hk.from_dh([{"alpha": 1.5}, {"alpha": -1.5}, {}]), [0, 0, 0.4]).n == 3
+
+
+def test_a_level_in_degrees_is_told(panda: hk.Robot) -> None:
+    """30 rad of an arm angle are 279 degrees, and of a locked joint four turns."""
+    q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    angle, joint = hk.holonomic(hk.pose(panda), hk.arm_angle()), hk.holonomic(hk.pose(panda), hk.lock(6))
+    for law, level in ((angle, 30), (angle, -95.0), (joint, 30), (joint, -60.0)):
+        with pytest.raises(ArgumentError, match="in rad"):
+            hk.move_to_leaf(law, q0, level)
+    with pytest.raises(ArgumentError, match=r"30 degrees are 0\.5236"):
+        hk.all_postures(angle, panda.pose(q0), 30)
+    assert angle.g(hk.move_to_leaf(angle, q0, angle.g(q0) + 0.1)) == pytest.approx(angle.g(q0) + 0.1, abs=1e-9)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from .arguments import Made
 from .errors import ShapeError
 from .robot import Kinematics, Robot, hessian_expression
-from .symbolic import SX, as_expression, cross, densify, horzcat, jacobian, symbol, vertcat
+from .symbolic import SX, cross, densify, horzcat, jacobian, symbol, vertcat, written
 from .types import Value
 
 
@@ -126,7 +126,7 @@ class ExpressionFrame(Made, Frame):
 
     def check(self, robot: Robot) -> None:
         """Raises: ShapeError: the expression has not as many rows as units."""
-        shape, rows = as_expression(self.expression(symbol("q", robot.n))).shape, len(self.row_units)
+        shape, rows = written(self.name, self.expression, symbol("q", robot.n)).shape, len(self.row_units)
         if shape != (rows, 1):
             raise ShapeError(f"the expression of {self.name!r}", (rows, 1), shape, "units= has one entry a row")
 
@@ -136,7 +136,7 @@ class ExpressionFrame(Made, Frame):
             return [self]
 
         def part(first: int) -> Callable[[SX], Any]:
-            return lambda q: as_expression(self.expression(q))[first : min(first + 3, len(self.row_units))]
+            return lambda q: written(self.name, self.expression, q)[first : min(first + 3, len(self.row_units))]
 
         return [
             ExpressionFrame(self.name, part(i), self.row_units[i : i + 3], self.row_names[i : i + 3])
@@ -145,7 +145,7 @@ class ExpressionFrame(Made, Frame):
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """The point, and its slope by q."""
-        x, rows = as_expression(self.expression(q)), len(self.row_units)
+        x, rows = written(self.name, self.expression, q), len(self.row_units)
         J = vertcat(densify(jacobian(x, q)), SX.zeros(6 - rows, robot.n))
         return Kinematics(vertcat(x, SX.zeros(3 - rows, 1)), SX.eye(3), J, robot.origins(q))
 

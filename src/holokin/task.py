@@ -225,6 +225,7 @@ class Task(Value, ABC):
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
         return self.target(self.pose(q))
 
+    @typed
     def target(self, pose: Array) -> tuple[Vector, Matrix]:
         """Positions (3F,) and rotations (3F, 3) of a pose (4, 4), or of one for each frame (F, 4, 4), unchecked."""
         p, R = targets_of(pose.reshape(1, self.frames, 4, 4))
@@ -292,6 +293,7 @@ class Task(Value, ABC):
                 turning[row, :] = k.jacobian[self.rows[row], :]
         return turning
 
+    @typed
     def velocities(self, twist: SX) -> tuple[SX, SX]:
         """v (3F,) and w (3F,) of twists, one after the other (6F,)."""
         each = range(0, 6 * self.frames, 6)

@@ -151,20 +151,24 @@ class FrameTask(Task):
         """With another reference (3, 3), where there is such a one."""
         return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
+    @typed
     def kinematics(self, q: SX) -> Kinematics:
         """The expressions of the frame."""
         return self.frame.kinematics(self.robot, q)
 
+    @typed
     def value_expression(self, k: Kinematics) -> SX:
         """x = f(q) as an expression (m,)."""
         return self._select(vertcat(k.position, self.representation.value(k.rotation)))  # (1)
 
+    @typed
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
         if self.geometric:
             return self._select(k.jacobian)  # (2)
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
+    @typed
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
         return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))

@@ -14,7 +14,7 @@ import numpy as np
 from .arguments import typed
 from .errors import ArgumentError
 from .files import write_csv
-from .types import Indices, Matrix, Value, Vector, frozen
+from .types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:
@@ -24,7 +24,7 @@ def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: 
     return np.where(whole, turns, 0.0).astype(int)
 
 
-class Status(Enum):
+class Status(NoTruthValue, Enum, ask="`is Status.COMPLETE`"):
     """How a trajectory ended; the text names cause and cure."""
 
     COMPLETE = "followed to the end"
@@ -32,6 +32,7 @@ class Status(Enum):
     OUT_OF_REACH = "stopped: the path leaves the workspace; move or shrink it"
     SINGULAR = "stopped at a singularity of the strategy; choose another constraint, leaf or path"
     BRANCH = "stopped where the leaf folds back; choose another constraint or leaf"
+    JUMP = "stopped where g jumps; choose a constraint whose formula does not jump there, or mark angles as angular"
     FAULT = "stopped: the controller threw, blocked or returned no finite rates; correct the controller"
     LOST = "stopped: integration lost the path; use more samples"
 
@@ -57,7 +58,7 @@ def _known(values: Matrix, count: int) -> Matrix:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Value):
+class Trajectory(NoTruthValue, Value, ask="`.status`"):
     """Joint motion at k instants.
 
     t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends; corners: indices at
@@ -121,6 +122,7 @@ class Trajectory(Value):
         """Joint drift after 1, 2, ... cycles (cycles, n): q at the end of each minus the start posture."""
         return self.q[list(self.marks[1:])] - self.q[0]
 
+    @typed
     def until(self, count: int) -> Trajectory:
         """The first samples of it, and the cycles that end among them; no more than these are measured."""
         return replace(

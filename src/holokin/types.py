@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, ClassVar, Concatenate, NoReturn, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ArgumentError, NotFiniteError, ShapeError
+from .errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
 
 Array = NDArray[np.float64]
 """A float64 array of any shape."""
@@ -213,6 +213,23 @@ class Value:
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
+
+
+class NoTruthValue:
+    """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
+
+    `ask` says what to ask instead.
+    """
+
+    ask: ClassVar[str]
+
+    def __init_subclass__(cls, ask: str = "", **more: Any) -> None:
+        super().__init_subclass__(**more)
+        if ask:
+            cls.ask = ask
+
+    def __bool__(self) -> NoReturn:
+        raise AmbiguousTruthError(type(self).__name__, self.ask)
 
 
 def some(part: Any, chosen: Any) -> Any:

@@ -10,17 +10,17 @@ import numpy as np
 
 from ..arguments import typed
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
-from ..strategies import HolonomicStrategy, Strategy
+from ..strategies import HolonomicStrategy, Jump, Strategy, jumps_of, may_jump
 from ..symbolic import (
     SX,
     Function,
-    as_expression,
     factorise,
     horzcat,
     norm_2,
     other_operations,
     pairwise_brackets,
     symbol,
+    written,
 )
 from ..tolerances import TOLERANCES
 from ..types import Array, Matrix, Vector, whole
@@ -31,6 +31,9 @@ from .verdict import Evidence, Verdict
 
 THOROUGH = 65_536
 """Postures that `thorough=True` looks at: half a second for a Panda, most of it for compiling."""
+
+JUMPS_FROM = 64
+"""Postures from which places are sought where the formula of a law turns over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,8 @@ class _Subject:
     refusal: Callable[[Vector], Exception | None]
     evidence: Evidence
     others: tuple[str, ...]
+    jumps: Callable[[Matrix, Region], tuple[Jump, ...]] = lambda _Q, _region: ()
+    may_jump: tuple[str, ...] = ()
 
     def relative(self, Q: Matrix) -> tuple[Array, Vector]:
         """F over its scale, free of units, (k, n, p), and rcond (k,)."""
@@ -65,6 +70,8 @@ def involutivity(
     seed: int = 0,
 ) -> Verdict:
     """Whether [G_i, G_j] lies in range G for all i, j at postures of a region: the condition (4) of the paper.
+
+    Where the formula of a law jumps, by an if_else, a floor, ... of the user's, its two sides are compared as well.
 
     Right for geometric Jacobians too, since the vertical part of the brackets is tested (theory 1.1), and
     free of null-space bases (theory 5.1). `Verdict` says what is known of the postures between (theory 5.2).
@@ -115,7 +122,7 @@ def involutivity_of(
         EmptyRegionError: the distribution loses rank everywhere. ShapeError: B has not n rows.
     """
     q = symbol("q", whole("n", n))
-    B = as_expression(distribution(q))
+    B = written("the distribution", distribution, q)
     if B.shape[0] != n:
         raise ShapeError("the distribution", (n, "k"), B.shape)
     units = horzcat(*(B[:, a] / norm_2(B[:, a]) for a in range(B.shape[1])))  # so that the scale of B does not count
@@ -161,7 +168,10 @@ def _subject(strategy: Strategy) -> _Subject:
     evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _evidence(e.planes, e.q)
     units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
     name = f"{strategy.name}, {task.name}"
-    return _Subject(name, task.n, values, planes, units, rows, refusal, *evidence)
+    return _Subject(
+        name, task.n, values, planes, units, rows, refusal, *evidence,
+        lambda Q, region: jumps_of(strategy, Q, region.lower, region.upper), may_jump(strategy),
+    )  # fmt: skip
 
 
 def _evidence(planes: SX, q: SX) -> tuple[Evidence, tuple[str, ...]]:
@@ -196,8 +206,9 @@ def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) ->
         raise EmptyRegionError(len(seen.Q), subject.refusal(seen.Q[0]) or HolokinError(best))
     witness, plane = seen.Q[found.row], subject.planes[found.plane]
     F, scale, _ = subject.values(witness[None])
+    jumps = subject.jumps(seen.Q[:: -(-len(seen.Q) // JUMPS_FROM)], region) if subject.may_jump else ()
     return Verdict(
-        holonomic=not found.shown,
+        holonomic=not (found.shown or any(jump.planes for jump in jumps)),
         defect=float(found.size * scale[0, found.plane]),
         unit=subject.units[found.plane],
         relative=found.size,
@@ -212,6 +223,9 @@ def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) ->
         evidence=subject.evidence,
         others=subject.others,
         subject=subject.name,
+        jumps=jumps,
+        may_jump=subject.may_jump,
+        curved=found.shown,
         rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),
     )
 

@@ -12,7 +12,7 @@ from ..arguments import typed
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategies import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
-from ..types import Array, ArrayLike, Matrix, Vector, kept
+from ..types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from .roundoff import COPIES, is_shown, noise, nudged, spread
 from .search import HIDDEN
 
@@ -28,7 +28,7 @@ Word = Any
 """How a field is made: the number of a column of G, or (number, word) for the bracket of a column with a field."""
 
 
-class Integrability(Enum):
+class Integrability(NoTruthValue, Enum, ask="`is Integrability.HOLONOMIC`"):
     """What closed tool paths can do to the joints, near a posture."""
 
     HOLONOMIC = "small closed tool paths bring the joints back to their start"
@@ -37,7 +37,7 @@ class Integrability(Enum):
 
 
 @dataclass(frozen=True)
-class Filtration:
+class Filtration(NoTruthValue, ask="`.integrability`"):
     """Dimensions near the posture of D_0 = range G, D_1 = D_0 + [D_0, D_0], D_{k+1} = D_k + [D_0, D_k], till it stops.
 
     It speaks of a small neighbourhood of the posture alone; `involutivity` looks at a region.

@@ -33,6 +33,7 @@ class Region(Value):
     def __str__(self) -> str:
         return self.told()
 
+    @typed
     def told(self, names: Sequence[str] = ()) -> str:
         """The middle +- half the sides; with the joints' names, if they are given."""
         half = (self.upper - self.lower) / 2

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
+from ..arguments import typed
 from ..errors import posture_text
-from ..types import Value, Vector
+from ..strategies import Jump
+from ..types import NoTruthValue, Value, Vector
 from .region import Region
 
 
@@ -30,7 +32,7 @@ class Evidence(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict(Value):
+class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     """What `involutivity` found at the postures that it judged.
 
     `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`
@@ -43,6 +45,11 @@ class Verdict(Value):
     A verdict of holonomic holds for the postures judged; `evidence` says what is known of those between. For
     operations `others` in the planes (exp, tanh, if_else, ...) that is nothing: an analytic bump narrower than the
     gaps between the samples is not seen.
+
+    `may_jump` names the operations of the law's formula that may jump (if_else, floor, ...). Places where they turn
+    over are sought in the region, and `jumps` holds those where g jumps, or where the planes do so that the two sides
+    lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
+    holonomic between the jumps; a leaf ends there, and `follow` and `inverse` stop.
 
     Even with no curvature anywhere in the region, leaves are local: a closed path of the tool that can be shrunk to a
     point within the region brings the joints back, one that winds round a place where the strategy is not
@@ -64,6 +71,9 @@ class Verdict(Value):
     evidence: Evidence
     others: tuple[str, ...] = ()
     subject: str = field(default="strategy")
+    jumps: tuple[Jump, ...] = ()
+    may_jump: tuple[str, ...] = ()
+    curved: bool = False
     rows: tuple[tuple[str, str], ...] = ()
     """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
 
@@ -76,8 +86,15 @@ class Verdict(Value):
             return f"{self.subject} is {word}{place}: the Lie brackets of its fields {where}"
         if self.holonomic:
             return (
-                f"{self.subject}, is holonomic at the {self.samples} postures judged: where that holds, a closed path "
-                "of the tool that can be shrunk to a point brings the joints back to their start"
+                f"{self.subject}, is holonomic at the {self.samples} postures judged{self._between}: where that holds, "
+                "a closed path of the tool that can be shrunk to a point brings the joints back to their start"
+            )
+        if not self.curved:
+            jump = max(self.jumps, key=lambda one: one.planes)
+            return (
+                f"{self.subject}, is NOT holonomic: its planes jump at q = {posture_text(jump.q)} ({jump.what}), where "
+                f"the two sides lead the joints elsewhere, by {jump.planes:.2g} of their motion: a loop of the tool "
+                "across that place leaves them away from their start"
             )
         sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
         joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
@@ -92,6 +109,8 @@ class Verdict(Value):
         if not self.holonomic:
             return "one posture is enough to show it"
         between = self.evidence.value.format(others=", ".join(self.others))
+        if self.may_jump and not self.jumps:
+            between += f"; its formula may jump ({', '.join(self.may_jump)}): no jump was found within the region"
         winding = "; a path round a place where the law is not defined may end elsewhere" if self.rows else ""
         return between + winding
 
@@ -100,6 +119,7 @@ class Verdict(Value):
         """The figures behind the sentence, and how far it reaches."""
         return self.told()
 
+    @typed
     def told(self, names: Sequence[str] = ()) -> str:
         """`details`, with the joints' names (n,) where postures stand, if they are given."""
         at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
@@ -110,6 +130,17 @@ class Verdict(Value):
             f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "
             f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged"
             f"{skipped}, within {self.region.told(names)}; {self.reach}"
+        )
+
+    @property
+    def _between(self) -> str:
+        """What is to be said of jumps of g."""
+        if not self.jumps:
+            return ""
+        jump = max(self.jumps, key=lambda one: one.level)
+        return (
+            f", between the jumps of its g, as by {jump.level:.3g} at q = {posture_text(jump.q)} ({jump.what}), where "
+            "leaves end and `follow` and `inverse` stop"
         )
 
     @property

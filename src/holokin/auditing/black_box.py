@@ -17,14 +17,17 @@ from ..arguments import typed
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..frame_tasks import pose
 from ..motion import as_control_law
+from ..motion.posture_search import spread
 from ..path import Path, circle, polyline
 from ..robot import Robot
+from ..strategies import Strategy
 from ..task import Task, of_one_tool
-from ..types import ArrayLike
+from ..types import ArrayLike, NoTruthValue
 from .history import ask_history
 from .judge import Repeatability
 from .planes import looked_at, plane_name
 from .questions import (
+    ALIKE,
     Answer,
     AuditSetup,
     PlaneDrift,
@@ -48,7 +51,7 @@ shows on a robot, 1 mm at the end of 1 m."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(NoTruthValue, ask="`.fault`"):
     """One question's answer. `metrics` by name [joint units unless the name says else]; `fault` if the law failed."""
 
     question: str
@@ -58,7 +61,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Audit:
+class Audit(NoTruthValue, ask="`.verdict`"):
     """What `audit` found: the verdict, each question apart from the others, and the planes of the task."""
 
     law: str
@@ -83,6 +86,12 @@ class Audit:
         said = f"{self.law}: {self.verdict.value}"
         if self.untested and self.verdict is not Repeatability.UNKNOWN:
             said += f"; NOT tested: loops in {', '.join(self.untested)}"
+        asked_again = self["history"].metrics
+        if asked_again.get("could_move", 0.0) > 0.0:
+            said += (
+                f"; asked the same again it answered otherwise, by up to {asked_again['rates_apart']:.1e} (per s), "
+                f"which over one loop may come to {asked_again['could_move']:.1e}"
+            )
         small = self["small loops"].metrics
         if self.verdict is Repeatability.DRIFTS and small.get("drift") == 0.0:
             said += (
@@ -143,12 +152,14 @@ def audit(
         patience: seconds after which a call that does not return is given up.
 
     Raises:
-        ArgumentError, ShapeError, NotFiniteError: bad arguments, not a bad law. OpenPathError: a loop is not closed.
+        ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
+        OpenPathError: a loop is not closed.
         StartError: a loop does not begin at the tool. SingularityError: the task has orientation rows alone, and their
             representation is singular at the start.
     """
     chosen = task if task is not None else pose(robot)
     of_one_tool(chosen, "an audit")
+    _of_this_robot(law, robot)
     if chosen.robot is not robot:
         raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
     q0 = robot.checked(start, "the start posture")
@@ -173,6 +184,21 @@ def audit(
     findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
     findings += [_asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
     return Audit(setup.law.name, _verdict(setup, findings, planes), tuple(findings), tolerance, tuple(planes))
+
+
+def _of_this_robot(law: object, robot: Robot) -> None:
+    """Raises: ArgumentError: the law is a strategy, or a controller of one, for a robot with other kinematics."""
+    strategy = getattr(law, "strategy", law)
+    if not isinstance(strategy, Strategy) or strategy.task.robot is robot:
+        return
+    theirs, Q = strategy.task.robot, spread(robot, 3)
+    alike = theirs.n == robot.n and robot.tips and robot.tips[0].name in (tip.name for tip in theirs.tips)
+    if not alike or any(
+        not np.allclose(a, b, rtol=0.0, atol=ALIKE)
+        for a, b in zip(theirs.pose_batch(Q, robot.tips[0].name), robot.pose_batch(Q), strict=True)
+    ):
+        cure = f"it is of another robot, {theirs.name!r}, than the one audited, {robot.name!r}: give its own"
+        raise ArgumentError("the law", strategy.name, cure)
 
 
 def _default_loops(setup: AuditSetup) -> list[Path]:
@@ -256,7 +282,10 @@ def _verdict(setup: AuditSetup, findings: list[Finding], planes: list[PlaneDrift
     if not all(_by_step(setup, p) for p in strayed) and Repeatability.DRIFTS not in seen:
         seen.add(Repeatability.CONVERGES)  # whatever the slower cycles in the worst plane say
     others = [f.metrics for f in findings if f.question in ("ways", "speed", "history")]
-    sound = all(f and f["apart"] <= setup.tolerance + f.get("of_the_step", 0.0) for f in others)
+    sound = all(
+        f and f["apart"] <= setup.tolerance + f.get("of_the_step", 0.0) and f.get("could_move", 0.0) <= setup.tolerance
+        for f in others
+    )
     if seen <= {Repeatability.REPEATS, Repeatability.BUT_FOR_THE_STEP} and not sound:
         return Repeatability.CONVERGES
     order = (Repeatability.DRIFTS, Repeatability.CONVERGES, Repeatability.BUT_FOR_THE_STEP, Repeatability.REPEATS)

@@ -50,13 +50,15 @@ class _Call:
 class _Tally:
     """Answers compared, those that differed, and by how much at most, for each past.
 
-    `returned`: to one call, in one kind of past, another answer was followed by the first one again.
+    same_start: by how much, of runs that began at one posture. `returned`: to one call, in one kind of past, another
+    answer was followed by the first one again.
     """
 
     asked: dict[str, int] = field(default_factory=dict)
     other: dict[str, int] = field(default_factory=dict)
     rate: float = 0.0
     share: float = 0.0
+    same_start: float = 0.0
     returned: bool = False
     strayed: set[tuple[str, int]] = field(default_factory=set)
 
@@ -68,6 +70,8 @@ class _Tally:
         if not off <= ALIKE * size:
             self.other[past] = self.other.get(past, 0) + 1
             self.rate, self.share = max(self.rate, off), max(self.share, off / size)
+            if past != BEGUN_THERE:  # a law may hold the leaf that its run begins on
+                self.same_start = max(self.same_start, off)
             self.strayed.add((past, id(call)))
         elif past != MIDWAY and (past, id(call)) in self.strayed:
             self.returned = True
@@ -90,7 +94,7 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
     asked, other = sum(tally.asked.values()), sum(tally.other.values())
     metrics = {
         "calls": float(asked), "otherwise": float(other), "rates_apart": tally.rate, "share": tally.share,
-        "apart": apart,
+        "apart": apart, "could_move": tally.same_start * path.duration,
     }  # fmt: skip
     if not other:
         return f"no memory seen in {asked} calls asked again: {', '.join(tally.asked)}", metrics

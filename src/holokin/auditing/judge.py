@@ -7,10 +7,10 @@ from enum import Enum
 import numpy as np
 
 from ..task import Task
-from ..types import Array, Matrix, Vector
+from ..types import Array, Matrix, NoTruthValue, Vector
 
 
-class Repeatability(Enum):
+class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):
     """What an audit found; the text says what it means."""
 
     REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"

@@ -11,7 +11,7 @@ import numpy as np
 from ..recording import Recording
 from ..robot import Robot
 from ..task import Task
-from ..types import Array, Matrix, Value, Vector
+from ..types import Array, Matrix, NoTruthValue, Value, Vector
 from .cycles import Cycles
 from .judge import Repeatability, first_limit
 from .trend import CONFIDENCE, DriftTrend, Trend
@@ -31,7 +31,7 @@ class Distance:
 
 
 @dataclass(frozen=True, eq=False)
-class LogAudit(Value):
+class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
 
     visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool

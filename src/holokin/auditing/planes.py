@@ -72,6 +72,19 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     return polyline(corners, turns=turns, closed=True)
 
 
+def plane_way(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float, stairs: int) -> Path:
+    """From a corner of `plane_loop` to the opposite one: in so many stairs along rows i and j, straight for none.
+
+    Raises:
+        SingularityError where the representation is singular.
+    """
+    twists = row_twists(task, rotation)
+    a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
+    steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
+    corners = position + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])
+    return polyline(list(corners), turns=list(steps[:, 3:]))
+
+
 def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
     """Area (m, m) that a closed path encloses in each plane of task rows, as a share of that of `plane_loop`.
 

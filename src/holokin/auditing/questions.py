@@ -20,7 +20,7 @@ from ..task import Task
 from ..trajectory import Trajectory, whole_turns
 from ..types import Matrix, Vector
 from .judge import Repeatability
-from .planes import area_unit, enclosed, plane_loop, plane_name, sides
+from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
 
 Answer = tuple[str, dict[str, float]]
 
@@ -37,6 +37,21 @@ SIZES = (1.0, 0.5, 0.25)
 SMALL = 0.7
 """Size of the small loops, and half of it, as a share of `planes.SIDES`: 0.07 m or 0.14 rad, of an area like that of a
 circle of 0.04 m in radius."""
+
+TURNED, HURRIED, BENT = 0.5, 0.05, 0.05
+"""Change up to which a law is of the form dq = G(q) x', as a share of a small loop's drift: of that drift when the loop
+is reversed, when it is gone round at half the speed, and of where the joints end when stairs replace a line. There
+each is 0 but for terms of higher order in the size and for the error of the step: 0.015, 0.0005 and 0.003 were met."""
+
+STAIRS = 8
+"""Stairs instead of a straight line, and twice as many: a side of 7 cm in 4 s is then 6 steps of 0.02 s long."""
+
+AREA = (2.8, 5.6)
+"""Ratio of the drifts of two small loops, one twice as large, that is near to 4, that of their areas: half-way, on a
+scale of ratios, to 2, that of lengths, and to 8, that of a curvature that is 0 at the start and rises from there."""
+
+LEAST_SMALL = 0.02
+"""Drift of the smaller loop, as a share of the larger one's, below which the larger one is reversed and slowed."""
 
 ALIKE = 1e-6
 """Difference of two answers, as a share of the answer, up to which they are the same."""
@@ -286,7 +301,10 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
 
 
 def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
-    """A local strategy dq = G(q) x' drifts by area times curvature: as the size squared, and back if reversed.
+    """Is the law of the form dq = G(q) x'? Then small loops drift back if reversed, and alike at half the speed.
+
+    And does it go as well by fine stairs as straight, as it does where dq is linear in x'? Then a loop drifts by
+    area times curvature: as the size squared where that is alike all over the loop, else as it may.
 
     Raises:
         ControllerError, SingularityError.
@@ -294,35 +312,62 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if plane is None:
         return "not asked: a task of one row has no plane to loop in", {}
     name = plane_name(setup.task, *plane)
-    drifts, shares = [], []
-    for scale, backward, seconds in (
-        (SMALL, False, 4.0), (SMALL / 2, False, 4.0), (SMALL / 2, True, 4.0), (SMALL / 2, False, 8.0),
-    ):  # fmt: skip
-        loop = setup.loop(plane, scale)
-        loop = loop.reversed() if backward else loop
-        slower = loop.duration / seconds
-        loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
-        d, finer = (setup.run(loop, dt=dt).drift()[0] for dt in (setup.dt, setup.dt / 2))
-        drifts.append(2 * finer - d)  # the step's share falls with the step
-        shares.append(largest(finer - d))
-    big, small, back, slow = drifts
-    size = max(largest(small), 1e-15)
-    a, b = sides(setup.task, *plane, SMALL / 2)
+    (big, shared), (small, _) = (_loop_drift(setup, plane, scale) for scale in (SMALL, SMALL / 2))
+    larger = largest(small) < LEAST_SMALL * largest(big)  # then the small one is next to its own round-off and step
+    scale, forward = (SMALL, big) if larger else (SMALL / 2, small)
+    back, _ = _loop_drift(setup, plane, scale, backward=True)
+    slow, _ = _loop_drift(setup, plane, scale, seconds=8.0)
+    size = max(largest(forward), 1e-15)
+    a, b = sides(setup.task, *plane, scale)
     metrics = {
-        "ratio": largest(big) / size, "turned": largest(small + back) / size,
-        "hurried": largest(small - slow) / size, "drift_per_area": size / (a * b),
+        "ratio": largest(big) / max(largest(small), 1e-15), "turned": largest(forward + back) / size,
+        "hurried": largest(forward - slow) / size, "drift_per_area": size / (a * b),
     }  # fmt: skip
-    metrics["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shares[0]) else largest(big)
+    metrics["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shared) else largest(big)
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
         f"in {name}: ratio {metrics['ratio']:.2f} for twice the size, changed by {metrics['turned']:.0%} backwards and "
         f"by {metrics['hurried']:.0%} at half the speed"
     )
-    if 2.8 < metrics["ratio"] < 5.6 and metrics["turned"] < 0.5 and metrics["hurried"] < 0.05:
-        per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
-        return f"obey the area law ({facts}): a local strategy, {per}", metrics
-    return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
+    per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
+    if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
+        metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
+        facts += f", and by {metrics['stairs']:.0%} on fine stairs instead of a straight line"
+    if not metrics.get("stairs", np.inf) < BENT:
+        return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
+    per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
+    curved = ""
+    if metrics["ratio"] >= AREA[1]:
+        curved = " with a curvature that rises from about 0 at the start"
+    elif metrics["ratio"] <= AREA[0]:
+        curved = " with a curvature that changes within the loops"
+    return f"obey the area law{curved} ({facts}): a local strategy dq = G(q) x', {per}", metrics
+
+
+def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> float:
+    """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
+    ends = []
+    for stairs in (0, STAIRS, 2 * STAIRS):
+        way = plane_way(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
+        slower = way.duration / 4.0
+        way = way.at_speed(way.speed * slower, way.angular_speed * slower)
+        q, finer = (setup.run(way, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
+        ends.append(2 * finer - q)
+    straight, coarse, fine = ends
+    return largest(2 * fine - coarse - straight)
+
+
+def _loop_drift(
+    setup: AuditSetup, plane: tuple[int, int], scale: float, *, backward: bool = False, seconds: float = 4.0
+) -> tuple[Vector, float]:  # fmt: skip
+    """(drift (n,) of a small loop without the share of the step, that share)."""
+    loop = setup.loop(plane, scale)
+    loop = loop.reversed() if backward else loop
+    slower = loop.duration / seconds
+    loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
+    d, finer = (setup.run(loop, dt=dt).drift()[0] for dt in (setup.dt, setup.dt / 2))
+    return 2 * finer - d, largest(finer - d)  # the step's share falls with the step
 
 
 def widest(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arguments import typed
 from ..files import replacing
+from ..types import NoTruthValue
 
 MOST_TOLD = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""
@@ -96,7 +97,7 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class CheckReport:
+class CheckReport(NoTruthValue, ask="`.passed`"):
     """What `check` found of a motion.
 
     Attributes:

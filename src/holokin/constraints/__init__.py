@@ -2,7 +2,8 @@
 
 from .arm import arm_angle, height
 from .arm_geometry import Arm, find_arm
-from .base import Constraint, as_gain, custom, linear, lock, stack, tilted, total
+from .base import Constraint, custom, linear, lock, stack, tilted, total
+from .base import as_gain as as_gain
 from .costs import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
 from .coupled_orientation import coupled
 
@@ -11,7 +12,6 @@ __all__ = [
     "Constraint",
     "Cost",
     "arm_angle",
-    "as_gain",
     "centring_cost",
     "coupled",
     "custom",

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..arguments import Made, made
+from ..arguments import Made, made, typed
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped
+from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped, written
 from ..task import Task
 from ..types import Array, ArrayLike, Value, finite, frozen, whole
 from .implicit import Implicit
@@ -43,12 +43,14 @@ class Constraint(Made, Value):
     places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
     implicit: Implicit | None = None
 
+    @typed
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
         if self.rows != task.n - task.m:
             raise ConstraintRowsError(self.name, self.rows, task.n, task.m)
         return self.expand(task, k, q)
 
+    @typed
     def expand(self, task: Task, k: Kinematics, q: SX) -> SX:
         """g (rows,) for a task, whatever its number of rows. Raises: ShapeError."""
         g = as_expression(self.expression(task, k, q))
@@ -56,6 +58,7 @@ class Constraint(Made, Value):
             raise ShapeError(f"constraint {self.name!r}", (self.rows, 1), g.shape, "rows= must match what it returns")
         return g
 
+    @typed
     def slopes(self, task: Task, k: Kinematics, q: SX) -> SX:
         """J_g = dg/dq (r, n). Raises: as `bind`."""
         g = self.bind(task, k, q)
@@ -80,7 +83,7 @@ def custom(
         angular: True when every row is an angle that may wrap.
     """
     whole("rows", rows, 0)
-    return Constraint(name, rows, lambda _task, _k, q: as_expression(expression(q)), (angular,) * rows)
+    return Constraint(name, rows, lambda _task, _k, q: written(name, expression, q), (angular,) * rows)
 
 
 @made
@@ -191,7 +194,7 @@ def tilted(
     """
 
     def tilt(task: Task, k: Kinematics) -> SX:
-        value = as_expression(rho((chart or task).value_expression(k)))
+        value = written(f"the tilt of {constraint.name}", rho, (chart or task).value_expression(k))
         if value.shape != (constraint.rows, 1):
             raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), value.shape)
         return value

@@ -12,7 +12,7 @@ from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..frames import TipFrame
 from ..robot import Kinematics, link_jacobian, potential_expression
-from ..symbolic import SX, as_expression, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat
+from ..symbolic import SX, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
 from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
 from ..task import Task
 from ..task_kinds import FrameTask
@@ -51,7 +51,7 @@ def stationary(
         ShapeError (when bound): the cost is not a scalar.
     """
     rows = 1 if free is None else len(free)
-    U = cost if isinstance(cost, Cost) else Cost("custom cost", lambda _task, _k, q: as_expression(cost(q)))
+    U = cost if isinstance(cost, Cost) else Cost("custom cost", lambda _task, _k, q: written("the cost", cost, q))
     label = name or f"stationary {U.name}"
 
     def gradient(task: Task, k: Kinematics, q: SX) -> SX:

@@ -2,7 +2,8 @@
 
 from .advice import Advice, Law, Part
 from .advising import advise
-from .coordinates import Coordinates, Polynomial, chart_of
+from .coordinates import Coordinates, Polynomial
+from .coordinates import chart_of as chart_of
 from .covered import Coverage, PoseStatus, Reach
 from .covering import coverage, posture_reach
 from .designed_law import Design, design
@@ -10,7 +11,9 @@ from .law_metrics import SectionMetrics, section_metrics
 from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
 from .slicing import Slice, coverage_slices
-from .starts import fitting_task, locked_joints, regular_starts
+from .starts import fitting_task as fitting_task
+from .starts import locked_joints as locked_joints
+from .starts import regular_starts as regular_starts
 from .tips import choose_tip
 
 __all__ = [
@@ -28,15 +31,11 @@ __all__ = [
     "SectionMetrics",
     "Slice",
     "advise",
-    "chart_of",
     "choose_tip",
     "coverage",
     "coverage_slices",
     "design",
-    "fitting_task",
-    "locked_joints",
     "nearest",
     "posture_reach",
-    "regular_starts",
     "section_metrics",
 ]

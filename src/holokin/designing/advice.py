@@ -10,7 +10,7 @@ import numpy as np
 
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..types import Flags, Value, Vector
+from ..types import Flags, NoTruthValue, Value, Vector
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
 from .tips import Chain
@@ -121,7 +121,7 @@ class Part(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Advice(Value):
+class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     """Laws that fit a robot, compared on a workspace, the best first.
 
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.

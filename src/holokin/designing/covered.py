@@ -13,7 +13,7 @@ import numpy as np
 from ..arguments import typed
 from ..errors import brief
 from ..files import write_csv
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, frozen
+from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen
 from ..workspaces import Workspace
 
 FAR_TURN = np.pi / 2
@@ -24,7 +24,7 @@ POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of the pose in a file of coverage."""
 
 
-class PoseStatus(IntEnum):
+class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
     """What becomes of a tool pose on the straight way from the start; `text` says it in words."""
 
     REACHED = 0
@@ -63,7 +63,7 @@ class Reach(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Coverage(Value):
+class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     """What one leaf reaches of some tool poses (k, 4, 4).
 
     start, tool: the posture in which the robot begins (n,), and the tool pose there (4, 4).
@@ -125,6 +125,7 @@ class Coverage(Value):
         """The margin of that joint (k,) [joint units]; inf where no joint has limits, NaN where there is no posture."""
         return frozen(self.margins[np.arange(len(self)), self.nearest])
 
+    @typed
     def count(self, status: PoseStatus) -> int:
         """How many poses have a status."""
         return int((self.status == status).sum())

@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..task import Task, of_one_tool
-from ..types import Array, ArrayLike, Matrix, Value, Vector, not_negative, whole
+from ..types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, not_negative, whole
 from ..workspaces import Workspace
 from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits
@@ -36,7 +36,7 @@ FINER = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Design(Value):
+class Design(NoTruthValue, Value, ask="`.holds`"):
     """The best section that was found, as a strategy, and what it was chosen by.
 
     strategy: an ordinary one; its leaf through `start` (n,), the posture at the middle of the workspace, is the

@@ -29,6 +29,7 @@ from .given import (
     UnknownNameError,
 )
 from .judging import (
+    AmbiguousTruthError,
     EmptyRegionError,
     NotHolonomicError,
     RoundOffError,
@@ -38,6 +39,7 @@ from .moving import (
     ControllerError,
     InfeasibleError,
     JointLimitError,
+    JumpError,
     LimitReachedError,
     LostToolError,
     NotCertifiedError,
@@ -65,6 +67,7 @@ __all__ = [
     "LONGEST_PART",
     "MOST_NAMES",
     "SYNONYMS",
+    "AmbiguousTruthError",
     "ArgumentError",
     "BranchError",
     "CertificateError",
@@ -77,6 +80,7 @@ __all__ = [
     "InfeasibleError",
     "JobError",
     "JointLimitError",
+    "JumpError",
     "LimitReachedError",
     "LostToolError",
     "MassError",

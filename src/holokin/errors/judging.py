@@ -27,6 +27,17 @@ class NotHolonomicError(HolokinError):
         )
 
 
+class AmbiguousTruthError(HolokinError):
+    """A result was used as if it were True or False; `what` is its kind, `ask` what to ask it instead.
+
+    Python takes objects for True, and so `if verdict:` would be a yes where the answer is no.
+    """
+
+    def __init__(self, what: str, ask: str) -> None:
+        self.what, self.ask = what, ask
+        super().__init__(f"{what} is neither True nor False, for that would say nothing of what was found; ask {ask}")
+
+
 class RoundOffError(HolokinError):
     """A question that numbers cannot answer at a posture, because round-off hides the answer."""
 

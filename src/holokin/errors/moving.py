@@ -127,6 +127,16 @@ class BranchError(PathError):
     """Leaf following met the end of its branch."""
 
 
+class JumpError(BranchError):
+    """A leaf that ends where g jumps: at the posture `.q`, by `.level`, in the operation `.what` of its formula."""
+
+    def __init__(
+        self, fact: str, cure: str, trajectory: Any = None, what: str = "", q: Iterable[float] = (), level: float = 0.0
+    ) -> None:
+        self.what, self.q, self.level = what, tuple(float(v) for v in q), level
+        super().__init__(fact, cure, trajectory)
+
+
 class LimitReachedError(PathError):
     """A joint ran into its limit along the path."""
 

@@ -1,8 +1,9 @@
 """What leaves for a controller: a strategy as plain C with a self-test, and timed motion as robot programs."""
 
-from .building import check
+from .building import check as check
 from .fanuc import to_fanuc
-from .folder import Exported, c_name, export_c
+from .folder import Exported, export_c
+from .folder import c_name as c_name
 from .krl import to_krl
 from .program import Program, Wiring
 from .rapid import to_rapid
@@ -13,8 +14,6 @@ __all__ = [
     "Exported",
     "Program",
     "Wiring",
-    "c_name",
-    "check",
     "export_c",
     "to_fanuc",
     "to_krl",

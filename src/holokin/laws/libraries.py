@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import typed
 from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
 from ..strategies import HolonomicStrategy
@@ -39,6 +40,7 @@ class PostureTask:
         return np.asarray(q0 if self.preferred is None else self.preferred, dtype=float)
 
 
+@typed
 def pink_law(
     robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
     solver: str = "quadprog", damping: float = 1e-12, limits: bool = True, name: str | None = None,
@@ -82,6 +84,7 @@ def pink_law(
     return ControlLaw(name or _label("pink", posture, leaf, limits), begin)
 
 
+@typed
 def mink_law(
     robot: Robot, posture: PostureTask = PostureTask(), *, leaf: HolonomicStrategy | None = None, gain: float = 1.0,
     solver: str = "daqp", damping: float = 1e-12, limits: bool = True, name: str | None = None,

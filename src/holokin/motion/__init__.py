@@ -13,7 +13,8 @@ from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
 from .solutions import InverseStatus, Solutions
-from .step_expression import has_leaf, step_function
+from .step_expression import has_leaf
+from .step_expression import step_function as step_function
 from .timed import JointLoad, Limits, Slowdown, TimedTrajectory
 from .timing import retime
 from .watch import LoopWatch
@@ -55,6 +56,5 @@ __all__ = [
     "path_spread",
     "retime",
     "simulate",
-    "step_function",
     "winding",
 ]

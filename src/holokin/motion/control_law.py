@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..arguments import Made
+from ..arguments import Made, typed
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, check_regular
@@ -175,6 +175,7 @@ def compiled(
     return ControlLaw(name, begin)
 
 
+@typed
 def open_loop(strategy: Strategy) -> ControlLaw:
     """dq = G(q) x': a strategy as it stands, without feedback. [ZR11, (3)]"""
     looped = strategy.looped

@@ -27,7 +27,7 @@ from ..robot import start_posture
 from ..strategies import Strategy
 from ..symbolic import Function
 from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
+from ..types import Array, ArrayLike, Matrix, NoTruthValue, Vector, frozen, number, right_last_row
 from .control_law import ControlLaw, Step
 from .leaf import leaf_value
 from .step_expression import has_leaf, step_function
@@ -58,7 +58,7 @@ Rates = Callable[[Any, Any, Any], Vector]
 """(q, pose, twist) -> dq, a new array."""
 
 
-class StepStatus(IntEnum):
+class StepStatus(NoTruthValue, IntEnum, ask="`is StepStatus.OK`"):
     """What became of a step; from SINGULAR on dq is zero."""
 
     OK = 0

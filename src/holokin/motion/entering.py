@@ -94,7 +94,7 @@ def _found(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | N
     pose = np.eye(4)
     pose[:3, 3], pose[:3, :3] = p, R
     if isinstance(strategy, HolonomicStrategy):
-        found = all_postures(strategy, pose, leaf_value(strategy, near), limits=True).q
+        found = all_postures(strategy, pose, leaf_value(strategy, near), limits=True, near=near).q
         return found[np.argmin(np.abs(found - near).max(axis=1))] if len(found) else None
     nearest = nearest_postures(task, p[None], R[None], near[None], limits=True)
     return nearest.q[0] if nearest.reached[0] and nearest.missing[0] <= TOLERANCES.start else None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -23,13 +24,13 @@ from ..errors import (
 from ..errors.moving import KEPT
 from ..progress import progress
 from ..sampling import Plan, check_start, make_plan, record
-from ..strategies import HolonomicStrategy, Strategy
+from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
 from ..synchronized_paths import AnyPath
 from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
 from ..types import ArrayLike, Matrix, Vector, whole
 from .branch import branch_code
-from .leaf import leaf_step, leaf_stepper, native_leaf
+from .leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from .native import NativeFollower
 from .reach import out_of_reach
 from .velocity import native_velocity, path_rate, velocity_stepper
@@ -70,7 +71,8 @@ def follow(
     strategy(start)
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
     check_start(task, start, *plan.first)
-    return _walk(strategy, leaf, plan, start, int(cycles), limits, native)
+    once = partial(_walk, strategy, leaf, plan, start, int(cycles), limits, native)
+    return _to_jump(strategy, plan, int(cycles), once)
 
 
 def build_native(strategy: Strategy) -> None:
@@ -147,6 +149,28 @@ def _walk(
             status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
             raise type(problem)(fact, problem.cure, so_far(status)) from problem
     return so_far(Status.COMPLETE)
+
+
+def _to_jump(strategy: Strategy, plan: Plan, cycles: int, walk: Callable[[], Trajectory]) -> Trajectory:
+    """A walk, which ends where g of a holonomic strategy jumps. Raises: JumpError, and what the walk raises."""
+    if not (isinstance(strategy, HolonomicStrategy) and may_jump(strategy)):
+        return walk()
+    ended: PathError | None = None
+    try:
+        found = walk()
+    except PathError as problem:
+        found, ended = problem.trajectory, problem
+    met = first_jump(strategy, found.q)
+    if met is None and isinstance(ended, BranchError):
+        near = jump_near(strategy, found.q[-1])
+        met = None if near is None else (len(found.q) - 1, near)
+    if met is not None:
+        last, jump = met
+        kept = _record(strategy, plan, found.q[: last + 1], cycles, Status.JUMP)
+        raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", kept) from ended
+    if ended is not None:
+        raise ended
+    return found
 
 
 def _native_steps(

@@ -11,9 +11,9 @@ import numpy as np
 from ..arguments import check, typed
 from ..codegen import InverseKernel, engine, weak
 from ..constraints import custom
-from ..errors import ArgumentError, BranchError, JointLimitError, OutOfReachError, ShapeError
-from ..robot import Robot, start_posture
-from ..strategies import HolonomicStrategy, Strategy, holonomic
+from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from ..tolerances import TOLERANCES
 from ..types import (
     ROTATION,
@@ -32,11 +32,23 @@ from ..types import (
     tool_pose,
     whole,
 )
-from .leaf import REGULAR, WayEnd, leaf_problem, leaf_step, leaf_value, leaf_walk, straight_way, tool_at
+from .leaf import (
+    REGULAR,
+    Way,
+    WayEnd,
+    jump_on,
+    jump_problem,
+    leaf_problem,
+    leaf_step,
+    leaf_value,
+    leaf_walk,
+    straight_way,
+    tool_at,
+)
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .rays import on_ray
 from .reach import pose_out_of_reach
-from .solutions import InverseStatus, Solutions
+from .solutions import InverseStatus, Solutions, beyond_limits, in_rows
 from .stretch import inverse_code, stretch_code
 
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
@@ -67,7 +79,7 @@ class InverseKinematics(Value):
         `inverse` was told to: `robot.check_limits(q)` does.
 
         Raises:
-            SingularityError, BranchError: the leaf does not reach so far on a straight line.
+            SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
             JointLimitError: only with limits=True: the posture is beyond them.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
@@ -105,11 +117,15 @@ class InverseKinematics(Value):
         p, R = self._targets(given)
         last = np.full((len(given), len(self.start)), np.nan)
         if self._kernel is not None:
-            status = self._kernel(_in_rows(p, R), self._context, last, False, threads)
+            status = self._kernel(in_rows(p, R), self._context, last, False, threads)
         else:
             status = self._refused(p, R)
             for i in np.flatnonzero(status == InverseStatus.REACHED):
                 last[i], status[i] = self._walk(p[i], R[i], self.start)
+        if may_jump(self.strategy):
+            for i in np.flatnonzero(np.isfinite(last).all(axis=1)):
+                jump = self._jump(p[i], R[i], self.start, last[i], InverseStatus(int(status[i])))
+                status[i] = status[i] if jump is None else InverseStatus.JUMP
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
         return Solutions(q, status, last)
@@ -179,6 +195,8 @@ class InverseKinematics(Value):
         """`ik(pose)` of any pose: the joints, or an error."""
         p, R = self._target(pose)
         q, status = self._go(p, R, self.start)
+        if (jump := self._jump(p, R, self.start, q, status)) is not None:
+            raise jump_problem(self.strategy, jump)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
             task = self.strategy.task
             fact = (
@@ -190,33 +208,45 @@ class InverseKinematics(Value):
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """`ik.near(pose, q)` of any pose."""
         p, R = self._target(pose)
-        return self._answer(*self._go(p, R, self.strategy.task.robot.checked(q, "the posture to begin from")))
+        begin = self.strategy.task.robot.checked(q, "the posture to begin from")
+        last, status = self._go(p, R, begin)
+        if (jump := self._jump(p, R, begin, last, status)) is not None:
+            raise jump_problem(self.strategy, jump)
+        return self._answer(last, status)
+
+    def _jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
+        """A jump of g on the way that was gone to q."""
+        s = self.strategy
+        return jump_on(s, begin, self._way(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
+
+    def _way(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Way, bool]:
+        """(the straight way to a pose and to the leaf, whether it stays on the leaf)."""
+        s = self.strategy
+        level = self._leaf if begin is self.start else leaf_value(s, begin)
+        goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
+        return straight_way(tool_at(s.task, begin), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """(posture to which the way from a posture was gone, what became of it)."""
         if self._kernel is None:
             return self._walk(p, R, begin)
         q = begin[None].copy()
-        status = self._kernel(_in_rows(p[None], R[None]), self._context, q, begin is not self.start, 1)
+        status = self._kernel(in_rows(p[None], R[None]), self._context, q, begin is not self.start, 1)
         return q[0], InverseStatus(int(status[0]))
 
     def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """The same on the virtual machine."""
         s = self.strategy
-        if begin is self.start:
-            level = self._leaf
-        else:
-            level = leaf_value(s, begin)
+        if begin is not self.start:
             _, rcond, margin, side = leaf_step(s)(begin, p, R, self._leaf)
             if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
                 return begin, InverseStatus.SINGULAR
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
-        goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        ray = on_ray(s, begin) and np.array_equal(level, goal)
-        last, ended = leaf_walk(s, begin, ray=ray)(begin, straight_way(tool_at(s.task, begin), (p, R), (level, goal)))
+        way, level = self._way(p, R, begin)
+        last, ended = leaf_walk(s, begin, ray=level and on_ray(s, begin))(begin, way)
         if ended is WayEnd.REACHED:
-            beyond = self.limits and _beyond(s.task.robot, last)
+            beyond = self.limits and beyond_limits(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
         _, rcond, margin = s.gain(last)
         if ended is WayEnd.TRIED or rcond > REGULAR:
@@ -280,7 +310,8 @@ class InverseKinematics(Value):
     def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
         cold, warm = weak(self._cold), weak(self._warm)
-        bound = None if self._kernel is None else self._kernel.calls(self._context, cold, warm)
+        kernel = None if may_jump(self.strategy) else self._kernel
+        bound = None if kernel is None else kernel.calls(self._context, cold, warm)
         return (cold, warm) if bound is None else bound
 
     @cached_property
@@ -319,20 +350,6 @@ def _steps(step: ArrayLike, joints: int) -> Vector:
     if not (given > 0).all():  # NaN included
         raise ArgumentError("step", given.tolist(), "give positive numbers")
     return np.ascontiguousarray(np.broadcast_to(given, (joints,)))
-
-
-def _in_rows(p: Matrix, R: Array) -> Matrix:
-    """(k, 12F): positions, and rotations by rows."""
-    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), 3 * p.shape[1])]))
-
-
-def _beyond(robot: Robot, q: Vector) -> bool:
-    """True where a joint is beyond its limits."""
-    try:
-        robot.check_limits(q)
-    except JointLimitError:
-        return True
-    return False
 
 
 @typed

@@ -9,18 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
 from ..arguments import typed
 from ..codegen import LeafRules
-from ..errors import BranchError, HolokinError, NotFiniteError, ShapeError, posture_text
+from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..robot import start_posture
+from ..robot.model import WOUND
 from ..sampling import Plan
-from ..strategies import HolonomicStrategy
+from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
+from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..task import Task
 from ..tolerances import TOLERANCES
+from ..trajectory import Trajectory
 from ..types import ArrayLike, Matrix, Vector, finite, kept
 from ..ways import straight
 from .branch import Branch, branch_code
@@ -43,6 +47,12 @@ CREEP = 1e-10
 """Joint motion [joint units] of a piece of an interval below which a walk is at a fold: pieces shrink in proportion to
 the joints' distance from it."""
 
+
+PIECES = 32
+"""Pieces in which a way is gone again, to see where on it g may jump."""
+
+DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
+"""What is said of a level that the joints do not take, as one in degrees."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
@@ -180,6 +190,14 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
     )
 
 
+def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Trajectory | None = None) -> JumpError:
+    """What is said of a leaf that ends where g jumps."""
+    at = posture_text(jump.q, strategy.task.robot.joint_names)
+    fact = f"{where}the leaf of {strategy.name!r} ends at {at}, where its g jumps by {jump.level:.3g} ({jump.what})"
+    cure = "write g without the jump, mark it as an angle if it is one, or keep the path away from there"
+    return JumpError(fact, cure, walk, jump.what, jump.q, jump.level)
+
+
 def leaf_walk(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, Way], tuple[Vector, WayEnd]]:
@@ -219,6 +237,25 @@ def leaf_walk(
         return q, WayEnd.TRIED
 
     return walk
+
+
+def jump_on(strategy: HolonomicStrategy, q0: Vector, way: Way, q: Vector, stopped: bool) -> Jump | None:
+    """A jump of g on a way from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
+
+    stopped: the way leads on, but no walk got farther than q: then a jump next to q counts, too.
+    """
+    if np.array_equal(*states(strategy, np.array([q0, q]))):
+        return jump_near(strategy, q) if stopped else None
+    walk, rows = leaf_walk(strategy, q0), [q0]
+    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
+        piece = replace(way, at=lambda s, a=first, b=last: way.at(a + s * (b - a)), arc=way.arc / PIECES**2)
+        posture, ended = walk(rows[-1], piece)
+        rows.append(posture)
+        stopped = stopped or ended is not WayEnd.REACHED
+        if ended is not WayEnd.REACHED:
+            break
+    met = first_jump(strategy, np.array(rows))
+    return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None
 
 
 def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
@@ -269,6 +306,7 @@ def native_leaf(
     return NativeFollower(kernel, plan, x, rules, limits, halted)
 
 
+@typed
 def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
     """g(q) (r,); empty when nothing is redundant. Raises: NotFiniteError."""
     if strategy.task.n == strategy.task.m:
@@ -290,8 +328,8 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
         leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
-        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves.
-        ShapeError, NotFiniteError.
+        SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
+            a level that must be in degrees. ShapeError, NotFiniteError.
     """
     task = strategy.task
     start = start_posture(task.robot, q0)
@@ -301,6 +339,31 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
+    check_levels(strategy, goal)
+    _check_room(strategy, start, goal - at)
     goal = at + strategy.constraint.nearest(goal - at)
     here = tool_at(task, start)
     return leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
+
+
+def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
+    """Raises: ArgumentError: a sum of joints is to change by more than two turns beyond what their limits allow."""
+    robot, A = strategy.task.robot, np.abs(strategy.rows(q))
+    if not np.array_equal(A, np.abs(strategy.rows(q + 0.1))):
+        return  # no sum
+    room = np.maximum(robot.upper - q, q - robot.lower) + WOUND
+    with np.errstate(invalid="ignore"):
+        far = np.abs(change) > np.where(A > 0, A * room, 0.0).sum(axis=1)
+    if far.any():
+        level = float((leaf_value(strategy, q) + change)[far][0])
+        raise ArgumentError("the leaf", level, DEGREES)
+
+
+def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
+    """Raises: ArgumentError: a level (r,) of a row that is an angle is more than two turns, as degrees are."""
+    far = np.array(strategy.constraint.angular, dtype=bool) & (np.abs(levels) > WOUND)
+    if far.any():
+        level = float(levels[far][0])
+        raise ArgumentError(
+            "the leaf", level, f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
+        )

@@ -10,7 +10,7 @@ import numpy as np
 from ..codegen import LARGEST, EdgeKernel, enabled, tell
 from ..errors import ArgumentError, NativeError
 from ..strategies import HolonomicStrategy
-from ..types import Matrix, Value, Vector, kept
+from ..types import Matrix, NoTruthValue, Value, Vector, kept
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
 from .leaf import TRIES, leaf_step
@@ -45,7 +45,7 @@ _REFUSED = {2: InverseStatus.NOT_FINITE, 3: InverseStatus.NOT_A_ROTATION}
 
 
 @dataclass(frozen=True, eq=False)
-class Nearest(Value):
+class Nearest(NoTruthValue, Value, ask="`.status`"):
     """The posture q (n,) of a leaf whose tool pose (4, 4) is nearest to a wanted one.
 
     status: REACHED where nothing is missing, else CLAMPED, or what is wrong with the wanted pose: then q is as it was.

@@ -15,7 +15,7 @@ from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..task import Task, of_one_tool
-from ..types import ArrayLike, Matrix, Value, Vector, positive, whole
+from ..types import ArrayLike, Matrix, NoTruthValue, Value, Vector, positive, whole
 from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
 from .following import follow
@@ -73,7 +73,7 @@ class Witness(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Obstruction(Value):
+class Obstruction(NoTruthValue, Value, ask="`.total`, which is None where it could not be decided"):
     """What `obstruction` found: the total index or number of turns, None where it could not be decided.
 
     Over a sphere: witnesses, whose indices add up to the total; clearance [m], how near the elbow came to the line from
@@ -89,9 +89,6 @@ class Obstruction(Value):
     clearance: float
     sentence: str
     details: str
-
-    def __bool__(self) -> bool:
-        return bool(self.total)
 
     def __str__(self) -> str:
         return f"{self.sentence}\n  {self.details}"

@@ -16,8 +16,9 @@ from ..task import Task, of_one_tool
 from ..tolerances import TOLERANCES
 from ..types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..workspaces import sobol
-from .leaf import leaf_step
+from .leaf import check_levels, leaf_step
 from .newton import newton
+from .whole_turns import free_hinges, turned
 
 STEPS = 60
 """Newton steps from one start. Of 4096 starts on an iiwa 14 and a Panda that get anywhere, 99 % take less than 40."""
@@ -31,6 +32,9 @@ EXACT = 1e-10
 MOST_STARTS = 1_000_000
 """They are all gone from at once: a million take two minutes and a gigabyte."""
 
+SAMPLED = 8
+"""Postures at which it is looked at which hinges may turn round without a change of g."""
+
 APART = 1e-6
 """Distance [joint units] below which two postures are one: well over `EXACT`, well under what tells branches apart."""
 
@@ -39,9 +43,10 @@ APART = 1e-6
 class Postures(Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
-    Angles are in [-pi, pi), or within the joint limits where these were asked for. found (k,): from how many of the
-    `starts` each was found; rcond (k,): how regular [J; J_g] is there. `singular` starts ended where it is singular;
-    postures that lie there are not counted. `outside` postures lie outside the joint limits and were left out.
+    Each is on the leaf and at the pose; of those that differ by whole turns of hinges it is one, see `near` of
+    `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g] is there.
+    `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures lie
+    outside the joint limits and were left out.
     """
 
     q: Matrix
@@ -86,6 +91,7 @@ def all_postures(
     *,
     limits: bool = False,
     starts: int = 1024,
+    near: ArrayLike | None = None,
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c that Newton's method finds from many starts: the branches of a leaf.
 
@@ -97,6 +103,9 @@ def all_postures(
         leaf: c (r,), or one number for all rows.
         limits: True keeps only postures within the joint limits.
         starts: how many; more find rarer postures.
+        near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
+            one nearest to it is given; the search begins there, too. Without it, the one nearest to the middle of the
+            ranges with limits, else to 0.
 
     Raises:
         ShapeError, ArgumentError.
@@ -111,22 +120,33 @@ def all_postures(
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
-    q, rcond, arrived = _on_leaf(strategy, spread(task.robot, count), p, R, c)
+    check_levels(strategy, c)
+    aim = _preferred(task.robot, limits) if near is None else task.robot.checked(near, "near")
+    free = free_hinges(strategy, spread(task.robot, SAMPLED))
+    begun = spread(task.robot, count, ~free & task.robot.hinges)
+    begun = begun if near is None else np.vstack([aim, begun[1:]])
+    q, rcond, arrived = _on_leaf(strategy, begun, p, R, c)
     regular = arrived & (rcond > TOLERANCES.singular)
     singular = int(np.sum(arrived & ~regular))
-    kept, found = _merged(task.robot, q[regular])
-    kept, inside = _within(task.robot, kept, limits)
-    order = np.lexsort(np.round(kept[inside], 6).T[::-1])
-    at = strategy.gain.batch(kept[inside][order])[1].ravel() if inside.any() else np.zeros(0)
-    outside = int(np.sum(~inside))
-    return Postures(kept[inside][order], wanted, c.copy(), found[inside][order], at, count, singular, outside)
+    classes = _distinct(task.robot, q[regular])
+    chosen = [turned(strategy, members, free, aim, limits) for members in classes]
+    inside = np.array([within for _, within in chosen], dtype=bool)
+    kept = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
+    found = np.array([len(members) for members in classes], dtype=float)[inside]
+    order = np.lexsort(np.round(kept, 6).T[::-1])
+    at = strategy.gain.batch(kept[order])[1].ravel() if len(kept) else np.zeros(0)
+    return Postures(kept[order], wanted, c.copy(), found[order], at, count, singular, int(np.sum(~inside)))
 
 
-def spread(robot: Robot, count: int) -> Matrix:
-    """Postures (count, n) of low discrepancy over the joint ranges, hinges over a turn at most."""
-    low, high = np.where(robot.hinges, -np.pi, -1.0), np.where(robot.hinges, np.pi, 1.0)
-    slides = ~robot.hinges & np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    low, high = np.where(slides, robot.lower, low), np.where(slides, robot.upper, high)
+def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
+    """Postures (count, n) of low discrepancy over the joint ranges, hinges over a turn at most.
+
+    counted (n,): hinges whose whole turns count, which are spread over their range, or over two turns without one.
+    """
+    several = np.zeros(robot.n, dtype=bool) if counted is None else counted
+    reach = np.where(robot.hinges, np.where(several, 2 * np.pi, np.pi), 1.0)
+    ranged = (~robot.hinges | several) & np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    low, high = np.where(ranged, robot.lower, -reach), np.where(ranged, robot.upper, reach)
     return low + (high - low) * sobol(robot.n, count, seed=0)
 
 
@@ -153,26 +173,21 @@ def _on_leaf(strategy: HolonomicStrategy, q: Matrix, p: Vector, R: Matrix, c: Ve
     return q, rcond, arrived
 
 
-def _merged(robot: Robot, q: Matrix) -> tuple[Matrix, Vector]:
-    """(different postures (k, n), hinges in [-pi, pi); how often each was met (k,))."""
-    q = np.where(robot.hinges, wrapped(q), q)
-    kept: list[Vector] = []
-    count: list[int] = []
+def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
+    """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
+    classes: list[list[Vector]] = []
     for one in q:
-        gap = np.array(kept).reshape(-1, robot.n) - one
+        gap = np.array([members[0] for members in classes]).reshape(-1, robot.n) - one
         near = np.abs(np.where(robot.hinges, wrapped(gap), gap)).max(axis=1) < APART
         if near.any():
-            count[int(np.argmax(near))] += 1
+            classes[int(np.argmax(near))].append(one)
         else:
-            kept, count = [*kept, one], [*count, 1]
-    return np.array(kept).reshape(-1, robot.n), np.array(count, dtype=float)
+            classes.append([one])
+    return [np.array(members) for members in classes]
 
 
-def _within(robot: Robot, q: Matrix, limits: bool) -> tuple[Matrix, Flags]:
-    """(postures turned by whole turns to where they are within the limits, which of them are); all without limits."""
-    if not limits:
-        return q, np.ones(len(q), dtype=bool)
-    low, high = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
-    turns = np.ceil((low - q) / (2 * np.pi))
-    moved = q + 2 * np.pi * np.where(robot.hinges & np.isfinite(turns), turns, 0.0)
-    return moved, np.all((moved >= low) & (moved <= high), axis=1)
+def _preferred(robot: Robot, limits: bool) -> Vector:
+    """Where hinges (n,) are by choice: within limits in the middle of their range, else about 0."""
+    bounded = limits & np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    with np.errstate(invalid="ignore"):
+        return np.where(bounded, 0.5 * (robot.lower + robot.upper), 0.0)

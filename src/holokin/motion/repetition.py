@@ -11,12 +11,12 @@ from ..errors import ArgumentError, OpenPathError
 from ..strategies import Strategy
 from ..synchronized_paths import AnyPath, paths_of
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Indices, Matrix, Value, Vector
+from ..types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from .following import follow
 
 
 @dataclass(frozen=True, eq=False)
-class Drift(Value):
+class Drift(NoTruthValue, Value, ask="`.largest`"):
     """Joint drift over the cycles of a closed path."""
 
     trajectory: Trajectory
@@ -56,7 +56,7 @@ class Drift(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Spread(Value):
+class Spread(NoTruthValue, Value, ask="`.largest`"):
     """Joints reached by two ways to the same tool pose."""
 
     a: Trajectory

@@ -18,7 +18,7 @@ from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
 from ..trajectory import whole_turns
-from ..types import Array, ArrayLike, Matrix, Value, Vector
+from ..types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from .following import by_leaf, follow
 
 NO_DRIFT = 1e-6
@@ -40,7 +40,7 @@ PIECE = 0.1
 """Turn [rad] of the pieces in which a path that turns the tool is drawn together."""
 
 
-class Cause(Enum):
+class Cause(NoTruthValue, Enum, ask="`is Cause.NONE`"):
     """Why a closed path drifts; the text says what was seen."""
 
     NONE = "the joints are back at their start"
@@ -51,7 +51,7 @@ class Cause(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Winding(Value):
+class Winding(NoTruthValue, Value, ask="`.cause`"):
     """What became of the drift of a loop while it was drawn together to its start.
 
     sizes (k,): the loops that could be followed, 1 the whole one, 0 the point; drifts (k, n) [joint units] of them.

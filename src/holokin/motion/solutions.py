@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from ..types import Flags, Indices, Matrix, Value
+import numpy as np
+
+from ..errors import JointLimitError
+from ..robot import Robot
+from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 
 
-class InverseStatus(IntEnum):
+class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     """What became of a pose."""
 
     REACHED = 0
@@ -29,10 +33,12 @@ class InverseStatus(IntEnum):
     """The pose's rotation is scaled, skewed or left-handed."""
     OTHER_BRANCH = 8
     """The posture to begin from lies on another branch than the start."""
+    JUMP = 9
+    """g jumps on the way: an if_else, a floor, ... of its formula turns over."""
 
 
 @dataclass(frozen=True, eq=False)
-class Solutions(Value):
+class Solutions(NoTruthValue, Value, ask="`.reached`"):
     """Inverse kinematics of many poses.
 
     q: joints (k, n), a row of NaN where a pose was not reached.
@@ -55,3 +61,17 @@ class Solutions(Value):
     def count(self, status: InverseStatus) -> int:
         """How many poses have a status."""
         return int((self.status == status).sum())
+
+
+def in_rows(p: Matrix, R: Array) -> Matrix:
+    """Poses as native code takes them, (k, 12F): positions (k, 3F), and rotations (k, 3F, 3) by rows."""
+    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), 3 * p.shape[1])]))
+
+
+def beyond_limits(robot: Robot, q: Vector) -> bool:
+    """True where a joint is beyond its limits."""
+    try:
+        robot.check_limits(q)
+    except JointLimitError:
+        return True
+    return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from ..arguments import typed
-from ..types import ArrayLike, Vector, numbers, positive
+from ..types import ArrayLike, NoTruthValue, Vector, numbers, positive
 
 STARVED = 0.5
 """Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""
@@ -14,7 +14,7 @@ FROM = 0.01
 """Sum of dt dq . dq [rad^2/s] from which a watch judges, that of a second at 0.1 rad/s."""
 
 
-class LoopWatch:
+class LoopWatch(NoTruthValue, ask="`.starved`"):
     """Tells whether the joints of a control loop move as they are commanded.
 
     It sums over the steps share = sum dq . (q_next - q) / sum dt dq . dq, which is 1 where the joints follow. Position

@@ -176,6 +176,9 @@ def print_physics(result: PhysicsResult, console: Any) -> None:
     console.print(table)
     console.print(f"  {result.conditions}", markup=False, highlight=False)
     for one in result.played:
-        for text in (one.run.remark, one.audit.sentence() if one.audit else f"not audited: {one.not_audited}"):
+        for text in (
+            one.run.remark,
+            one.audit.sentence() if one.audit is not None else f"not audited: {one.not_audited}",
+        ):
             if text:
                 console.print(f"  {brief(one.label)}: {text}", markup=False, highlight=False)

@@ -17,7 +17,7 @@ from ..motion import TimedTrajectory
 from ..robot import LinkShape, Robot
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
-from ..types import Vector
+from ..types import NoTruthValue, Vector
 
 METRICS: dict[str, str] = {
     "defect": "curvature near the start, its largest (defect): joint error of a small loop over its area",
@@ -44,7 +44,7 @@ METRICS: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(NoTruthValue, ask="`.passed`"):
     """One expectation: what was wanted, what was found."""
 
     metric: str

@@ -57,7 +57,7 @@ def row(result: StrategyResult, workspace: bool = False, clearance: bool = False
         number(f["peak_speed"]),
         *([number(f["clearance"])] if clearance else []),
         *([covers] if workspace else []),
-        "FAILED" if not result.passed else "ok" if result.checks or result.motion_check else "-",
+        "FAILED" if not result.passed else "ok" if result.checks or result.motion_check is not None else "-",
     ]
 
 

@@ -205,6 +205,7 @@ class Path(Value):
         index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.segments) - 1)
         return self.on(index, (t - self._starts[index]) / self._durations[index])
 
+    @typed
     def on(self, index: Indices, u: Vector) -> Samples:
         """The path on the segments index (k,) at their parameter u (k,) in [0, 1]."""
         k, rows = len(u), self._rows[index]
@@ -257,6 +258,7 @@ class Path(Value):
         segments = tuple(self.cut(start * self.duration, stop * self.duration))
         return replace(self, segments=segments, rotation=self._turned(self.at(start * self.duration).rotation[0]))
 
+    @typed
     def cut(self, start: float, stop: float) -> list[Segment]:
         """The segments between two times [s]."""
         pieces = []
@@ -295,6 +297,7 @@ class Path(Value):
         R, rotation = F[:3, :3], None if self.rotation is None else F[:3, :3] @ self.rotation
         return replace(self, segments=tuple(s.mapped(R, F[:3, 3]) for s in self.segments), rotation=rotation)
 
+    @typed
     def at_pace(self, speed: float) -> Path:
         """The same path in the same times, with another speed as its own [m/s]."""
         share = speed / self.speed

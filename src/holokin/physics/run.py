@@ -13,7 +13,7 @@ from ..arguments import typed
 from ..files import replacing
 from ..motion import has_leaf
 from ..strategies import Strategy
-from ..types import Array, Matrix, Value, Vector
+from ..types import Array, Matrix, NoTruthValue, Value, Vector
 
 CALM = 0.3
 """Seconds before a push whose mean is called no deflection: noise averages out."""
@@ -23,7 +23,7 @@ AFTER = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalRun(Value):
+class PhysicalRun(NoTruthValue, Value, ask="`.stopped`"):
     """What the joints did on physics, at k instants.
 
     Attributes:

@@ -16,7 +16,7 @@ from ..arguments import typed
 from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, some
+from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
 from .equation import Equation
 from .lowering import lowered
 from .partition import partition
@@ -28,7 +28,7 @@ DETERMINANT = 0.5
 """Of the bound of the determinant: room for the checker's own, which is another one."""
 
 
-class Extent(Enum):
+class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     """How far a proof came, and why no farther; the text names cause and cure."""
 
     WHOLE = "all that was asked is proven"
@@ -104,7 +104,7 @@ class Anchors(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate(Value):
+class Certificate(NoTruthValue, Value, ask="`.whole`"):
     """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
     `theorem` is it in one sentence; `extent` says how far the proof came, `where` at which place it ended. `proven` are

@@ -1,7 +1,8 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
 
 from .capsules import chain_length, obstacle, with_capsules, with_shape
-from .catalog import beside, catalogue, load
+from .catalog import beside as beside
+from .catalog import catalogue, load
 from .composing import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .drives import SERVOS, Servo, servo
@@ -9,18 +10,24 @@ from .export import to_mjcf, to_urdf
 from .extent import reach
 from .free_coordinates import coordinates
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
-from .inertia import mass_matrix_expression, potential_expression
+from .inertia import mass_matrix_expression as mass_matrix_expression
+from .inertia import potential_expression as potential_expression
 from .limits import with_limits
-from .link_frames import link_jacobian
-from .links import DENSITY, knows_masses, weighed
+from .link_frames import link_jacobian as link_jacobian
+from .links import DENSITY, weighed
+from .links import knows_masses as knows_masses
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
 from .pinocchio_model import from_pinocchio
-from .reading import is_model, model_links, model_root, model_tips
-from .robot_table import assembled
-from .second_order import hessian_expression
+from .reading import is_model as is_model
+from .reading import model_links, model_tips
+from .reading import model_root as model_root
+from .robot_table import assembled as assembled
+from .second_order import hessian_expression as hessian_expression
 from .toolbox import from_roboticstoolbox
-from .units import check_metres, doubtful_unit, start_posture
+from .units import check_metres as check_metres
+from .units import doubtful_unit as doubtful_unit
+from .units import start_posture as start_posture
 from .urdf import from_urdf, from_yourdfpy
 from .visuals import Surface, Visual
 
@@ -48,35 +55,23 @@ __all__ = [
     "Tip",
     "Unread",
     "Visual",
-    "assembled",
-    "beside",
     "catalogue",
     "chain_length",
-    "check_metres",
     "compose",
     "coordinates",
-    "doubtful_unit",
     "from_dh",
     "from_mjcf",
     "from_pinocchio",
     "from_roboticstoolbox",
     "from_urdf",
     "from_yourdfpy",
-    "hessian_expression",
-    "is_model",
-    "knows_masses",
-    "link_jacobian",
     "load",
-    "mass_matrix_expression",
     "model_links",
-    "model_root",
     "model_tips",
     "obstacle",
     "ordered",
-    "potential_expression",
     "reach",
     "servo",
-    "start_posture",
     "to_mjcf",
     "to_urdf",
     "weighed",

@@ -202,11 +202,13 @@ class Robot(Value):
             raise UnknownNameError("index of a joint", shown(joint), [f"{i} ({name})" for i, name in enumerate(names)])
         return int(joint) % self.n
 
+    @typed
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
         chosen = self.tip(tip)
         return self.kinematics_at(q, chosen.joint, chosen.placement)
 
+    @typed
     def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
         """The same for any frame (4, 4) on a joint's moving side."""
         frames = self._frames(q)

@@ -10,7 +10,7 @@ import numpy as np
 from ..arguments import made
 from ..constraints import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
-from ..symbolic import SX, Function, as_expression, solve, symbol
+from ..symbolic import SX, Function, solve, symbol, written
 from ..task import Task
 from ..types import ArrayLike, finite, frozen
 from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
@@ -38,7 +38,7 @@ def weighted(task: Task, weight: ArrayLike | Callable[[SX], Any], *, name: str =
     if callable(weight):
         _check_weight(task, weight)
         # (6): the frame of G_W
-        frame = lambda task, k, q: solve(as_expression(weight(q)), task.jacobian_expression(k, q).T)  # noqa: E731
+        frame = lambda task, k, q: solve(written("the weight", weight, q), task.jacobian_expression(k, q).T)  # noqa: E731
         return FrameStrategy(name, task, frame)
     given = finite("the weight", weight, (task.n, task.n))
     _positive_definite("the weight", given)
@@ -58,7 +58,7 @@ def _positive_definite(what: str, W: np.ndarray) -> None:
 
 def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
     q = symbol("q", task.n)
-    value = as_expression(weight(q))
+    value = written("the weight", weight, q)
     if value.shape != (task.n, task.n):
         raise ShapeError("the weight", (task.n, task.n), value.shape)
     function = Function("weight", {"q": q}, {"weight": value})
@@ -89,7 +89,7 @@ def null_basis(task: Task, N_G: Callable[[SX], Any], *, name: str = "null-basis"
     """
     # Theorem III.2: 2 => 1
     # Theorem III.3: N_G does not know how the task writes the orientation
-    return FrameStrategy(name, task, lambda _task, _k, q: as_expression(N_G(q)))
+    return FrameStrategy(name, task, lambda _task, _k, q: written(name, N_G, q))
 
 
 @made
@@ -111,7 +111,7 @@ def pfaffian(task: Task, A: Callable[[SX], Any], *, name: str = "pfaffian") -> R
     Args:
         A: q -> CasADi expression (r, n), r = n - m.
     """
-    return RowStrategy(name, task, lambda _task, _k, q: as_expression(A(q)))
+    return RowStrategy(name, task, lambda _task, _k, q: written(name, A, q))
 
 
 @made

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from ..arguments import made
+from ..arguments import made, typed
 from ..constraints import Cost
 from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
@@ -77,6 +77,7 @@ def impedance(task: Task, potential: Cost, *, force: Force = "pseudo-inverse", n
     return RowStrategy(name, task, rows)
 
 
+@typed
 def gradient_and_stiffness(task: Task, k: Kinematics, q: SX, potential: Cost) -> tuple[SX, SX]:
     """grad U (n,) and K = Hess U (n, n). Raises: ShapeError."""
     U = potential.expression(task, k, q)
@@ -85,6 +86,7 @@ def gradient_and_stiffness(task: Task, k: Kinematics, q: SX, potential: Cost) ->
     return jacobian(U, q).T, hessian(U, q)
 
 
+@typed
 def geometric_stiffness(task: Task, k: Kinematics, q: SX) -> Callable[..., SX]:
     """The map (q, F) -> Gamma = sum_k F_k Hess f_k (n, n), the change of J^T F with F held."""
     F = symbol("F", task.m)

@@ -27,13 +27,14 @@ from casadi import (
 
 from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
 from .enclosure import Enclosure, short
-from .expression import as_expression, as_map, parse, symbol
+from .expression import as_expression, as_map, parse, symbol, written
 from .function import Evaluator, Function
 from .geometry import wrapped
 from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
+from .switching import switches
 from .taylor import TaylorModel
 
 __all__ = [
@@ -82,9 +83,11 @@ __all__ = [
     "sparsify",
     "substitute",
     "sumsqr",
+    "switches",
     "symbol",
     "transport",
     "vec",
     "vertcat",
     "wrapped",
+    "written",
 ]

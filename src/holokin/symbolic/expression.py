@@ -54,6 +54,31 @@ def as_expression(value: Any) -> ca.SX:
     return ca.vertcat(*rows)
 
 
+OF_A_FUNCTION = (ArithmeticError, AttributeError, LookupError, NotImplementedError, RuntimeError, TypeError, ValueError)
+"""What a function of a user's raises when it is called with symbols and was not written for them."""
+
+_CURES = {
+    "truth value": "write a condition as casadi.if_else(condition, yes, no), and max and min as casadi.fmax and fmin",
+    "Matrix product": "the shapes of a matrix product do not fit: q is (n, 1), and q.T @ q a product of two of them",
+    "Implicit conversion": "use casadi's functions, as casadi.sin, and lists of expressions in place of NumPy arrays",
+    "not iterable": "take entries by their index, q[0], and give several as a list",
+    "argument": "give a function of one argument, such as lambda q: q[0] + q[2]",
+    "Slice": "take entries that there are: indices count from 0",
+}
+
+
+def written(what: str, function: Callable[..., Any], *symbols: ca.SX) -> ca.SX:
+    """What a user's function writes, of copies of the symbols. Raises: ExpressionError; ArgumentError."""
+    try:
+        return as_expression(function(*(ca.SX(one) for one in symbols)))
+    except OF_A_FUNCTION as problem:
+        said = " ".join(str(problem).split())
+        _place, _, words = said.rpartition(": ") if said.startswith(".../casadi") else ("", "", said)
+        cure = next((cure for key, cure in _CURES.items() if key in said), "")
+        fact = f"called with symbols it raised {type(problem).__name__}: {brief(words, 160)}"
+        raise ExpressionError(what, fact, cure or "write it with casadi's functions, + - * / and if_else") from None
+
+
 def _several(value: Any) -> bool:
     return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
 

@@ -1,0 +1,201 @@
+"""Where a law jumps: places at which an if_else, a floor, ... of its formula turns over, and what the law does there.
+
+Let s(q) = 0 be such a place, and G-, G+ the law on its two sides. A path of the tool that crosses it at one point and
+comes back at another brings the joints back only if both sides take them along it alike:
+
+    (G+ - G-) v = 0   for every v with  ds/dq G- v = 0,
+
+as where g is continuous and only its slopes change. Else a loop across drifts in proportion to its length along s = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SingularityError
+from ..symbolic import SX, Function, jacobian, switches, vertcat
+from ..types import Matrix, Value, Vector, kept
+from .base import Strategy
+from .kinds import HolonomicStrategy
+
+STEPS = 20
+"""Newton steps to a place where a switch turns over."""
+
+BESIDE = 1e-7
+"""Distance [joint units] of the two sides that are compared: well over the round-off of a posture, and so small that
+slopes change G by far less than `JUMP`."""
+
+JUMP = 1e-4
+"""Relative change of G from one side to the other that counts as a jump."""
+
+ROUND_OFF = 1e-9
+"""Jump of g, over 1 + its size, that is none; what its slopes make over the distance of the sides is taken off."""
+
+PLACES = 8
+"""Places looked at for each switch."""
+
+NEAR = 0.02
+"""How far [joint units] from a posture a jump may be that ends a walk there: about a step of one."""
+
+HALVINGS = 40
+"""Of a step that a switch turns over in: to 1e-12 of its length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Jump(Value):
+    """A place q (n,) where the formula of a law turns over, by the operation `what`, and jumps.
+
+    level: jump of g [its unit], of a constraint; 0 of another law. planes: how far the two sides disagree on where
+    the joints go along the place, relative; 0 where they agree, so that joints return across it, too.
+    """
+
+    what: str
+    q: Vector
+    level: float
+    planes: float
+
+
+@kept
+def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
+    """(words, gaps, states) of the switches of g, if there is one, else of the planes; none of a law with a loop,
+    as `radial`, whose g is integrated from the planes of another law."""
+    e = strategy.expressions
+    if strategy.transport is not None or strategy.looped is not strategy:
+        return (), SX(0, 1), SX(0, 1)
+    if isinstance(strategy, HolonomicStrategy):
+        g = strategy.constraint_expression
+        found = [switches(g[i], e.q, angle=flag) for i, flag in enumerate(strategy.constraint.angular)]
+    else:
+        found = [switches(e.planes, e.q, reflected=True)]
+    words = tuple(word for one in found for word in one.words)
+    return words, vertcat(SX(0, 1), *(one.gap for one in found)), vertcat(SX(0, 1), *(one.state for one in found))
+
+
+def may_jump(strategy: Strategy) -> tuple[str, ...]:
+    """The operations of g, or of the planes of a law without one, that may jump; () for most laws."""
+    return tuple(dict.fromkeys(_switches(strategy)[0]))
+
+
+@kept
+def _state(strategy: Strategy) -> Function:
+    return Function("switches", {"q": strategy.expressions.q}, {"state": _switches(strategy)[2]})
+
+
+@kept
+def _gap(strategy: Strategy) -> Function:
+    q, gap = strategy.expressions.q, _switches(strategy)[1]
+    return Function("switch_gaps", {"q": q}, {"gap": gap, "slope": jacobian(gap, q)})
+
+
+def states(strategy: Strategy, Q: Matrix) -> Matrix:
+    """The places of the k switches at postures (N, n), whole numbers (N, k); another one on the other side of each."""
+    return _state(strategy).batch(Q).reshape(len(Q), -1)
+
+
+def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[Jump, ...]:
+    """Jumps of a law within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
+    found: dict[str, Jump] = {}
+    words = _switches(strategy)[0]
+    for i, what in enumerate(words):
+        for q, normal in _places(strategy, i, Q, low, high):
+            one = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
+            if one is not None and _more(one, found.get(what)):
+                found[what] = one
+    return tuple(found.values())
+
+
+def _more(one: Jump, other: Jump | None) -> bool:
+    return other is None or (one.planes, one.level) > (other.planes, other.level)
+
+
+def _places(strategy: Strategy, i: int, Q: Matrix, low: Vector, high: Vector) -> list[tuple[Vector, Vector]]:
+    """(q, unit normal) at places of a box where switch i turns over."""
+    gaps = _gap(strategy)
+
+    def at(X: Matrix) -> tuple[Vector, Matrix]:
+        gap, slope = gaps.batch(X)
+        return gap.reshape(len(X), -1)[:, i], slope.reshape(len(X), -1, X.shape[1])[:, i]
+
+    X = Q.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            gap, slope = at(X)
+            move = gap[:, None] * slope / np.sum(slope**2, axis=1)[:, None]
+            X = np.clip(X - np.where(np.isfinite(move), move, 0.0), low, high)
+        gap, slope = at(X)
+        size = np.linalg.norm(slope, axis=1)
+        X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
+    if not len(X):
+        return []
+    normals = slope / np.linalg.norm(slope, axis=1)[:, None]
+    sides = states(strategy, np.vstack([X - BESIDE * normals, X + BESIDE * normals])).reshape(2, len(X), -1)[:, :, i]
+    turned = np.flatnonzero(sides[0] != sides[1])
+    chosen = turned[np.linspace(0, len(turned) - 1, min(PLACES, len(turned))).astype(int)] if len(turned) else turned
+    return [(X[k], normals[k]) for k in chosen]
+
+
+def _jump(strategy: Strategy, what: str, a: Vector, b: Vector, normal: Vector) -> Jump | None:
+    """The jump between two postures beside a place; None where there is none."""
+    level = _level(strategy, a, b)
+    try:
+        G = strategy.batch(np.array([a, b]))
+    except SingularityError:
+        return Jump(what, (a + b) / 2, level, 0.0) if level else None
+    along = normal @ G[0]
+    away = float(along @ along)
+    off = (G[1] - G[0]) @ (np.eye(len(along)) - np.outer(along, along) / away) if away > BESIDE else 0.0 * G[0]
+    planes = float(np.linalg.norm(off) / np.linalg.norm(G))
+    planes = planes if planes > JUMP else 0.0
+    return Jump(what, (a + b) / 2, level, planes) if level or planes else None
+
+
+def _level(strategy: Strategy, a: Vector, b: Vector) -> float:
+    """The jump of g between two postures that are very near to each other."""
+    if not isinstance(strategy, HolonomicStrategy):
+        return 0.0
+    c = strategy.constraint_value.batch(np.array([a, b])).reshape(2, strategy.constraint.rows)
+    gap = np.abs(strategy.constraint.nearest(c[1] - c[0]))
+    slopes = np.linalg.norm(strategy.rows(a), axis=1) + np.linalg.norm(strategy.rows(b), axis=1)
+    counts = gap > 1.01 * slopes * np.linalg.norm(b - a) + ROUND_OFF * (1.0 + np.abs(c).max(axis=0))
+    return float(np.max(np.where(counts, gap, 0.0), initial=0.0))
+
+
+def jump_near(strategy: HolonomicStrategy, q: Vector) -> Jump | None:
+    """A jump of g next to a posture (n,), within `NEAR` of each joint."""
+    if not may_jump(strategy):
+        return None
+    found = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
+    return max(found, key=lambda one: one.level, default=None)
+
+
+def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | None:
+    """(k, jump): the first one of g on the straight ways between postures (N, n), between rows k and k + 1."""
+    if not may_jump(strategy) or len(Q) < 2:
+        return None
+    at = states(strategy, Q)
+    for k in np.flatnonzero((at[1:] != at[:-1]).any(axis=1)):
+        found = _between(strategy, Q[k], Q[k + 1], at[k], at[k + 1])
+        if found is not None:
+            return int(k), found
+    return None
+
+
+def _between(strategy: HolonomicStrategy, a: Vector, b: Vector, at_a: Vector, at_b: Vector) -> Jump | None:
+    """A jump of g on the straight way from a to b; every switch that turns over is halved to where it does."""
+    words = _switches(strategy)[0]
+    for i in np.flatnonzero(at_a != at_b):
+        low, high = a, b
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            if states(strategy, middle[None])[0, i] == at_a[i]:
+                low = middle
+            else:
+                high = middle
+        size = float(np.linalg.norm(b - a))
+        beside = (b - a) / size * min(BESIDE, size / 4) if size else 0.0 * a
+        level = _level(strategy, low - beside, high + beside)
+        if level:
+            return Jump(words[i], (low + high) / 2, level, 0.0)
+    return None

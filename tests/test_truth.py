@@ -1,0 +1,92 @@
+"""Results that may say no are neither True nor False; who asks is told what to ask."""
+
+from __future__ import annotations
+
+import inspect
+from enum import Enum
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from holokin.errors import AmbiguousTruthError
+from holokin.types import NoTruthValue
+
+NO_QUESTION = {
+    # what is asked about, and settings
+    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Coordinates", "Cost", "DHRow", "Directions",
+    "Expressions",
+    "FrameExpressions", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant", "Polynomial",
+    "PostureTask", "Push", "Recording", "Robot", "RowExpressions", "RowStrategy", "SelfMotion", "SelfMotions",
+    "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
+    "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
+    # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
+    "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
+    "LeafFunction",
+    "LeftOut", "NearestLaw", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
+    "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
+    # a fault that was found, and kinds: none is a no
+    "checking.Finding", "Evidence", "FindingKind",
+}  # fmt: skip
+"""Public classes whose truth value nobody takes for the answer to a question."""
+
+
+def rooms() -> list[ModuleType]:
+    return [hk, *(room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name)))]
+
+
+def public_classes() -> dict[str, type]:
+    """Every class that a room gives out, by room and name, once."""
+    found: dict[type, str] = {}
+    for room in rooms():
+        for name in room.__all__:
+            one = getattr(room, name)
+            if inspect.isclass(one) and not issubclass(one, Exception):
+                found[one] = f"{room.__name__.partition('.')[2]}.{name}".lstrip(".")
+    return {name: one for one, name in found.items()}
+
+
+def test_every_public_class_is_decided() -> None:
+    names = public_classes()
+    open_ones = {
+        name
+        for name, one in names.items()
+        if not issubclass(one, NoTruthValue) and not {name, name.rpartition(".")[2]} & NO_QUESTION
+    }
+    assert open_ones == set(), "may its answer be no? then NoTruthValue is its parent, else it stands in NO_QUESTION"
+    both = {n for n, one in names.items() if issubclass(one, NoTruthValue) and n.rpartition(".")[2] in NO_QUESTION}
+    assert both == set()
+    assert len(names) > 60
+
+
+def children(one: type) -> set[type]:
+    return {one, *(grown for child in one.__subclasses__() for grown in children(child))}
+
+
+@pytest.mark.parametrize("one", sorted(children(NoTruthValue) - {NoTruthValue}, key=lambda one: one.__name__))
+def test_a_result_is_neither_true_nor_false_and_names_what_to_ask(one: type) -> None:
+    with pytest.raises(AmbiguousTruthError, match=one.__name__) as told:
+        bool(next(iter(one)) if issubclass(one, Enum) else object.__new__(one))
+    asked = told.value.ask.split("`")[1]
+    if asked.startswith("."):
+        top = asked.split(".")[1]
+        fields = getattr(one, "__dataclass_fields__", {})
+        assert top in fields or hasattr(one, top)
+    else:  # a member of an enumeration
+        name, member = asked.removeprefix("is ").split(".")
+        assert name == one.__name__ and member in one.__members__
+
+
+def test_what_verbs_answer_is_neither_true_nor_false(planar_3r: hk.Robot) -> None:
+    task = hk.position(planar_3r)
+    q0 = np.array([0.4, 0.7, -0.9])
+    law = hk.moore_penrose(task)
+    verdict = hk.involutivity(law, hk.around(q0, 0.2), samples=8)
+    walk = hk.follow(law, hk.line(task(q0), task(q0) + 0.01), q0, samples=4)
+    for answer in (verdict, walk, walk.status, hk.inverse(hk.holonomic(task, hk.lock(2)), q0).batch(task(q0)[None])):
+        with pytest.raises(AmbiguousTruthError):
+            if answer:
+                pass
+    assert not verdict.holonomic
