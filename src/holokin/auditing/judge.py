@@ -10,15 +10,21 @@ from ..task import Task
 from ..types import Array, Matrix, Vector
 
 
+class LogVerdict(Enum):
+    """Whether the joints repeated in a log; the text says what it means."""
+
+    REPEATS = "repeats: the joints were the same at equal tool poses, in all that the log tests"
+    DIFFERS = "differs: the joints were not the same at equal tool poses"
+    UNDECIDED = "cannot tell: noise, or a shift of the tool's own path, may hide that the joints differ"
+
+
 class Repeatability(Enum):
-    """What an audit found; the text says what it means."""
+    """What the audit of a control law found; the text says what it means."""
 
     REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
     BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
     CONVERGES = "converges: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
-    ALTERNATES = "alternates: the joints at a tool pose come back every second cycle only"
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"
-    UNDECIDED = "cannot tell: the log does not decide whether the joints drift"
     UNKNOWN = "cannot be judged: the law failed, as told below"
 
 

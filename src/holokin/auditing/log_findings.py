@@ -13,10 +13,17 @@ from ..robot import Robot
 from ..task import Task
 from ..types import Array, Matrix, Value, Vector
 from .cycles import Cycles
-from .judge import Repeatability, first_limit
-from .trend import CONFIDENCE, DriftTrend, Trend
+from .judge import LogVerdict, first_limit
+from .scatter import CONFIDENCE
+from .trend import DriftTrend, Trend
 
 _SURE = f"{100 * CONFIDENCE:.0f} %"
+
+
+MOST_AHEAD = 2.0
+"""Cycles after the log, for each cycle in it, within which a limit is foretold: rates change as the posture does."""
+
+_GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.GOES_ON)
 
 
 @dataclass(frozen=True)
@@ -34,13 +41,12 @@ class Distance:
 class LogAudit(Value):
     """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
 
-    visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
+    verdict: whether the joints repeated in this log; `trend`: how their change goes on. visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
     was; floor (P + 1,): joint move that this took, plus what encoder noise explains, per pose; drift (c, n) of each
     cycle; trends of the cycles of one direction and speed, judged at every pose; closing: of the drifts
-    of single cycles where some run back and may undo the others'; scatters: joints differ between
-    cycles by more than noise and tolerance, in no way that a trend explains; between: cycles of one direction; by_way:
-    forward and backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets
-    itself; None where the log does not test it.
+    of single cycles where some run back and may undo the others'; between: cycles of one direction; by_way: forward and
+    backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets itself; None
+    where the log does not test it.
     """
 
     robot: Robot
@@ -53,17 +59,24 @@ class LogAudit(Value):
     drift: Matrix
     trends: dict[str, DriftTrend]
     closing: Trend
-    scatters: bool
     between: Distance
     by_way: Distance | None
     by_speed: Distance | None
     at_crossings: Distance | None
-    verdict: Repeatability
+    verdict: LogVerdict
 
     @property
     def exit_code(self) -> int:
-        """0: repeats in all that the log tests; 1: it does not; 2: the log does not decide."""
-        return {Repeatability.REPEATS: 0, Repeatability.UNDECIDED: 2}.get(self.verdict, 1)
+        """0: the joints repeated in all that the log tests; 1: they did not; 2: noise may hide that they did not."""
+        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
+
+    @property
+    def trend(self) -> Trend:
+        """How the change of the joints goes on, by the gravest finding of all directions and speeds."""
+        kinds = {self.closing, *(t.trend for t in self.trends.values())}
+        if kinds == {Trend.NONE} and self.between.beyond:  # scatter, in no way that a trend explains
+            return Trend.CANNOT_TELL
+        return max(kinds, key=_GRAVITY.index)
 
     @property
     def noise_floor(self) -> float:
@@ -94,9 +107,8 @@ class LogAudit(Value):
 
     @property
     def leading(self) -> DriftTrend:
-        """The trend that the verdict rests on: of those with the gravest finding, the one that changes most."""
-        order = [Trend.ZERO, Trend.DECAYS, Trend.ALTERNATES, Trend.UNDECIDED, Trend.CONSTANT]
-        return max(self.trends.values(), key=lambda t: (order.index(t.trend), t.change, t.detectable))
+        """The trend with the gravest finding; of several, the one that changes most."""
+        return max(self.trends.values(), key=lambda t: (_GRAVITY.index(t.trend), t.change, t.detectable))
 
     @property
     def detectable(self) -> float:
@@ -117,13 +129,11 @@ class LogAudit(Value):
 
     @cached_property
     def _limit(self) -> tuple[str, float, float, float] | None:
-        """Only where all cycles drift on: what runs both ways, alternates or fades is not extrapolated."""
-        if not self.one_way:
+        """Only where all cycles drift on, what runs both ways, alternates or fades is not extrapolated; and only what
+        they reach within twice as many cycles as the log has, fading as fast as the last differences allow."""
+        if not self.one_way or any(trend.trend is not Trend.GOES_ON for trend in self.trends.values()):
             return None
-        lasting = [trend for trend in self.trends.values() if trend.trend is Trend.CONSTANT]
-        if not lasting or len(lasting) < len(self.trends):
-            return None
-        trend = lasting[0]
+        trend = self.leading
         rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
         lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
         found = first_limit(lower, upper, q, rates)
@@ -133,7 +143,12 @@ class LogAudit(Value):
         soonest = first_limit(lower, upper, q, rates + np.sign(rates) * trend.errors)
         latest = first_limit(lower, upper, q, rates - np.sign(rates) * trend.errors)
         few = cycles if soonest is None else min(soonest[1], cycles)
-        return self.robot.joint_names[joint], cycles, few, cycles if latest is None else max(latest[1], cycles)
+        most = cycles if latest is None else max(latest[1], cycles)
+        fading = 1 - min(trend.ratio_range[0], 1.0)
+        if most * fading >= 1 or cycles > MOST_AHEAD * len(self.cycles):
+            return None
+        most = -np.log1p(-most * fading) / -np.log1p(-fading) if fading > 0 else most
+        return self.robot.joint_names[joint], cycles, few, float(most)
 
     def __str__(self) -> str:
         return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
@@ -151,6 +166,7 @@ class LogAudit(Value):
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
         return {
             "verdict": self.verdict.name,
+            "trend": self.trend.name,
             "sentence": self.sentence(),
             "log": self.recording.source,
             "notes": list(self.recording.notes),
@@ -181,11 +197,11 @@ class LogAudit(Value):
                     "phase": float(c.phase[t.phase]),
                     "rate": t.rate.tolist(),
                     "rate_error": t.rate_error.tolist(),
+                    "differences_judged": t.latest,
                     "change": t.change,
                     "detectable_drift_per_cycle": t.detectable,
                     "of_it_by_shifts_of_the_tool": t.creep,
                     "cycles_needed": t.cycles_needed,
-                    "remaining": [float(v) if np.isfinite(v) else None for v in t.remaining],
                 }
                 for name, t in self.trends.items()
             },
@@ -210,15 +226,10 @@ def not_tested(audit: LogAudit) -> list[str]:
 
 
 def audit_sentence(audit: LogAudit) -> str:
-    """The verdict, what it rests on, and what was not tested."""
-    said = {
-        Repeatability.REPEATS: _same,
-        Repeatability.DRIFTS: _drifts,
-        Repeatability.ALTERNATES: _alternates,
-        Repeatability.CONVERGES: _settles,
-        Repeatability.UNDECIDED: _undecided,
-    }[audit.verdict](audit)
-    return f"{said}. Not tested: {'; '.join(not_tested(audit))}"
+    """The two answers, what they rest on, and what was not tested."""
+    said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
+    trend = _trend_said(audit)
+    return f"{said[audit.verdict](audit)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(audit))}"
 
 
 def _same(audit: LogAudit) -> str:
@@ -229,84 +240,94 @@ def _same(audit: LogAudit) -> str:
     tested += ["where the path crosses itself"] if audit.at_crossings is not None else []
     alike = [word for word, d in (("in one direction", audit.by_way), ("at one speed", audit.by_speed)) if d is None]
     among = "".join(f", {' and '.join(words)}" for words in (tested, alike) if words)
+    shown = max((t.change for t in audit.trends.values()), default=0.0)
+    below = f"; below the tolerance a change of {shown:.2g} over the log did show" if shown > 0 else ""
     return (
-        f"repeats: the joints are the same at equal tool poses in all {count} cycles{among}, within "
-        f"{max(values):.2g} rad or m; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
+        f"repeats: the joints were the same at equal tool poses in all {count} cycles{among}, within "
+        f"{max(values):.2g} rad or m{below}; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
     )
 
 
-def _drifts(audit: LogAudit) -> str:
-    trend = audit.leading
-    if trend.trend is not Trend.CONSTANT:
+def _differs(audit: LogAudit) -> str:
+    """By how much, in all and of late."""
+    parts = []
+    if audit.between.beyond or any(t.beyond for t in audit.trends.values()):
+        gap = audit.between
+        size = max(gap.value, *(t.change for t in audit.trends.values())) if not gap.beyond else gap.value
+        at = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
+        parts.append(f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}")
+    elif audit.closing is not Trend.NONE:
         size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
-        return f"drifts: cycles of one direction leave the joints elsewhere, by {size}, and those back undo it"
-    joint = int(np.argmax(np.abs(trend.rate)))
-    rate, error = abs(float(trend.rate[joint])), float(trend.rate_error[joint])
-    where = f"{audit.robot.joint_names[joint]}, at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
-    text = (
-        f"drifts: the joints at equal tool poses move on from cycle to cycle, of late by {rate:.3g} +- {error:.1g} "
-        f"a cycle ({where}; {_SURE} confidence)"
-    )
-    if trend.change <= audit.tolerance:
-        text += f"; that is within the tolerance in this log, and beyond it after {audit.tolerance / rate:.0f} cycles"
-    if audit.limit is not None and audit.limit_range is not None:
-        few, most = audit.limit_range
-        joint, cycles = audit.limit
-        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
-    return text
-
-
-def _alternates(audit: LogAudit) -> str:
-    trend = audit.leading
-    where = f"at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
-    return (
-        f"alternates: the joints at a tool pose come back every second cycle only, {trend.change:.2g} rad or m apart "
-        f"from one cycle to the next ({where}; {_SURE} confidence)"
-    )
-
-
-def _differences(audit: LogAudit) -> str:
-    """On what else than the tool pose the joints depend, as far as it is tested; nothing when on nothing."""
+        parts.append(f"cycles of one direction leave them elsewhere, by {size}, and those back undo it")
     asked = {"way": audit.by_way, "speed": audit.by_speed, "pass of a crossing": audit.at_crossings}
     differ = [f"the {word} (by up to {d.value:.2g}, {d.joint})" for word, d in asked.items() if d and d.beyond]
-    return f"; the joints at a pose depend on {' and '.join(differ)}" if differ else ""
+    parts += [f"the joints at a pose depend on {' and '.join(differ)}"] if differ else []
+    return f"differs: the joints did not repeat; {'; '.join(parts)}"
 
 
-def _settles(audit: LogAudit) -> str:
+def _of_late(audit: LogAudit) -> str:
     trend = audit.leading
-    if trend.trend is Trend.DECAYS:
-        low, high = trend.ratio_range
-        text = (
-            f"each cycle drifts {trend.ratio:.2g} times as far as the one before ({low:.2g} to {high:.2g}, {_SURE} "
-            "confidence), so the joints at a pose depend on the past until then"
-        )
-    elif audit.closing is Trend.DECAYS:
-        text = "the first cycles drift, the last do not"
-    else:
-        text = "cycles of one kind repeat"
-    return f"converges: {text}{_differences(audit)}"
+    joint = int(np.argmax(np.abs(trend.rate)))
+    rate, error = abs(float(trend.rate[joint])), float(trend.rate_error[joint])
+    if rate <= error:
+        return f", of late by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+    where = f"{audit.robot.joint_names[joint]}, at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
+    return f", of late by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
 
 
 def _undecided(audit: LogAudit) -> str:
-    trend, count = audit.leading, len(audit.cycles)
+    trend = max(audit.trends.values(), key=lambda t: t.detectable)
     hidden = f"a drift of up to {_rate(audit.detectable)} may hide"
-    more = f"log about {trend.cycles_needed} cycles"
-    if audit.scatters:
-        text = (
-            f"the joints at equal tool poses differ between cycles by up to {audit.between.value:.2g} "
-            f"({audit.between.joint}), more than encoder noise explains, with no trend over the {count} cycles"
-        )
-    elif not np.isnan(trend.ratio):
-        text = (
-            f"the joints at equal tool poses change by {trend.change:.2g} rad or m over the log, but {count} cycles do "
-            f"not tell whether that goes on, fades, alternates or is scatter: {more}"
-        )
-    elif trend.creep > 0.5 * trend.detectable:
+    if trend.creep > 0.5 * trend.detectable:
         text = f"the tool's own path shifts from cycle to cycle, and {hidden} in the joint motion that goes with it"
     else:
-        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {_rate(audit.tolerance)} counts: {more}"
-        text += ", or with less noise"
-    return f"cannot tell: {text}{_differences(audit)}"
+        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {_rate(audit.tolerance)} counts: "
+        text += f"log about {trend.cycles_needed} cycles, or with less noise"
+    return f"cannot tell: {text}"
+
+
+def _trend_said(audit: LogAudit) -> str:
+    """How the change goes on, and by what; nothing where there is none to speak of."""
+    t, kind = audit.leading, audit.trend
+    low, high = t.ratio_range
+    last = f"the last {t.latest} differences of successive cycles"
+    factor = f"by the factor {t.ratio:.3g} from one to the next ({low:.3g} to {high:.3g}, {_SURE} confidence)"
+    if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
+        return ""
+    if t.trend is not kind:  # of single cycles, or scatter
+        said = {
+            Trend.GOES_ON: "goes on: each of the last cycles leaves the joints elsewhere",
+            Trend.FADES: "fades: the first cycles leave the joints elsewhere, the last do not",
+        }.get(kind, "cannot tell: the joints scatter, with no trend over the cycles")
+        return f"Trend: {said}"
+    if kind is Trend.GOES_ON:
+        return f"Trend: goes on: {last} are not zero and do not fade, {factor}{_ahead(audit)}"
+    if kind is Trend.ALTERNATES:
+        return (
+            f"Trend: alternates: {last} change sign and do not fade, {factor}; the joints come back every second cycle "
+            "only"
+        )
+    if kind is Trend.FADES:
+        return f"Trend: fades: {last} " + (
+            f"go on fading, {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
+        )
+    if t.latest == 0 or not np.isfinite(t.ratio):
+        why = f"{len(audit.cycles)} cycles do not show whether the change goes on, fades, alternates or is scatter"
+    else:
+        why = f"{last} change {factor}, which neither goes on nor surely fades"
+    return f"Trend: cannot tell: {why}; log about {t.cycles_needed} cycles"
+
+
+def _ahead(audit: LogAudit) -> str:
+    """When a small drift leaves the tolerance, and the first limit."""
+    text, t = "", audit.leading
+    if audit.verdict is LogVerdict.REPEATS:
+        text += f"; {_rate(float(np.abs(t.rate).max()))} leaves the tolerance after about "
+        text += f"{audit.tolerance / float(np.abs(t.rate).max()):.0f} cycles"
+    if audit.limit is not None and audit.limit_range is not None:
+        (joint, cycles), (few, most) = audit.limit, audit.limit_range
+        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
+    return text
 
 
 def _rate(value: float) -> str:
@@ -330,8 +351,10 @@ def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
         ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
         ("drift that would show", f"{_rate(audit.detectable)} ({_SURE} confidence)"),
     ]  # fmt: skip
+    rows.insert(0, ("joints repeated", audit.verdict.value))
+    rows.insert(1, ("trend", audit.trend.value))
     for group, trend in audit.trends.items():
-        rows.append(("trend" if len(audit.trends) == 1 else f"trend {group}", _trend(trend, c.phase)))
+        rows.append((f"trend {group}", _trend(trend, c.phase)))
     rows += [
         ("equal poses, between cycles", _said(audit.between, "")),
         ("equal poses, forward and back", _said(audit.by_way, "not tested: all cycles run one way")),
@@ -346,8 +369,8 @@ def _trend(trend: DriftTrend, phase: Vector) -> str:
         return trend.trend.value
     low, high = trend.ratio_range
     return (
-        f"{trend.trend.value}, from cycle to cycle by the factor {trend.ratio:.3g} ({low:.3g} to {high:.3g}), most at "
-        f"{100 * phase[trend.phase]:.0f} % of the cycle"
+        f"{trend.trend.value}: over the last {trend.latest} differences by the factor {trend.ratio:.3g} ({low:.3g} to "
+        f"{high:.3g}), most at {100 * phase[trend.phase]:.0f} % of the cycle"
     )
 
 
