@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -163,7 +164,7 @@ def random_motion(law: str, rng: np.random.Generator, cycles: tuple[int, int] = 
             pull = 0.0 if law == "pseudo-inverse" else float(np.exp(rng.uniform(np.log(1), np.log(12)))) / count
             rest = setup.start + rng.uniform(-0.6, 0.6, setup.robot.n)
             q = run(setup, 2 * count, pull, rest)
-            if q is None or np.abs(np.diff(q[::STEPS], axis=0))[: count].max() < 5e-3:
+            if q is None or np.abs(np.diff(q[::STEPS], axis=0))[:count].max() < 5e-3:
                 continue
             return Motion(setup, law, q[: count * STEPS + 1], count, after(q, count) if pull == 0 else Trend.FADES)
         fast = float(np.exp(-1 / (count * rng.uniform(0.03, 0.12))))
@@ -182,15 +183,82 @@ def random_motion(law: str, rng: np.random.Generator, cycles: tuple[int, int] = 
             return Motion(setup, law, q, count, truth)
 
 
-def judged(motion: Motion, rate: float, seed: int, noises: tuple[float, ...] = NOISES) -> Iterator[hk.auditing.LogAudit]:
+def judged(motion: Motion, rate: float, seed: int, noises: tuple[float, ...] = NOISES) -> list[hk.auditing.LogAudit]:
     """The audits of a motion, by rising noise."""
-    whole = motion.setup.task.orientation is not None
-    for noise in noises:
-        yield hk.audit_recording(motion.log(rate, noise, seed), motion.setup.robot, orientation=whole)
+    whole, robot = motion.setup.task.orientation is not None, motion.setup.robot
+    return [hk.audit_recording(motion.log(rate, noise, seed), robot, orientation=whole) for noise in noises]
 
 
-def mark(found: Trend, truth: Trend) -> str:
-    """Of a trend: right, wrong, or cannot tell. Where the truth is neither, only 'cannot tell' is right."""
-    if found is Trend.CANNOT_TELL:
-        return "right" if truth is found else "cannot tell"
-    return "right" if found is truth else "wrong"
+def repeated(found: LogVerdict, truth: Trend) -> str:
+    """Of the first answer: right, wrong, or cannot tell."""
+    if found is LogVerdict.UNDECIDED:
+        return "cannot tell"
+    return "right" if (found is LogVerdict.REPEATS) == (truth is Trend.NONE) else "wrong"
+
+
+def told(found: Trend, truth: Trend) -> str:
+    """Of the trend: right, wrong, or cannot tell. Where the truth is neither, only that is right."""
+    if found is truth:
+        return "right"
+    return "cannot tell" if found is Trend.CANNOT_TELL else "wrong"
+
+
+def decided_by_noise(audits: list[hk.auditing.LogAudit]) -> bool:
+    """Whether more noise decides what less noise did not, or decides it otherwise."""
+    verdicts = [audit.verdict for audit in audits]
+    trends = [audit.trend for audit in audits]
+    for answers, unknown in ((verdicts, LogVerdict.UNDECIDED), (trends, Trend.CANNOT_TELL)):
+        for less, more in pairwise(answers):
+            if more not in (less, unknown):
+                return True
+    return False
+
+
+def campaign(
+    per_law: int, cycles: tuple[int, int], rates: tuple[float, ...], noises: tuple[float, ...], seed: int
+) -> tuple[Counter[tuple[str, float, str, str]], list[str]]:
+    """Counts of (law, noise, question, mark), and the motions that noise decided."""
+    marks: Counter[tuple[str, float, str, str]] = Counter()
+    odd = []
+    for law in LAWS:
+        for i in range(per_law):
+            rng = np.random.default_rng([seed, LAWS.index(law), i])
+            motion = random_motion(law, rng, cycles)
+            rate = float(rng.choice(rates))
+            audits = judged(motion, rate, i, noises)
+            for noise, audit in zip(noises, audits, strict=True):
+                marks[law, noise, "repeated", repeated(audit.verdict, motion.truth)] += 1
+                marks[law, noise, "trend", told(audit.trend, motion.truth)] += 1
+                if audit.limit is not None and motion.truth is not Trend.GOES_ON:
+                    marks[law, noise, "limit", "foretold, and not reached"] += 1
+            if decided_by_noise(audits):
+                answers = ", ".join(f"{a.verdict.name} {a.trend.name}" for a in audits)
+                odd.append(f"{law}, {motion.setup.robot.name}, {motion.cycles} cycles, number {i}: {answers}")
+    return marks, odd
+
+
+def main() -> int:
+    """Print the counts."""
+    quick = "--quick" in sys.argv
+    per_law = 1 if quick else int(sys.argv[sys.argv.index("--count") + 1]) if "--count" in sys.argv else 10
+    noises = NOISES[::2] if quick else NOISES
+    marks, odd = campaign(per_law, (6, 10) if quick else (6, 40), (30.0,) if quick else (125.0, 500.0), noises, 0)
+    for question in ("repeated", "trend"):
+        print(f"| {question} | " + " | ".join(f"noise {noise:g}" for noise in noises) + " |")
+        print("|---" * (len(noises) + 1) + "|")
+        for law in LAWS:
+            cells = [
+                " / ".join(str(marks[law, noise, question, mark]) for mark in ("right", "wrong", "cannot tell"))
+                for noise in noises
+            ]
+            print(f"| {law} | {' | '.join(cells)} |")
+    print("Each cell: right / wrong / cannot tell.")
+    print("Limits foretold and not reached:", sum(n for (*_, mark), n in marks.items() if mark.startswith("foretold")))
+    print("More noise decided, or decided otherwise:", len(odd))
+    for line in odd:
+        print(" ", line)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,13 +1,25 @@
-"""Judging joint postures at equal tool poses: the verdicts, the first limit, and moves to a pose close by."""
+"""Judging joint postures at equal tool poses: the verdicts, distances, the first limit, moves to a pose close by."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from ..task import Task
 from ..types import Array, Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
+    and how far it is over what is allowed there; `beyond` when it is."""
+
+    value: float
+    joint: str
+    phase: float
+    beyond: bool
 
 
 class LogVerdict(Enum):

@@ -13,8 +13,8 @@ from ..types import Indices, Matrix, Vector
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import LogVerdict, spread, to_pose
-from .log_findings import Distance, LogAudit
+from .judge import Distance, LogVerdict, spread, to_pose
+from .log_findings import LogAudit
 from .scatter import CONFIDENCE, FEWEST, LEAF_SLOPE, SHIFT, quantile
 from .trend import DriftTrend, Trend, judge
 from .visits import Visits, encoder_noise, spare_axes

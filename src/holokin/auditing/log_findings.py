@@ -13,7 +13,8 @@ from ..robot import Robot
 from ..task import Task
 from ..types import Array, Matrix, Value, Vector
 from .cycles import Cycles
-from .judge import LogVerdict, first_limit
+from .judge import Distance, LogVerdict, first_limit
+from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words
 from .scatter import CONFIDENCE
 from .trend import DriftTrend, Trend
 
@@ -26,27 +27,16 @@ MOST_AHEAD = 2.0
 _GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.GOES_ON)
 
 
-@dataclass(frozen=True)
-class Distance:
-    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
-    and how far it is over what is allowed there; `beyond` when it is."""
-
-    value: float
-    joint: str
-    phase: float
-    beyond: bool
-
-
 @dataclass(frozen=True, eq=False)
 class LogAudit(Value):
     """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
 
-    verdict: whether the joints repeated in this log; `trend`: how their change goes on. visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
-    was; floor (P + 1,): joint move that this took, plus what encoder noise explains, per pose; drift (c, n) of each
-    cycle; trends of the cycles of one direction and speed, judged at every pose; closing: of the drifts
-    of single cycles where some run back and may undo the others'; between: cycles of one direction; by_way: forward and
-    backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets itself; None
-    where the log does not test it.
+    verdict: whether the joints repeated in this log; `trend`: how their change goes on. visits (c, P + 1, n): postures
+    at equal tool poses, moved there through the pseudo-inverse from where the tool was; floor (P + 1,): joint move that
+    this took, plus what encoder noise explains, per pose; drift (c, n) of each cycle; trends of the cycles of one
+    direction and speed, judged at every pose; closing: of the drifts of single cycles where some run back and may undo
+    the others'; between: cycles of one direction; by_way: forward and backward passes; by_speed: fast and slow cycles;
+    at_crossings: passes of a point where the path meets itself; None where the log does not test it.
     """
 
     robot: Robot
@@ -134,14 +124,15 @@ class LogAudit(Value):
         if not self.one_way or any(trend.trend is not Trend.GOES_ON for trend in self.trends.values()):
             return None
         trend = self.leading
-        rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
+        errors = trend.errors + trend.bends
+        rates = np.where(np.abs(trend.rates) > errors, trend.rates, 0.0)
         lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
         found = first_limit(lower, upper, q, rates)
         if found is None:
             return None
         joint, cycles = found
-        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * trend.errors)
-        latest = first_limit(lower, upper, q, rates - np.sign(rates) * trend.errors)
+        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * errors)
+        latest = first_limit(lower, upper, q, rates - np.sign(rates) * errors)
         few = cycles if soonest is None else min(soonest[1], cycles)
         most = cycles if latest is None else max(latest[1], cycles)
         fading = 1 - min(trend.ratio_range[0], 1.0)
@@ -177,6 +168,7 @@ class LogAudit(Value):
             "noise_floor": self.noise_floor,
             "tool_path_length_m": c.length,
             "tool_path_residual_m": c.residual.tolist(),
+            "tool_path_residual_by_sampling_m": c.sampling,
             "cycles_left_out": c.left_out,
             "cycles": [
                 {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
@@ -244,7 +236,8 @@ def _same(audit: LogAudit) -> str:
     below = f"; below the tolerance a change of {shown:.2g} over the log did show" if shown > 0 else ""
     return (
         f"repeats: the joints were the same at equal tool poses in all {count} cycles{among}, within "
-        f"{max(values):.2g} rad or m{below}; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
+        f"{max(values):.2g} rad or m{below}; a drift of {rate_words(audit.detectable)} would have shown ({_SURE} "
+        "confidence)"
     )
 
 
@@ -255,7 +248,9 @@ def _differs(audit: LogAudit) -> str:
         gap = audit.between
         size = max(gap.value, *(t.change for t in audit.trends.values())) if not gap.beyond else gap.value
         at = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
-        parts.append(f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}")
+        parts.append(
+            f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}"
+        )
     elif audit.closing is not Trend.NONE:
         size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
         parts.append(f"cycles of one direction leave them elsewhere, by {size}, and those back undo it")
@@ -266,22 +261,30 @@ def _differs(audit: LogAudit) -> str:
 
 
 def _of_late(audit: LogAudit) -> str:
-    trend = audit.leading
-    joint = int(np.argmax(np.abs(trend.rate)))
-    rate, error = abs(float(trend.rate[joint])), float(trend.rate_error[joint])
+    """By how much a cycle: the drift of the last third, or the last two cycles' difference where there is none."""
+    t, names, phase = audit.leading, audit.robot.joint_names, audit.cycles.phase
+    if t.trend is Trend.ALTERNATES or np.isnan(t.ratio):
+        alike = audit.visits[(audit.cycles.direction == audit.cycles.direction[-1])]
+        gap = np.abs(alike[-1] - alike[-2]) if len(alike) > 1 else np.abs(audit.drift[-1:])
+        at, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        return (
+            f"; the last two cycles by {gap[at, joint]:.3g} ({names[joint]}, at {100 * phase[at]:.0f} % of the cycle)"
+        )
+    joint = int(np.argmax(np.abs(t.rate)))
+    rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
     if rate <= error:
         return f", of late by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
-    where = f"{audit.robot.joint_names[joint]}, at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
+    where = f"{names[joint]}, at {100 * phase[t.phase]:.0f} % of the cycle"
     return f", of late by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
 
 
 def _undecided(audit: LogAudit) -> str:
     trend = max(audit.trends.values(), key=lambda t: t.detectable)
-    hidden = f"a drift of up to {_rate(audit.detectable)} may hide"
+    hidden = f"a drift of up to {rate_words(audit.detectable)} may hide"
     if trend.creep > 0.5 * trend.detectable:
         text = f"the tool's own path shifts from cycle to cycle, and {hidden} in the joint motion that goes with it"
     else:
-        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {_rate(audit.tolerance)} counts: "
+        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {rate_words(audit.tolerance)} counts: "
         text += f"log about {trend.cycles_needed} cycles, or with less noise"
     return f"cannot tell: {text}"
 
@@ -291,7 +294,7 @@ def _trend_said(audit: LogAudit) -> str:
     t, kind = audit.leading, audit.trend
     low, high = t.ratio_range
     last = f"the last {t.latest} differences of successive cycles"
-    factor = f"by the factor {t.ratio:.3g} from one to the next ({low:.3g} to {high:.3g}, {_SURE} confidence)"
+    factor = f"(by the factor {t.ratio:.3g} from one to the next, {low:.3g} to {high:.3g}; {_SURE} confidence)"
     if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
         return ""
     if t.trend is not kind:  # of single cycles, or scatter
@@ -301,15 +304,15 @@ def _trend_said(audit: LogAudit) -> str:
         }.get(kind, "cannot tell: the joints scatter, with no trend over the cycles")
         return f"Trend: {said}"
     if kind is Trend.GOES_ON:
-        return f"Trend: goes on: {last} are not zero and do not fade, {factor}{_ahead(audit)}"
+        return f"Trend: goes on: {last} are not zero and do not fade {factor}{_ahead(audit)}"
     if kind is Trend.ALTERNATES:
         return (
-            f"Trend: alternates: {last} change sign and do not fade, {factor}; the joints come back every second cycle "
+            f"Trend: alternates: {last} change sign and do not fade {factor}; the joints come back every second cycle "
             "only"
         )
     if kind is Trend.FADES:
         return f"Trend: fades: {last} " + (
-            f"go on fading, {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
+            f"go on fading {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
         )
     if t.latest == 0 or not np.isfinite(t.ratio):
         why = f"{len(audit.cycles)} cycles do not show whether the change goes on, fades, alternates or is scatter"
@@ -322,16 +325,12 @@ def _ahead(audit: LogAudit) -> str:
     """When a small drift leaves the tolerance, and the first limit."""
     text, t = "", audit.leading
     if audit.verdict is LogVerdict.REPEATS:
-        text += f"; {_rate(float(np.abs(t.rate).max()))} leaves the tolerance after about "
+        text += f"; {rate_words(float(np.abs(t.rate).max()))} leaves the tolerance after about "
         text += f"{audit.tolerance / float(np.abs(t.rate).max()):.0f} cycles"
     if audit.limit is not None and audit.limit_range is not None:
         (joint, cycles), (few, most) = audit.limit, audit.limit_range
         text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
     return text
-
-
-def _rate(value: float) -> str:
-    return f"{value:.2g} rad or m a cycle"
 
 
 def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
@@ -344,48 +343,21 @@ def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
         ("task", audit.task.name),
         ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
          + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
-        ("duration of a cycle", f"{_range(c.duration)} s, {_range(c.moving)} s of it moving"),
-        ("tool path repeats to", f"{c.residual.max():.2g} m"),
-        ("drift of each cycle", f"{_listed(audit.largest)} ({audit.worst_joint})"),
+        ("duration of a cycle", f"{ranged(c.duration)} s, {ranged(c.moving)} s of it moving"),
+        ("tool path repeats to", f"{c.residual.max():.2g} m" + by_sampling(c)),
+        ("drift of each cycle", f"{listed(audit.largest)} ({audit.worst_joint})"),
         (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
         ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
-        ("drift that would show", f"{_rate(audit.detectable)} ({_SURE} confidence)"),
+        ("drift that would show", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
     ]  # fmt: skip
     rows.insert(0, ("joints repeated", audit.verdict.value))
     rows.insert(1, ("trend", audit.trend.value))
     for group, trend in audit.trends.items():
-        rows.append((f"trend {group}", _trend(trend, c.phase)))
+        rows.append((f"trend {group}", trend_words(trend, c.phase)))
     rows += [
-        ("equal poses, between cycles", _said(audit.between, "")),
-        ("equal poses, forward and back", _said(audit.by_way, "not tested: all cycles run one way")),
-        ("equal poses, fast and slow", _said(audit.by_speed, "not tested: all cycles at one speed")),
-        ("equal poses, at crossings", _said(audit.at_crossings, "not tested: the path does not cross itself")),
+        ("equal poses, between cycles", distance_words(audit.between, "")),
+        ("equal poses, forward and back", distance_words(audit.by_way, "not tested: all cycles run one way")),
+        ("equal poses, fast and slow", distance_words(audit.by_speed, "not tested: all cycles at one speed")),
+        ("equal poses, at crossings", distance_words(audit.at_crossings, "not tested: the path does not cross itself")),
     ]
     return rows + [("note", note) for note in audit.recording.notes]
-
-
-def _trend(trend: DriftTrend, phase: Vector) -> str:
-    if np.isnan(trend.ratio):
-        return trend.trend.value
-    low, high = trend.ratio_range
-    return (
-        f"{trend.trend.value}: over the last {trend.latest} differences by the factor {trend.ratio:.3g} ({low:.3g} to "
-        f"{high:.3g}), most at {100 * phase[trend.phase]:.0f} % of the cycle"
-    )
-
-
-def _range(values: Vector) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:.3g}" if high - low < 5e-3 * high else f"{low:.3g} to {high:.3g}"
-
-
-def _listed(values: Vector, most: int = 4) -> str:
-    shown = [f"{v:.3g}" for v in values]
-    return ", ".join(shown if len(shown) <= 2 * most else [*shown[:most], "...", *shown[-most:]])
-
-
-def _said(distance: Distance | None, otherwise: str) -> str:
-    if distance is None:
-        return otherwise
-    word = "differ" if distance.beyond else "agree"
-    return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"

@@ -7,9 +7,23 @@ from enum import Enum
 
 import numpy as np
 
-from ..types import Array, Matrix, Vector
-from .scatter import ALIKE, CONFIDENCE, FEWEST, LEAF_SLOPE, PRIOR, RATIOS, SHAPES, Noise, left_over, quantile, scatter
-from .scatter import shaped, shapes_of, shifts
+from ..types import Matrix, Vector
+from .scatter import (
+    ALIKE,
+    CONFIDENCE,
+    FEWEST,
+    LEAF_SLOPE,
+    PRIOR,
+    RATIOS,
+    SHAPES,
+    Noise,
+    left_over,
+    quantile,
+    scatter,
+    shaped,
+    shapes_of,
+    shifts,
+)
 from .visits import Visits
 
 HORIZON = 1000
@@ -43,11 +57,12 @@ class DriftTrend:
 
     change: largest joint change over the cycles that a trend explains [joint units], 0 where none is seen; beyond:
     whether it exceeds the tolerance, and not by noise; ratio: factor from one cycle's drift to the next in the last
-    third, within `ratio_range`, NaN where no drift is seen there; latest: differences that were judged; phase: index of
-    the phase that shows the change best; rates, errors (P, n): drift of the latest cycles at each phase and its half
-    interval [joint units a cycle]; detectable: smallest drift at a single phase that these cycles would surely show
-    [joint units a cycle]; creep: part of it that is due to shifts of the tool's own path; cycles_needed: cycles that
-    would show a drift of the tolerance, or decide how a change goes on.
+    third, within `ratio_range`, NaN where no drift is seen there; latest: differences that were judged, 0 where none
+    were; phase: index of the phase that shows the change best; rates, errors, bends (P, n): drift of the last third of
+    the cycles at each phase, its half interval, and how much it changed since the last two thirds [joint units a
+    cycle]; detectable: smallest drift at a single phase that these cycles would surely show [joint units a cycle];
+    creep: part of it that is due to shifts of the tool's own path; cycles_needed: cycles that would show a drift of
+    the tolerance, or decide how a change goes on.
     """
 
     trend: Trend
@@ -59,13 +74,14 @@ class DriftTrend:
     phase: int
     rates: Matrix
     errors: Matrix
+    bends: Matrix
     detectable: float
     creep: float
     cycles_needed: int
 
     @property
     def rate(self) -> Vector:
-        """Drift of the latest cycles where it shows best (n,) [joint units a cycle]."""
+        """Drift of the last third of the cycles where it shows best (n,) [joint units a cycle]."""
         return self.rates[self.phase]
 
     @property
@@ -110,10 +126,10 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
     needed = _needed(deviation, tolerance, error / (SHAPES * phases * d), float(np.mean(np.diff(visits.when))))
 
     def found(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
-        rates, errors = _rates(visits, noise.each, limit, creep, seen.phase)
+        rates, errors, bends = _rates(visits, noise.each, limit, creep)
         ratio, among, count = (np.nan, (np.nan, np.nan), 0) if latest is None else latest.facts
         return DriftTrend(
-            trend, change, seen.sure > tolerance, ratio, among, count, seen.phase, rates, errors, detectable,
+            trend, change, seen.sure > tolerance, ratio, among, count, seen.phase, rates, errors, bends, detectable,
             float(creep.max()), max(needed, more),
         )  # fmt: skip
 
@@ -228,27 +244,20 @@ def _change(visits: Visits, noise: Noise, error: float) -> _Change:
     return _Change(float(seen[best]), int(np.argmax(held[best].max(axis=1))), pattern, size, sure)
 
 
-def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector, at: int) -> tuple[Matrix, Matrix]:
-    """Drift at each phase (P, n) and its half interval [joint units a cycle].
-
-    Of the last third of the cycles, with what it changed since the last two thirds; of all cycles where the third does
-    not show it at the phase `at`. Either may be off by what shifts of the tool's path make of it, `creep`.
-    """
+def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Drift of the last third of the cycles at each phase (P, n), its half interval by noise and by what shifts of the
+    tool's path make of it, `creep`, and how much it changed since the last two thirds [joint units a cycle]."""
     k = len(visits)
-    spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
+    third = max(3, -(-(k - 1) // 3))
 
     def slope(latest: int) -> tuple[Matrix, float]:
         when = visits.when[-latest:] - visits.when[-latest:].mean()
         rates = np.einsum("k,kpn->pn", when / (when @ when), visits.joints[-latest:])
         return rates, 1 / float(np.linalg.norm(when))
 
-    third = max(3, -(-(k - 1) // 3))
     (rates, share), (before, _) = slope(third + 1), slope(2 * third + 1)
-    errors = share * spread + np.abs(rates - before) + creep[:, None]
-    if (np.abs(rates[at]) > errors[at]).any():
-        return rates, errors
-    rates, share = slope(k)
-    return rates, share * spread + creep[:, None]
+    spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
+    return rates, share * spread + creep[:, None], np.abs(rates - before)
 
 
 def _needed(deviation: float, tolerance: float, error: float, stride: float) -> int:
