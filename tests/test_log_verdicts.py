@@ -153,11 +153,11 @@ def test_a_motion_of_period_three_is_no_drift_and_does_not_settle() -> None:
 
 
 def test_true_settling_and_true_drift_are_found_with_their_figures() -> None:
-    assert verdicts(settling, 10, 1e-4, 4) == {"DIFFERS FADES": 4}
+    assert verdicts(settling, 16, 1e-4, 4) == {"DIFFERS FADES": 4}
     for noise in (0.0, 1e-4):
         low, high = hk.audit_recording(logged(motion(settling, 10, 0.0), noise), PANDA).leading.ratio_range
         assert low - 5e-3 < 0.6 < high + 5e-3  # the spare direction turns a little on the way
-        assert high - low < (0.3 if noise else 0.02)
+        assert high - low < 0.15
     assert verdicts(steady, 8, 1e-3, 4) == {"DIFFERS GOES_ON": 4}
 
 
@@ -213,7 +213,7 @@ def test_confidence_and_the_detectable_drift_are_stated() -> None:
 
 @pytest.mark.parametrize(
     ("share", "among"),
-    [(0.1, {Trend.NONE}), (2.0, {Trend.CANNOT_TELL, Trend.GOES_ON}), (100.0, {Trend.GOES_ON})],
+    [(0.1, {Trend.NONE}), (2.0, {Trend.CANNOT_TELL, Trend.GOES_ON}), (1000.0, {Trend.GOES_ON})],
 )
 def test_a_drift_called_detectable_at_a_single_phase_is_not_called_equal(share: float, among: set[Trend]) -> None:
     """To tell that it goes on, and does not fade within the last third, takes many times as much."""
@@ -315,7 +315,7 @@ def test_trends_of_made_up_drifts() -> None:
     assert beneath.trend is Trend.GOES_ON and beneath.rate == pytest.approx(0.01 * axis, abs=1e-4)
     assert drift_trend(jitter).trend is Trend.NONE
     three, eight = (drift_trend(0.4 * 0.5 ** np.arange(k)[:, None]) for k in (3, 8))
-    assert three.trend is Trend.CANNOT_TELL and three.ratio == pytest.approx(0.5, abs=1e-6)
+    assert three.trend is Trend.CANNOT_TELL and np.isnan(three.ratio)
     assert eight.trend is Trend.FADES and eight.ratio == pytest.approx(0.5, abs=1e-6)
 
 

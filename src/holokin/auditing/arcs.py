@@ -215,7 +215,7 @@ def tool_path(
         index, s, z = index[:keep], s[:keep], z[:keep]
     last = motion.at(np.array([len(motion) - 2, len(motion) - 1])) if len(motion) > 1 else z[:2]
     beyond = float(np.linalg.norm(last[1] - last[0])) if ends and len(s) > 1 else 0.0
-    return ToolPath(index, s, z, motion.q, step, ends, min(beyond, step))
+    return ToolPath(index, s, z, motion.q, step, ends, min(beyond, float(np.median(np.diff(s)))) if len(s) > 1 else 0.0)
 
 
 def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> tuple[Indices, bool]:

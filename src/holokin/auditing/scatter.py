@@ -105,9 +105,9 @@ def left_over(y: Matrix) -> tuple[Matrix, float]:
     """
     k = len(y)
     third = np.diff(y, 3, axis=0) / np.sqrt(THIRD)
-    late = third[len(third) // 2 :]
+    late = third[-max(3, len(third) // 2) :]
     found = [(residual(y), float(k - 4), float(k - 4)), (third, float(k - 3), (k - 3) / ALIKE_THIRDS)]
-    found += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(late) >= FEWEST else []
+    found += [(late, float(len(late)), len(late) / ALIKE_THIRDS)] if len(third) >= FEWEST else []
     sizes = [float((left**2).sum()) / count * quantile(1 - CONFIDENCE, dof + PRIOR) ** 2 for left, count, dof in found]
     left, count, dof = found[int(np.argmin(sizes))]
     return left / np.sqrt(count), dof

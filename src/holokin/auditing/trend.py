@@ -36,9 +36,9 @@ half. What fades like 1/k falls to 0.8 there, what fades by half over the log to
 FADING = 0.75
 """It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k)."""
 
-STEADY = 0.7
-"""And when it does not fall faster and faster, as a drift does that is about to turn round: the share is at least this
-share of that before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
+STEADY = 0.9
+"""And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least this
+share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
 
 
 class Trend(Enum):
@@ -135,7 +135,7 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
 
     if seen.seen <= 1 or (k < FEWEST and seen.size <= tolerance + floor):
         return found(Trend.NONE, 0.0) if detectable <= tolerance else found(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
-    small = seen.size <= tolerance and detectable <= tolerance
+    small = max(seen.size, seen.sure) <= tolerance and detectable <= tolerance
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     if k < 4 or not shaped(series, error, walks=noise.alike > ALIKE):
         return found(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
@@ -162,7 +162,8 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
 
     There, and in the stretch before, the differences of successive cycles, along the pattern of the change, are
     averaged in halves: M before, A, B. The drift goes on when their average is not 0 and B >= `LASTING` A; it fades
-    when B <= `FADING` A, A <= `FADING` M, and B / A >= `STEADY` A / M; all but the last by more than noise. Where
+    when B <= `FADING` A and A <= `FADING` M, by more than noise, and B / A >= `STEADY` A / M, as A / M to the ratio
+    before. Where
     differences with changing signs are larger, these are looked at, and what goes on alternates.
     """
     k = len(visits)
@@ -175,13 +176,13 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     hidden += float((LEAF_SLOPE * shifts(line[None], tail.moves, noise.moves)).max())
     nothing = (np.nan, (np.nan, np.nan), count)
     if seen.seen <= 1:
-        return _Latest(Trend.NONE if hidden <= tolerance else Trend.CANNOT_TELL, nothing)
+        return _Latest(Trend.NONE if hidden * count <= tolerance else Trend.CANNOT_TELL, nothing)
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
-    encoder, dof, level = float(((seen.pattern * visits.noise) ** 2).sum()), np.inf, 0.0
+    level, dof = float(((seen.pattern * noise.each) ** 2).sum()), noise.dof  # if phases scatter each by itself
     if k >= FEWEST:
-        left, dof = left_over(series[:, None])
-        level, dof = float((left**2).sum()), dof + PRIOR
-    deviation, times = np.sqrt(max(level, encoder)), quantile(error, dof)
+        left, few = left_over(series[:, None])
+        level, dof = max(float((left**2).sum()), float(((seen.pattern * visits.noise) ** 2).sum())), few + PRIOR
+    deviation, times = np.sqrt(level), quantile(error, dof)
     weight = np.abs(seen.pattern).sum(axis=1)
 
     def bound(w: Vector) -> float:
@@ -210,9 +211,12 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
             return _Latest(Trend.NONE, facts)
         return _Latest(Trend.ALTERNATES if alternates else Trend.GOES_ON, facts)
     if k - 1 >= count + apart:
-        before = steps[k - 1 - count - apart :][:half].mean(axis=0)
-        m, falls = float(sign * before @ series), [FADING * early - late, FADING * before - early]
-        if b * m >= STEADY * a * a and all(sign * w @ series >= bound(w) for w in falls):
+        starts = range(k - 1 - count - apart, -1, -apart)
+        before = [steps[i : i + half].mean(axis=0) for i in starts[:2]]  # as far apart as A and B
+        means = [b, a, *(float(sign * w @ series) for w in before)]
+        convex = all(x * z >= STEADY * y * y for x, y, z in zip(means, means[1:], means[2:], strict=False))
+        falls = [FADING * early - late, FADING * before[0] - early]
+        if convex and all(sign * w @ series >= bound(w) for w in falls):
             return _Latest(Trend.FADES, facts)
     return _Latest(Trend.NONE if seen.size <= tolerance else Trend.CANNOT_TELL, facts)
 
