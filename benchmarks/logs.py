@@ -230,7 +230,7 @@ def campaign(
                 marks[law, noise, "repeated", repeated(audit.verdict, motion.truth)] += 1
                 marks[law, noise, "trend", told(audit.trend, motion.truth)] += 1
                 if audit.limit is not None and motion.truth is not Trend.GOES_ON:
-                    marks[law, noise, "limit", "foretold, and not reached"] += 1
+                    marks[law, noise, "limit", "predicted, and not reached"] += 1
             if decided_by_noise(audits):
                 answers = ", ".join(f"{a.verdict.name} {a.trend.name}" for a in audits)
                 odd.append(f"{law}, {motion.setup.robot.name}, {motion.cycles} cycles, number {i}: {answers}")
@@ -253,7 +253,9 @@ def main() -> int:
             ]
             print(f"| {law} | {' | '.join(cells)} |")
     print("Each cell: right / wrong / cannot tell.")
-    print("Limits foretold and not reached:", sum(n for (*_, mark), n in marks.items() if mark.startswith("foretold")))
+    print(
+        "Limits predicted and not reached:", sum(n for (*_, mark), n in marks.items() if mark.startswith("predicted"))
+    )
     print("More noise decided, or decided otherwise:", len(odd))
     for line in odd:
         print(" ", line)

@@ -22,7 +22,7 @@ _SURE = f"{100 * CONFIDENCE:.0f} %"
 
 
 MOST_AHEAD = 2.0
-"""Cycles after the log, for each cycle in it, within which a limit is foretold: rates change as the posture does."""
+"""Cycles after the log, for each cycle in it, within which a limit is predicted: rates change as the posture does."""
 
 _GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.GOES_ON)
 

@@ -31,7 +31,7 @@ HORIZON = 1000
 
 LASTING = 0.95
 """A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
-half. Joints that settle like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9."""
+half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9."""
 
 FADING = 0.75
 """It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k)."""
