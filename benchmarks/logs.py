@@ -128,7 +128,8 @@ def shifted(setup: Setup, cycles: int, shift: Callable[[Array], Array]) -> Array
     place, turn = setup.poses(done % 1.0)
     spare = np.linalg.svd(setup.task.jacobian(setup.start))[2][setup.task.m :]
     wanted = shift(done)[:, None] * np.eye(len(spare))[0]
-    q = np.tile(setup.start, (len(done), 1))
+    q: Array = np.tile(setup.start, (len(done), 1))
+    step = np.full_like(q, np.inf)
     for _ in range(12):
         jacobian, _ = setup.task.jacobian_batch(q)
         rows = np.concatenate([jacobian, np.tile(spare, (len(q), 1, 1))], axis=1)
@@ -136,7 +137,7 @@ def shifted(setup: Setup, cycles: int, shift: Callable[[Array], Array]) -> Array
         if not np.isfinite(rows).all() or np.linalg.cond(rows).max() > 1e6:
             return None
         step = np.linalg.solve(rows, error[:, :, None])[:, :, 0]
-        q = q + np.clip(step, -0.3, 0.3)
+        q = np.asarray(q + np.clip(step, -0.3, 0.3), dtype=float)
     sound = np.abs(step).max() < 1e-9 and (np.abs(np.diff(q, axis=0)).max() < 0.2)
     return q if sound and (q > setup.robot.lower).all() and (q < setup.robot.upper).all() else None
 

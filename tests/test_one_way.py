@@ -47,10 +47,10 @@ def done(folder: Path, points: np.ndarray, more: str = "") -> JobResult:
 def written(result: JobResult, folder: Path) -> tuple[str, str, dict]:
     """The report, what is printed, and the facts."""
     at = write_report(result, folder, "0")
-    out = Console(file=io.StringIO(), width=300)
-    print_result(result, out)
+    out = io.StringIO()
+    print_result(result, Console(file=out, width=300))
     facts = json.loads((at / "result.json").read_text("utf-8"))
-    return (at / "report.html").read_text("utf-8"), out.file.getvalue(), facts
+    return (at / "report.html").read_text("utf-8"), out.getvalue(), facts
 
 
 @pytest.mark.parametrize("more", ["", "passes = 2", "closed = true"])
