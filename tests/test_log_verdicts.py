@@ -153,7 +153,7 @@ def test_a_motion_of_period_three_is_no_drift_and_does_not_settle() -> None:
 
 
 def test_true_settling_and_true_drift_are_found_with_their_figures() -> None:
-    assert verdicts(settling, 16, 1e-4, 4) == {"DIFFERS FADES": 4}
+    assert verdicts(settling, 16, 2e-5, 4) == {"DIFFERS FADES": 4}
     for noise in (0.0, 1e-4):
         low, high = hk.audit_recording(logged(motion(settling, 10, 0.0), noise), PANDA).leading.ratio_range
         assert low - 5e-3 < 0.6 < high + 5e-3  # the spare direction turns a little on the way

@@ -175,8 +175,10 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     hidden = limit * float((noise.each * visits.lever).max()) * float(np.linalg.norm(line))
     hidden += float((LEAF_SLOPE * shifts(line[None], tail.moves, noise.moves)).max())
     nothing = (np.nan, (np.nan, np.nan), count)
+    most = hidden * count + (seen.size if seen.seen > 1 else 0.0)
+    rest = Trend.NONE if most <= tolerance else Trend.CANNOT_TELL
     if seen.seen <= 1:
-        return _Latest(Trend.NONE if hidden * count <= tolerance else Trend.CANNOT_TELL, nothing)
+        return _Latest(rest, nothing)
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     level, dof = float(((seen.pattern * noise.each) ** 2).sum()), noise.dof  # if phases scatter each by itself
     if k >= FEWEST:
@@ -199,7 +201,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     sign = np.sign(whole @ series)
     a, b = float(sign * early @ series), float(sign * late @ series)
     if sign * whole @ series <= bound(whole) or a <= 0:
-        return _Latest(Trend.NONE if seen.size <= tolerance else Trend.CANNOT_TELL, nothing)
+        return _Latest(rest, nothing)
     error_of = bound(late - b / a * early) / a
     factors = [float(max(share, 0.0) ** (1 / apart)) for share in (b / a - error_of, b / a, b / a + error_of)]
     low, ratio, high = [-f for f in factors[::-1]] if alternates else factors
@@ -218,7 +220,7 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
         falls = [FADING * early - late, FADING * before[0] - early]
         if convex and all(sign * w @ series >= bound(w) for w in falls):
             return _Latest(Trend.FADES, facts)
-    return _Latest(Trend.NONE if seen.size <= tolerance else Trend.CANNOT_TELL, facts)
+    return _Latest(rest, facts)
 
 
 def _change(visits: Visits, noise: Noise, error: float) -> _Change:
