@@ -20,5 +20,6 @@ with open("log.csv", "w", newline="") as file:
 
 found = hk.audit_recording(hk.read_recording("log.csv", robot, degrees=True), robot)  # holokin audit log.csv --degrees
 each = np.abs(found.since_start[0]).max()
-print(f"{found.verdict.name}: {len(found.cycles)} cycles, {each:.3f} rad in the first, most in {found.worst_joint}")
+answers = f"{found.verdict.name}, {found.trend.name}"
+print(f"{answers}: {len(found.cycles)} cycles, {each:.3f} rad in the first, most in {found.worst_joint}")
 print(found.sentence())

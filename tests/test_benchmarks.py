@@ -28,7 +28,7 @@ STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "k
 FORKED = STARTING if hasattr(os, "fork") else ()
 OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("startup", "surveys")) + STARTING[len(FORKED) :]
 """These measure what a process imports and keeps: they are begun as a user begins them."""
-ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py"}
+ELSEWHERE = {"benchmarks.drift": "tests/test_docs.py", "benchmarks.logs": "tests/test_log_campaign.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 
@@ -37,7 +37,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
-    assert len(MODULES) == 17
+    assert len(MODULES) == 18
 
 
 @pytest.mark.parametrize("module", [name for name in MODULES if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)])

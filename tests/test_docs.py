@@ -60,7 +60,7 @@ EXAMPLES = {
     "paper_ppr.py": "pseudo-inverse: 0.1136 off after one round, 1.2679 after ten",
     "humanoid_arm.py": "leans 29.7 degrees aside: stopped at a joint limit",
     "rail_and_arm.py": "pseudo-inverse: 0.060 rad off",
-    "audit_a_log.py": "DRIFTS: 4 cycles, 0.164 rad in the first",
+    "audit_a_log.py": "DIFFERS, CANNOT_TELL: 4 cycles, 0.164 rad in the first",
 }
 
 

@@ -225,7 +225,7 @@ def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
         z[k] = z[k - 1] + (np.cos(middle) * (y[k] - y[k - 1]) - np.sin(middle) * (x[k] - x[k - 1])) / 2
     q = np.column_stack([x - np.cos(z), y - np.sin(z), z])
     assert len(find_cycles(recorded(q), PPR, orientation=False)) == 100
-    assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.Repeatability.REPEATS
+    assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.LogVerdict.REPEATS
 
 
 @pytest.mark.parametrize(("lines", "loops"), [(20, 2), (50, 3), (100, 3)])

@@ -1,15 +1,18 @@
 """Black boxes and logs: do the joints return with the tool?"""
 
 from .black_box import Audit, Finding, audit
-from .judge import Repeatability
+from .judge import LogVerdict, Repeatability
 from .log_audit import audit_recording
 from .log_findings import LogAudit
+from .trend import Trend
 
 __all__ = [
     "Audit",
     "Finding",
     "LogAudit",
+    "LogVerdict",
     "Repeatability",
+    "Trend",
     "audit",
     "audit_recording",
 ]

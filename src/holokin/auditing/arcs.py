@@ -100,7 +100,8 @@ class ToolMotion:
 @dataclass(frozen=True, eq=False)
 class ToolPath:
     """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d); `joints`: all postures; `ends`:
-    whether the path goes on to the end of the log."""
+    whether the path goes on to the end of the log; beyond: how far the tool runs between the last two samples [m], and
+    may have run on after the last."""
 
     index: Indices
     s: Vector
@@ -108,6 +109,7 @@ class ToolPath:
     joints: Matrix
     step: float
     ends: bool = True
+    beyond: float = 0.0
 
     @property
     def length(self) -> float:
@@ -165,14 +167,20 @@ class Curve:
         return out
 
     def _local(self, s: Vector) -> tuple[Indices, Vector, Matrix]:
-        s = np.clip(s, self.s[0], self.s[-1])
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         width = self.s[i + 1] - self.s[i]
         return i, width, ((s - self.s[i]) / width)[..., None]
 
     def __call__(self, s: Vector | float) -> Array:
-        """Values (..., d) at s (...)."""
-        i, width, u = self._local(np.asarray(s, dtype=float))
+        """Values (..., d) at s (...); beyond the ends along the tangents there."""
+        at = np.asarray(s, dtype=float)
+        inside = np.clip(at, self.s[0], self.s[-1])
+        values = self._inside(inside)
+        over = at - inside
+        return values + over[..., None] * self.slope(inside) if over.any() else values
+
+    def _inside(self, s: Vector) -> Array:
+        i, width, u = self._local(s)
         a, b = self.values[i], self.values[i + 1]
         rise = b - a
         first = self.slopes[i] * width[..., None] - rise
@@ -180,8 +188,8 @@ class Curve:
         return a + u * (rise + (1 - u) * ((1 - u) * first - u * last))
 
     def slope(self, s: Vector | float) -> Array:
-        """Derivatives (..., d) at s (...)."""
-        i, width, u = self._local(np.asarray(s, dtype=float))
+        """Derivatives (..., d) at s (...), beyond the ends those there."""
+        i, width, u = self._local(np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1]))
         w = width[..., None]
         rise = self.values[i + 1] - self.values[i]
         first, last = self.slopes[i] * w - rise, self.slopes[i + 1] * w - rise
@@ -205,7 +213,9 @@ def tool_path(
     if most is not None and s[-1] > most * step:
         ends, keep = False, max(int(np.searchsorted(s, most * step)), 2)
         index, s, z = index[:keep], s[:keep], z[:keep]
-    return ToolPath(index, s, z, motion.q, step, ends)
+    last = motion.at(np.array([len(motion) - 2, len(motion) - 1])) if len(motion) > 1 else z[:2]
+    beyond = float(np.linalg.norm(last[1] - last[0])) if ends and len(s) > 1 else 0.0
+    return ToolPath(index, s, z, motion.q, step, ends, min(beyond, float(np.median(np.diff(s)))) if len(s) > 1 else 0.0)
 
 
 def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> tuple[Indices, bool]:

@@ -36,6 +36,7 @@ class Cycles:
     phase (P + 1,) from 0 to 1: equal tool poses; s (c, P + 1) [m] arc lengths of `path` and q (c, P + 1, n)
     postures there, always along `direction` = 1;
     residual (c,) [m]: largest distance of the tool from the first cycle (turns by the length scale);
+    sampling [m]: how much of that the samples, at most, leave open, since the tool may turn between two of them;
     length [m] of one; size [m], its extent; mirror: phase about which the path runs back on itself, or None;
     left_out: cycles that span a gap in time; path: the tool's path by arc length.
     """
@@ -49,6 +50,7 @@ class Cycles:
     s: Matrix
     q: Array
     residual: Vector
+    sampling: float
     length: float
     size: float
     mirror: float | None
@@ -177,7 +179,7 @@ def nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vect
 
 
 def _nearest(path: ToolPath, target: Matrix, guess: Vector, reach: float) -> Vector:
-    low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length)
+    low, high = np.maximum(guess - reach, 0.0), np.minimum(guess + reach, path.length + path.beyond)
     count = int(np.clip(2 * reach / path.step, 8, 80)) // 2 * 2 + 1
     tries = np.clip(guess + np.linspace(-1, 1, count)[:, None] * reach, low, high)
     distance = np.linalg.norm(path.point(tries) - target, axis=2)
@@ -308,6 +310,7 @@ def _cut(
     targets = np.concatenate([target if d > 0 else target[::-1] for d in ways])
     s = nearest(path, targets, np.concatenate([rounds[i] for i in whole]), 2.5 * path.step + 2 * length / points)
     residual = np.linalg.norm(path.point(s) - targets, axis=1).reshape(len(whole), -1).max(axis=1)
+    sampling = _sampling(path, s)
     s = s.reshape(len(whole), -1)
     q = path.posture(s)
     times = recording.t[path.index]
@@ -320,8 +323,19 @@ def _cut(
     q[back], s[back] = q[back, ::-1], s[back, ::-1]
     return Cycles(
         np.interp(start, path.s, where), np.interp(stop, path.s, where), ways, duration, moving, phase, s, q, residual,
-        length, size, mirror, int(sum(broken)), path,
+        sampling, length, size, mirror, int(sum(broken)), path,
     )  # fmt: skip
+
+
+def _sampling(path: ToolPath, s: Vector) -> float:
+    """How far off its samples' curve the tool may have been at arc lengths s: h |t' - t| / 4, of the tangents h before
+    and after, for samples h apart. So far the chord of two samples cuts off a corner between them."""
+    per_anchor = np.diff(path.s) / np.maximum(np.diff(path.index), 1)
+    here = np.clip(np.searchsorted(path.s, s, side="right") - 1, 0, len(per_anchor) - 1)
+    h = per_anchor[here]
+    reach = np.maximum(h, np.diff(path.s)[here])  # a tangent is known from anchor to anchor
+    turn = np.linalg.norm(path.point.slope(s + reach) - path.point.slope(s - reach), axis=1)
+    return float((h * np.minimum(turn, 2.0)).max() / 4)
 
 
 def _rests(times: Vector) -> Vector:

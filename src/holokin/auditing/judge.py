@@ -1,7 +1,8 @@
-"""Judging joint postures at equal tool poses: the verdicts, the first limit, and moves to a pose close by."""
+"""Judging joint postures at equal tool poses: the verdicts, distances, the first limit, moves to a pose close by."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -10,15 +11,32 @@ from ..task import Task
 from ..types import Array, Matrix, NoTruthValue, Vector
 
 
+@dataclass(frozen=True)
+class Distance:
+    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
+    and how far it is over what is allowed there; `beyond` when it is."""
+
+    value: float
+    joint: str
+    phase: float
+    beyond: bool
+
+
+class LogVerdict(NoTruthValue, Enum, ask="`is LogVerdict.REPEATS`"):
+    """Whether the joints repeated in a log; the text says what it means."""
+
+    REPEATS = "repeats: the joints were the same at equal tool poses, in all that the log tests"
+    DIFFERS = "differs: the joints were not the same at equal tool poses"
+    UNDECIDED = "cannot tell: noise, or a shift of the tool's own path, may hide that the joints differ"
+
+
 class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):
-    """What an audit found; the text says what it means."""
+    """What the audit of a control law found; the text says what it means."""
 
     REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
     BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
     CONVERGES = "converges: cycles repeat in the end, but the joints at a pose depend on the way, the speed or the past"
-    ALTERNATES = "alternates: the joints at a tool pose come back every second cycle only"
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"
-    UNDECIDED = "cannot tell: the log does not decide whether the joints drift"
     UNKNOWN = "cannot be judged: the law failed, as told below"
 
 

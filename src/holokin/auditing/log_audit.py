@@ -13,15 +13,16 @@ from ..types import Indices, Matrix, Vector
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import Repeatability, spread, to_pose
-from .log_findings import Distance, LogAudit
-from .trend import CONFIDENCE, FEWEST, DriftTrend, Trend, judge, quantile
+from .judge import Distance, LogVerdict, spread, to_pose
+from .log_findings import LogAudit
+from .scatter import CONFIDENCE, FEWEST, LEAF_SLOPE, SHIFT, quantile
+from .trend import DriftTrend, Trend, judge
 from .visits import Visits, encoder_noise, spare_axes
 
 TOLERANCE = 1e-3
 """Default distance [rad or m] of joints that counts as equal, on top of the noise floor: a millimetre at a metre's
 reach, below which the backlash of usual gears hides everything. A drift of as much per cycle must be excluded before
-the joints are called the same; a smaller one that is seen is a drift still, since it adds up."""
+the joints are called the same; a smaller change that is seen is named."""
 
 SPEEDS = 1.2
 """Cycles whose moving times differ by more than this factor count as fast and slow."""
@@ -39,7 +40,9 @@ def audit_recording(
 ) -> LogAudit:
     """Judge the joints of a recording at equal poses of the tool.
 
-    A verdict is given only where the log decides it at `trend.CONFIDENCE`, and is `Repeatability.UNDECIDED` elsewhere.
+    Two answers: `verdict`, whether the joints repeated in this log, `LogVerdict.UNDECIDED` where noise or shifts of the
+    tool's path may hide it; and `trend`, how their change goes on, by the last third of the cycles. Each is given at
+    `scatter.CONFIDENCE`.
 
     Args:
         orientation: whether the tool's orientation belongs to its task; by default where the robot has joints to
@@ -75,7 +78,9 @@ def audit_recording(
     )
     pairs = max(count * (count - 1) // 2, 1)
     widest = quantile((1 - CONFIDENCE) / (pairs * poses * axes.shape[2]), np.inf) * np.sqrt(2)
-    floor = moved.max(axis=0) + widest * of_joints.max(axis=1)
+    between_moves = np.linalg.norm(spread(visits - cycles.q), axis=1)  # shifts of the tool, which spare joints follow
+    by_shifts = np.sqrt(np.maximum(between_moves**2 - 2 * (SHIFT * of_moves) ** 2, 0.0))
+    floor = np.maximum(moved.max(axis=0), LEAF_SLOPE * by_shifts) + widest * of_joints.max(axis=1)
     floor[[0, -1]] = floor[[0, -1]].max()
     drift = (visits[:, -1] - visits[:, 0]) * cycles.direction[:, None]
     groups = _groups(cycles)
@@ -91,9 +96,9 @@ def audit_recording(
         return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups))
 
     trends = {name: judged(members) for name, members in groups.items()}
-    if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.UNDECIDED for t in trends.values()):
+    if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.CANNOT_TELL for t in trends.values()):
         together = judged(np.arange(count))  # a drift at all speeds shows in all cycles together
-        trends = {"at all speeds": together} if together.trend is Trend.CONSTANT else trends
+        trends = {"at all speeds": together} if together.trend is Trend.GOES_ON else trends
     allowed = tolerance + floor
 
     def distance(gap: Matrix, allowed: Vector = allowed, phase: Vector = cycles.phase) -> Distance:
@@ -123,19 +128,15 @@ def audit_recording(
         met, more = to_pose(task, there, *robot.pose_batch(here, tip))
         phase = np.interp(first, *_rising(cycles.s[-1], cycles.phase))
         at_crossings = distance(met - here, tolerance + more + widest * of_joints.max(), phase)
-    closing = _closing(drift, cycles, tolerance + float(floor[0])) if len(ways) == 2 else Trend.ZERO
-    kinds = {closing, *(trend.trend for trend in trends.values())}
-    scatters = between.beyond and kinds == {Trend.ZERO}
-    if Trend.CONSTANT in kinds:
-        verdict = Repeatability.DRIFTS
-    elif Trend.UNDECIDED in kinds or scatters:
-        verdict = Repeatability.UNDECIDED
-    elif Trend.ALTERNATES in kinds:
-        verdict = Repeatability.ALTERNATES
-    elif Trend.DECAYS in kinds or any(d is not None and d.beyond for d in (by_way, by_speed, at_crossings)):
-        verdict = Repeatability.CONVERGES
+    closing = _closing(drift, cycles, tolerance + float(floor[0])) if len(ways) == 2 else Trend.NONE
+    apart = (between, by_way, by_speed, at_crossings)
+    differs = closing is not Trend.NONE or any(d is not None and d.beyond for d in apart)
+    if differs or any(t.beyond for t in trends.values()):
+        verdict = LogVerdict.DIFFERS
+    elif any(t.detectable > tolerance for t in trends.values()):
+        verdict = LogVerdict.UNDECIDED
     else:
-        verdict = Repeatability.REPEATS
+        verdict = LogVerdict.REPEATS
     return LogAudit(
         robot,
         recording,
@@ -147,7 +148,6 @@ def audit_recording(
         drift,
         trends,
         closing,
-        scatters,
         between,
         by_way,
         by_speed,
@@ -170,13 +170,13 @@ def _speed(cycles: Cycles) -> Vector:
 
 def _closing(drift: Matrix, cycles: Cycles, allowed: float) -> Trend:
     """Whether cycles of one direction leave the joints elsewhere, each by itself: still at the end, or no more."""
-    found = Trend.ZERO
+    found = Trend.NONE
     for way in (1, -1):
         mine = drift[cycles.direction == way]
         if np.abs(mine[len(mine) // 2 :].mean(axis=0)).max() > allowed:
-            return Trend.CONSTANT
+            return Trend.GOES_ON
         if np.abs(mine).max() > allowed:
-            found = Trend.DECAYS
+            found = Trend.FADES
     return found
 
 

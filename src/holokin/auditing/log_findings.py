@@ -13,34 +13,30 @@ from ..robot import Robot
 from ..task import Task
 from ..types import Array, Matrix, NoTruthValue, Value, Vector
 from .cycles import Cycles
-from .judge import Repeatability, first_limit
-from .trend import CONFIDENCE, DriftTrend, Trend
+from .judge import Distance, LogVerdict, first_limit
+from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words
+from .scatter import CONFIDENCE
+from .trend import DriftTrend, Trend
 
 _SURE = f"{100 * CONFIDENCE:.0f} %"
 
 
-@dataclass(frozen=True)
-class Distance:
-    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
-    and how far it is over what is allowed there; `beyond` when it is."""
+MOST_AHEAD = 2.0
+"""Cycles after the log, for each cycle in it, within which a limit is predicted: rates change as the posture does."""
 
-    value: float
-    joint: str
-    phase: float
-    beyond: bool
+_GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.GOES_ON)
 
 
 @dataclass(frozen=True, eq=False)
 class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
 
-    visits (c, P + 1, n): postures at equal tool poses, moved there through the pseudo-inverse from where the tool
-    was; floor (P + 1,): joint move that this took, plus what encoder noise explains, per pose; drift (c, n) of each
-    cycle; trends of the cycles of one direction and speed, judged at every pose; closing: of the drifts
-    of single cycles where some run back and may undo the others'; scatters: joints differ between
-    cycles by more than noise and tolerance, in no way that a trend explains; between: cycles of one direction; by_way:
-    forward and backward passes; by_speed: fast and slow cycles; at_crossings: passes of a point where the path meets
-    itself; None where the log does not test it.
+    verdict: whether the joints repeated in this log; `trend`: how their change goes on. visits (c, P + 1, n): postures
+    at equal tool poses, moved there through the pseudo-inverse from where the tool was; floor (P + 1,): joint move that
+    this took, plus what encoder noise explains, per pose; drift (c, n) of each cycle; trends of the cycles of one
+    direction and speed, judged at every pose; closing: of the drifts of single cycles where some run back and may undo
+    the others'; between: cycles of one direction; by_way: forward and backward passes; by_speed: fast and slow cycles;
+    at_crossings: passes of a point where the path meets itself; None where the log does not test it.
     """
 
     robot: Robot
@@ -53,17 +49,24 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     drift: Matrix
     trends: dict[str, DriftTrend]
     closing: Trend
-    scatters: bool
     between: Distance
     by_way: Distance | None
     by_speed: Distance | None
     at_crossings: Distance | None
-    verdict: Repeatability
+    verdict: LogVerdict
 
     @property
     def exit_code(self) -> int:
-        """0: repeats in all that the log tests; 1: it does not; 2: the log does not decide."""
-        return {Repeatability.REPEATS: 0, Repeatability.UNDECIDED: 2}.get(self.verdict, 1)
+        """0: the joints repeated in all that the log tests; 1: they did not; 2: noise may hide that they did not."""
+        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
+
+    @property
+    def trend(self) -> Trend:
+        """How the change of the joints goes on, by the gravest finding of all directions and speeds."""
+        kinds = {self.closing, *(t.trend for t in self.trends.values())}
+        if kinds == {Trend.NONE} and self.between.beyond:  # scatter, in no way that a trend explains
+            return Trend.CANNOT_TELL
+        return max(kinds, key=_GRAVITY.index)
 
     @property
     def noise_floor(self) -> float:
@@ -94,9 +97,8 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
 
     @property
     def leading(self) -> DriftTrend:
-        """The trend that the verdict rests on: of those with the gravest finding, the one that changes most."""
-        order = [Trend.ZERO, Trend.DECAYS, Trend.ALTERNATES, Trend.UNDECIDED, Trend.CONSTANT]
-        return max(self.trends.values(), key=lambda t: (order.index(t.trend), t.change, t.detectable))
+        """The trend with the gravest finding; of several, the one that changes most."""
+        return max(self.trends.values(), key=lambda t: (_GRAVITY.index(t.trend), t.change, t.detectable))
 
     @property
     def detectable(self) -> float:
@@ -117,23 +119,27 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
 
     @cached_property
     def _limit(self) -> tuple[str, float, float, float] | None:
-        """Only where all cycles drift on: what runs both ways, alternates or fades is not extrapolated."""
-        if not self.one_way:
+        """Only where all cycles drift on, what runs both ways, alternates or fades is not extrapolated; and only what
+        they reach within twice as many cycles as the log has, fading as fast as the last differences allow."""
+        if not self.one_way or any(trend.trend is not Trend.GOES_ON for trend in self.trends.values()):
             return None
-        lasting = [trend for trend in self.trends.values() if trend.trend is Trend.CONSTANT]
-        if not lasting or len(lasting) < len(self.trends):
-            return None
-        trend = lasting[0]
-        rates = np.where(np.abs(trend.rates) > trend.errors, trend.rates, 0.0)
+        trend = self.leading
+        errors = trend.errors + trend.bends
+        rates = np.where(np.abs(trend.rates) > errors, trend.rates, 0.0)
         lower, upper, q = self.robot.lower, self.robot.upper, self.visits[-1, : len(rates)]
         found = first_limit(lower, upper, q, rates)
         if found is None:
             return None
         joint, cycles = found
-        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * trend.errors)
-        latest = first_limit(lower, upper, q, rates - np.sign(rates) * trend.errors)
+        soonest = first_limit(lower, upper, q, rates + np.sign(rates) * errors)
+        latest = first_limit(lower, upper, q, rates - np.sign(rates) * errors)
         few = cycles if soonest is None else min(soonest[1], cycles)
-        return self.robot.joint_names[joint], cycles, few, cycles if latest is None else max(latest[1], cycles)
+        most = cycles if latest is None else max(latest[1], cycles)
+        fading = 1 - min(trend.ratio_range[0], 1.0)
+        if most * fading >= 1 or cycles > MOST_AHEAD * len(self.cycles):
+            return None
+        most = -np.log1p(-most * fading) / -np.log1p(-fading) if fading > 0 else most
+        return self.robot.joint_names[joint], cycles, few, float(most)
 
     def __str__(self) -> str:
         return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
@@ -151,6 +157,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
         return {
             "verdict": self.verdict.name,
+            "trend": self.trend.name,
             "sentence": self.sentence(),
             "log": self.recording.source,
             "notes": list(self.recording.notes),
@@ -161,6 +168,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
             "noise_floor": self.noise_floor,
             "tool_path_length_m": c.length,
             "tool_path_residual_m": c.residual.tolist(),
+            "tool_path_residual_by_sampling_m": c.sampling,
             "cycles_left_out": c.left_out,
             "cycles": [
                 {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
@@ -181,11 +189,11 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                     "phase": float(c.phase[t.phase]),
                     "rate": t.rate.tolist(),
                     "rate_error": t.rate_error.tolist(),
+                    "differences_judged": t.latest,
                     "change": t.change,
                     "detectable_drift_per_cycle": t.detectable,
                     "of_it_by_shifts_of_the_tool": t.creep,
                     "cycles_needed": t.cycles_needed,
-                    "remaining": [float(v) if np.isfinite(v) else None for v in t.remaining],
                 }
                 for name, t in self.trends.items()
             },
@@ -210,15 +218,10 @@ def not_tested(audit: LogAudit) -> list[str]:
 
 
 def audit_sentence(audit: LogAudit) -> str:
-    """The verdict, what it rests on, and what was not tested."""
-    said = {
-        Repeatability.REPEATS: _same,
-        Repeatability.DRIFTS: _drifts,
-        Repeatability.ALTERNATES: _alternates,
-        Repeatability.CONVERGES: _settles,
-        Repeatability.UNDECIDED: _undecided,
-    }[audit.verdict](audit)
-    return f"{said}. Not tested: {'; '.join(not_tested(audit))}"
+    """The two answers, what they rest on, and what was not tested."""
+    said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
+    trend = _trend_said(audit)
+    return f"{said[audit.verdict](audit)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(audit))}"
 
 
 def _same(audit: LogAudit) -> str:
@@ -229,88 +232,105 @@ def _same(audit: LogAudit) -> str:
     tested += ["where the path crosses itself"] if audit.at_crossings is not None else []
     alike = [word for word, d in (("in one direction", audit.by_way), ("at one speed", audit.by_speed)) if d is None]
     among = "".join(f", {' and '.join(words)}" for words in (tested, alike) if words)
+    shown = max((t.change for t in audit.trends.values()), default=0.0)
+    below = f"; below the tolerance a change of {shown:.2g} over the log did show" if shown > 0 else ""
     return (
-        f"repeats: the joints are the same at equal tool poses in all {count} cycles{among}, within "
-        f"{max(values):.2g} rad or m; a drift of {_rate(audit.detectable)} would have shown ({_SURE} confidence)"
+        f"repeats: the joints were the same at equal tool poses in all {count} cycles{among}, within "
+        f"{max(values):.2g} rad or m{below}; a drift of {rate_words(audit.detectable)} would have shown ({_SURE} "
+        "confidence)"
     )
 
 
-def _drifts(audit: LogAudit) -> str:
-    trend = audit.leading
-    if trend.trend is not Trend.CONSTANT:
+def _differs(audit: LogAudit) -> str:
+    """By how much, in all and of late."""
+    parts = []
+    if audit.between.beyond or any(t.beyond for t in audit.trends.values()):
+        gap = audit.between
+        size = max(gap.value, *(t.change for t in audit.trends.values())) if not gap.beyond else gap.value
+        at = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
+        parts.append(
+            f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}"
+        )
+    elif audit.closing is not Trend.NONE:
         size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
-        return f"drifts: cycles of one direction leave the joints elsewhere, by {size}, and those back undo it"
-    joint = int(np.argmax(np.abs(trend.rate)))
-    rate, error = abs(float(trend.rate[joint])), float(trend.rate_error[joint])
-    where = f"{audit.robot.joint_names[joint]}, at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
-    text = (
-        f"drifts: the joints at equal tool poses move on from cycle to cycle, of late by {rate:.3g} +- {error:.1g} "
-        f"a cycle ({where}; {_SURE} confidence)"
-    )
-    if trend.change <= audit.tolerance:
-        text += f"; that is within the tolerance in this log, and beyond it after {audit.tolerance / rate:.0f} cycles"
-    if audit.limit is not None and audit.limit_range is not None:
-        few, most = audit.limit_range
-        joint, cycles = audit.limit
-        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
-    return text
-
-
-def _alternates(audit: LogAudit) -> str:
-    trend = audit.leading
-    where = f"at {100 * audit.cycles.phase[trend.phase]:.0f} % of the cycle"
-    return (
-        f"alternates: the joints at a tool pose come back every second cycle only, {trend.change:.2g} rad or m apart "
-        f"from one cycle to the next ({where}; {_SURE} confidence)"
-    )
-
-
-def _differences(audit: LogAudit) -> str:
-    """On what else than the tool pose the joints depend, as far as it is tested; nothing when on nothing."""
+        parts.append(f"cycles of one direction leave them elsewhere, by {size}, and those back undo it")
     asked = {"way": audit.by_way, "speed": audit.by_speed, "pass of a crossing": audit.at_crossings}
     differ = [f"the {word} (by up to {d.value:.2g}, {d.joint})" for word, d in asked.items() if d and d.beyond]
-    return f"; the joints at a pose depend on {' and '.join(differ)}" if differ else ""
+    parts += [f"the joints at a pose depend on {' and '.join(differ)}"] if differ else []
+    return f"differs: the joints did not repeat; {'; '.join(parts)}"
 
 
-def _settles(audit: LogAudit) -> str:
-    trend = audit.leading
-    if trend.trend is Trend.DECAYS:
-        low, high = trend.ratio_range
-        text = (
-            f"each cycle drifts {trend.ratio:.2g} times as far as the one before ({low:.2g} to {high:.2g}, {_SURE} "
-            "confidence), so the joints at a pose depend on the past until then"
+def _of_late(audit: LogAudit) -> str:
+    """By how much a cycle: the drift of the last third, or the last two cycles' difference where there is none."""
+    t, names, phase = audit.leading, audit.robot.joint_names, audit.cycles.phase
+    if t.trend is Trend.ALTERNATES or np.isnan(t.ratio):
+        alike = audit.visits[(audit.cycles.direction == audit.cycles.direction[-1])]
+        gap = np.abs(alike[-1] - alike[-2]) if len(alike) > 1 else np.abs(audit.drift[-1:])
+        at, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        return (
+            f"; the last two cycles by {gap[at, joint]:.3g} ({names[joint]}, at {100 * phase[at]:.0f} % of the cycle)"
         )
-    elif audit.closing is Trend.DECAYS:
-        text = "the first cycles drift, the last do not"
-    else:
-        text = "cycles of one kind repeat"
-    return f"converges: {text}{_differences(audit)}"
+    joint = int(np.argmax(np.abs(t.rate)))
+    rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
+    if rate <= error:
+        return f", of late by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+    where = f"{names[joint]}, at {100 * phase[t.phase]:.0f} % of the cycle"
+    return f", of late by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
 
 
 def _undecided(audit: LogAudit) -> str:
-    trend, count = audit.leading, len(audit.cycles)
-    hidden = f"a drift of up to {_rate(audit.detectable)} may hide"
-    more = f"log about {trend.cycles_needed} cycles"
-    if audit.scatters:
-        text = (
-            f"the joints at equal tool poses differ between cycles by up to {audit.between.value:.2g} "
-            f"({audit.between.joint}), more than encoder noise explains, with no trend over the {count} cycles"
-        )
-    elif not np.isnan(trend.ratio):
-        text = (
-            f"the joints at equal tool poses change by {trend.change:.2g} rad or m over the log, but {count} cycles do "
-            f"not tell whether that goes on, fades, alternates or is scatter: {more}"
-        )
-    elif trend.creep > 0.5 * trend.detectable:
+    trend = max(audit.trends.values(), key=lambda t: t.detectable)
+    hidden = f"a drift of up to {rate_words(audit.detectable)} may hide"
+    if trend.creep > 0.5 * trend.detectable:
         text = f"the tool's own path shifts from cycle to cycle, and {hidden} in the joint motion that goes with it"
     else:
-        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {_rate(audit.tolerance)} counts: {more}"
-        text += ", or with less noise"
-    return f"cannot tell: {text}{_differences(audit)}"
+        text = f"{hidden} in the noise of this log ({_SURE} confidence), and {rate_words(audit.tolerance)} counts: "
+        text += f"log about {trend.cycles_needed} cycles, or with less noise"
+    return f"cannot tell: {text}"
 
 
-def _rate(value: float) -> str:
-    return f"{value:.2g} rad or m a cycle"
+def _trend_said(audit: LogAudit) -> str:
+    """How the change goes on, and by what; nothing where there is none to speak of."""
+    t, kind = audit.leading, audit.trend
+    low, high = t.ratio_range
+    last = f"the last {t.latest} differences of successive cycles"
+    factor = f"(by the factor {t.ratio:.3g} from one to the next, {low:.3g} to {high:.3g}; {_SURE} confidence)"
+    if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
+        return ""
+    if t.trend is not kind:  # of single cycles, or scatter
+        said = {
+            Trend.GOES_ON: "goes on: each of the last cycles leaves the joints elsewhere",
+            Trend.FADES: "fades: the first cycles leave the joints elsewhere, the last do not",
+        }.get(kind, "cannot tell: the joints scatter, with no trend over the cycles")
+        return f"Trend: {said}"
+    if kind is Trend.GOES_ON:
+        return f"Trend: goes on: {last} are not zero and do not fade {factor}{_ahead(audit)}"
+    if kind is Trend.ALTERNATES:
+        return (
+            f"Trend: alternates: {last} change sign and do not fade {factor}; the joints come back every second cycle "
+            "only"
+        )
+    if kind is Trend.FADES:
+        return f"Trend: fades: {last} " + (
+            f"go on fading {factor}" if np.isfinite(t.ratio) else "show no change beyond tolerance and noise"
+        )
+    if t.latest == 0 or not np.isfinite(t.ratio):
+        why = f"{len(audit.cycles)} cycles do not show whether the change goes on, fades, alternates or is scatter"
+    else:
+        why = f"{last} change {factor}, which neither goes on nor surely fades"
+    return f"Trend: cannot tell: {why}; log about {t.cycles_needed} cycles"
+
+
+def _ahead(audit: LogAudit) -> str:
+    """When a small drift leaves the tolerance, and the first limit."""
+    text, t = "", audit.leading
+    if audit.verdict is LogVerdict.REPEATS:
+        text += f"; {rate_words(float(np.abs(t.rate).max()))} leaves the tolerance after about "
+        text += f"{audit.tolerance / float(np.abs(t.rate).max()):.0f} cycles"
+    if audit.limit is not None and audit.limit_range is not None:
+        (joint, cycles), (few, most) = audit.limit, audit.limit_range
+        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
+    return text
 
 
 def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
@@ -323,46 +343,21 @@ def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
         ("task", audit.task.name),
         ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
          + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
-        ("duration of a cycle", f"{_range(c.duration)} s, {_range(c.moving)} s of it moving"),
-        ("tool path repeats to", f"{c.residual.max():.2g} m"),
-        ("drift of each cycle", f"{_listed(audit.largest)} ({audit.worst_joint})"),
+        ("duration of a cycle", f"{ranged(c.duration)} s, {ranged(c.moving)} s of it moving"),
+        ("tool path repeats to", f"{c.residual.max():.2g} m" + by_sampling(c)),
+        ("drift of each cycle", f"{listed(audit.largest)} ({audit.worst_joint})"),
         (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
         ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
-        ("drift that would show", f"{_rate(audit.detectable)} ({_SURE} confidence)"),
+        ("drift that would show", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
     ]  # fmt: skip
+    rows.insert(0, ("joints repeated", audit.verdict.value))
+    rows.insert(1, ("trend", audit.trend.value))
     for group, trend in audit.trends.items():
-        rows.append(("trend" if len(audit.trends) == 1 else f"trend {group}", _trend(trend, c.phase)))
+        rows.append((f"trend {group}", trend_words(trend, c.phase)))
     rows += [
-        ("equal poses, between cycles", _said(audit.between, "")),
-        ("equal poses, forward and back", _said(audit.by_way, "not tested: all cycles run one way")),
-        ("equal poses, fast and slow", _said(audit.by_speed, "not tested: all cycles at one speed")),
-        ("equal poses, at crossings", _said(audit.at_crossings, "not tested: the path does not cross itself")),
+        ("equal poses, between cycles", distance_words(audit.between, "")),
+        ("equal poses, forward and back", distance_words(audit.by_way, "not tested: all cycles run one way")),
+        ("equal poses, fast and slow", distance_words(audit.by_speed, "not tested: all cycles at one speed")),
+        ("equal poses, at crossings", distance_words(audit.at_crossings, "not tested: the path does not cross itself")),
     ]
     return rows + [("note", note) for note in audit.recording.notes]
-
-
-def _trend(trend: DriftTrend, phase: Vector) -> str:
-    if np.isnan(trend.ratio):
-        return trend.trend.value
-    low, high = trend.ratio_range
-    return (
-        f"{trend.trend.value}, from cycle to cycle by the factor {trend.ratio:.3g} ({low:.3g} to {high:.3g}), most at "
-        f"{100 * phase[trend.phase]:.0f} % of the cycle"
-    )
-
-
-def _range(values: Vector) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:.3g}" if high - low < 5e-3 * high else f"{low:.3g} to {high:.3g}"
-
-
-def _listed(values: Vector, most: int = 4) -> str:
-    shown = [f"{v:.3g}" for v in values]
-    return ", ".join(shown if len(shown) <= 2 * most else [*shown[:most], "...", *shown[-most:]])
-
-
-def _said(distance: Distance | None, otherwise: str) -> str:
-    if distance is None:
-        return otherwise
-    word = "differ" if distance.beyond else "agree"
-    return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"

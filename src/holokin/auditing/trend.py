@@ -1,4 +1,4 @@
-"""Joints at equal tool poses over the cycles of a log: equal, drifting, converging, alternating, undecided."""
+"""How the joints at equal tool poses go on over the cycles of a log: the trend, judged on the last third."""
 
 from __future__ import annotations
 
@@ -7,81 +7,81 @@ from enum import Enum
 
 import numpy as np
 
-from ..types import Array, Matrix, Vector
+from ..types import Matrix, Vector
+from .scatter import (
+    ALIKE,
+    CONFIDENCE,
+    FEWEST,
+    LEAF_SLOPE,
+    PRIOR,
+    RATIOS,
+    SHAPES,
+    Noise,
+    left_over,
+    quantile,
+    scatter,
+    shaped,
+    shapes_of,
+    shifts,
+)
 from .visits import Visits
-
-CONFIDENCE = 0.99
-"""Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing
-changes one may show a change. Less would find drifts in a fleet's daily logs; more needs longer logs."""
 
 HORIZON = 1000
 """Cycles within which a steady drift must reach the tolerance to count: a day or two of a usual robot's work."""
 
-LEAF_SLOPE = 1.5
-"""How far spare joints may move beside those that follow a tool path which itself shifts. A law that repeats moves them
-too: with up to 1.76 times the least joint speed (docs/drift.md), so sqrt(1.76^2 - 1) times as far."""
+LASTING = 0.95
+"""A drift goes on when the second half of the last third of the cycles drifts by no less than this share of the first
+half. Joints that converge like 1/k have 0.7 there, a decay of the drift to a half over the log 0.9."""
 
-SHIFT = 2.0
-"""Deviations of the noise in the moves to a pose up to which they do not show a shift of the tool's path."""
+FADING = 0.75
+"""It fades when that share is no more than this, and that of the stretch before, too: at least like 1/sqrt(k)."""
 
-SHAPES = 6
-"""Independent shapes over the cycles that noise can take for a change: the fitted curves run from a jump in the first
-cycle through a drift to an alternation, and the tube about such a curve holds as much noise as six directions do."""
-
-PRIOR = 2
-"""Degrees of freedom that the encoder noise, known from all samples, is worth beside the scatter of few cycles."""
-
-FEWEST = 5
-"""Cycles from which their scatter about a fit of four numbers can be measured; with fewer, encoder noise stands in."""
-
-FADED = 0.5
-"""A drift that is less than this share of the first cycle's at the end of the log fades; one that is not goes on."""
-
-ALIKE = 0.5
-"""Correlation of the scatter of successive cycles beyond which they may be steps of a random walk, which looks like a
-trend of its sums but not of its steps."""
-
-_RATIOS = np.concatenate([-1 + np.linspace(0, 1, 41), 1 - np.logspace(-0.01, -5, 80), [1.0, 1.01, 1.02, 1.05]])
-_BENT = 0.999  # ratios up to this differ from a straight line by more than round-off
+STEADY = 0.9
+"""And when it does not fall faster and faster, as a drift does that is about to turn round: each share is at least this
+share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
 
 
 class Trend(Enum):
-    """How the joints at equal tool poses go on over the cycles."""
+    """How the joints at equal tool poses go on over the cycles, as the last third of them shows it."""
 
-    ZERO = "no change beyond tolerance and noise"
-    DECAYS = "the drift fades: the cycles converge"
-    CONSTANT = "the drift goes on"
+    NONE = "no change beyond tolerance and noise"
+    GOES_ON = "the drift goes on"
+    FADES = "the drift fades"
     ALTERNATES = "the joints alternate from cycle to cycle"
-    UNDECIDED = "the log does not decide"
+    CANNOT_TELL = "the log does not tell how the change goes on"
 
 
 @dataclass(frozen=True, eq=False)
 class DriftTrend:
     """Trend of cycles of one kind, judged at all phases.
 
-    ratio: factor from one cycle's drift to the next, NaN where nothing changes, within `ratio_range`; phase: index of
-    the phase that shows the change best; rates, errors (P, n): drift of the latest cycles at each phase and its half
-    interval [joint units a cycle]; remaining (n,): what a fading drift has still to come at `phase`; change: largest
-    joint change over the cycles; detectable: smallest drift at a single phase that these cycles would surely show
-    [joint units a cycle]; creep: part of it that is due to shifts of the tool's own path; cycles_needed: cycles that
-    would show a drift of the tolerance, or decide how a change goes on.
+    change: largest joint change over the cycles that a trend explains [joint units], 0 where none is seen; beyond:
+    whether it exceeds the tolerance, and not by noise; ratio: factor from one cycle's drift to the next in the last
+    third, within `ratio_range`, NaN where no drift is seen there; latest: differences that were judged, 0 where none
+    were; phase: index of the phase that shows the change best; rates, errors, bends (P, n): drift of the last third of
+    the cycles at each phase, its half interval, and how much it changed since the last two thirds [joint units a
+    cycle]; detectable: smallest drift at a single phase that these cycles would surely show [joint units a cycle];
+    creep: part of it that is due to shifts of the tool's own path; cycles_needed: cycles that would show a drift of
+    the tolerance, or decide how a change goes on.
     """
 
     trend: Trend
+    change: float
+    beyond: bool
     ratio: float
     ratio_range: tuple[float, float]
+    latest: int
     phase: int
     rates: Matrix
     errors: Matrix
-    remaining: Vector
-    change: float
+    bends: Matrix
     detectable: float
     creep: float
     cycles_needed: int
 
     @property
     def rate(self) -> Vector:
-        """Drift of the latest cycles where it shows best (n,) [joint units a cycle]."""
+        """Drift of the last third of the cycles where it shows best (n,) [joint units a cycle]."""
         return self.rates[self.phase]
 
     @property
@@ -91,251 +91,182 @@ class DriftTrend:
 
 
 @dataclass(frozen=True, eq=False)
-class _Noise:
-    """Standard deviations: of each visit (P, d) and of their average over the phases (d,), with their degrees of
-    freedom; of the joint moves to the pose (P,)."""
+class _Change:
+    """The change over cycles that shows best: over noise (1 is the bound), at which phase, in which pattern (P, d) over
+    the phases; its largest joint's size; the most by which a change surely exceeds noise [joint units]."""
 
-    each: Matrix
-    dof: float
-    average: Vector
-    average_dof: float
-    moves: Vector
-    alike: float = 0.0  # correlation of the scatter of successive cycles
+    seen: float
+    phase: int
+    pattern: Matrix
+    size: float
+    sure: float
 
 
 def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float = 1.0) -> DriftTrend:
-    r"""Judge how visits at equal tool poses go on over the cycles.
+    """Judge how visits at equal tool poses go on over the cycles.
 
-    They are fitted by $a + b (1 - r^c) / (1 - r)$ over the cycle number c, with a and b of each phase and one r, since
-    the map from one cycle to the next has the same factor at every phase: r = 1 is a steady drift, |r| < 1 converges,
-    r = -1 alternates. A change must exceed the noise at one phase, or in the average of all, with `CONFIDENCE`. Noise
-    is the scatter about the best a + b c + e r^c, at least that of the encoders, and more where successive cycles
-    scatter alike. The interval of r then tells the trend; where it holds several, the trend is undecided.
+    A change over the cycles is looked for in the shapes of a jump, a decay, a drift and an alternation. It must exceed
+    the noise at one phase, or in the average of all, with `CONFIDENCE`, and have such a shape. How it goes on is told
+    by the differences of successive cycles in the last third alone (`_latest`).
 
     Args:
-        tolerance: joint distance that counts as equal, and drift per cycle that must be excluded for `Trend.ZERO`.
+        tolerance: joint distance that counts as equal, and drift per cycle that must be excluded for `Trend.NONE`.
         floor: joint distance that noise explains, where fewer than `FEWEST` cycles do not show their scatter.
         share: of the error probability 1 - `CONFIDENCE` that these visits may use.
     """
     k, phases, d = visits.y.shape
-    c = np.arange(k, dtype=float)
     error = (1 - CONFIDENCE) * share / 2  # half for single phases, half for their average
-    noise = _noise(visits)
+    noise = scatter(visits)
     limit = quantile(error / (SHAPES * phases * d), noise.dof)
-    shapes = _shapes(_RATIOS, c)
-    shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
-    shifts = LEAF_SLOPE * _shifts(shapes, visits.moves, noise.moves)
-    along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - shifts[:, :, None]
-    held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
-    mean = np.zeros((len(shapes), d))
-    if k >= FEWEST:
-        bound = quantile(error / (SHAPES * d), noise.average_dof) * noise.average
-        along = np.abs(shapes @ visits.y.mean(axis=1)) - shifts.mean(axis=1)[:, None]
-        mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
-    seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
-    best = int(np.argmax(seen))
-    at = int(np.argmax(held[best].max(axis=1)))
-    fit = np.einsum("k,kpd,pnd->pn", shapes[best], visits.y, visits.axes)
-    change = float(np.abs(fit).max() * np.ptp(shapes[best]))
+    seen = _change(visits, noise, error)
     line = (visits.when - visits.when.mean()) / ((visits.when - visits.when.mean()) ** 2).sum()
     deviation = float((noise.each * visits.lever).max())
-    creep = LEAF_SLOPE * _shifts(line[None], visits.moves, noise.moves)[0]
+    creep = LEAF_SLOPE * shifts(line[None], visits.moves, noise.moves)[0]
     detectable = float(creep.max()) + limit * deviation * float(np.linalg.norm(line))
     needed = _needed(deviation, tolerance, error / (SHAPES * phases * d), float(np.mean(np.diff(visits.when))))
 
-    def found(trend: Trend, ratio: float = np.nan, among: tuple[float, float] = (-1.0, 1.05), more: int = 0,
-              left: Vector | None = None) -> DriftTrend:  # fmt: skip
-        remaining = np.zeros(visits.axes.shape[1]) if left is None else left
-        rates, errors = _rates(visits, noise.each, limit, creep, at)
-        facts = (change, detectable, float(creep.max()), max(needed, more))
-        return DriftTrend(trend, ratio, among, at, rates, errors, remaining, *facts)
+    def found(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
+        rates, errors, bends = _rates(visits, noise.each, limit, creep)
+        ratio, among, count = (np.nan, (np.nan, np.nan), 0) if latest is None else latest.facts
+        return DriftTrend(
+            trend, change, seen.sure > tolerance, ratio, among, count, seen.phase, rates, errors, bends, detectable,
+            float(creep.max()), max(needed, more),
+        )  # fmt: skip
 
-    nothing = found(Trend.ZERO) if detectable <= tolerance else found(Trend.UNDECIDED, more=k + max(k // 2, 2))
-    if seen[best] <= 1 or (k < FEWEST and change <= tolerance + floor):
-        return nothing
-    pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
-    pattern *= held[best] >= max(0.5 * seen[best], 1e-300) if held[best].max() >= mean[best].max() else 1.0
-    pattern /= np.linalg.norm(pattern)
-    series = visits.y.reshape(k, -1) @ pattern.ravel()
-    ratio, (low, high), beneath, hidden = _ratio(visits, series, pattern, noise, share)
-    if not _shaped(series, error, ratio, walks=noise.alike > ALIKE):
-        return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
-    fading = FADED ** (1 / (k - 1))
-    if low >= fading and not beneath:
-        speed = change / (k - 1)
-        return found(Trend.CONSTANT, ratio, (low, high)) if speed * HORIZON > tolerance else nothing
-    later = judge(visits.tail, tolerance, floor=floor, share=share) if k >= FEWEST else None
-    if later is not None and later.trend is Trend.CONSTANT:
-        return found(Trend.CONSTANT, ratio, (low, high))
-    if change <= tolerance:
-        return nothing
-    if beneath and hidden * HORIZON > tolerance:  # it fades, and something lasting or slower is seen beneath
-        return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
-    if high <= -fading:
-        return found(Trend.ALTERNATES, ratio, (low, high))
-    converged = later is None or later.trend in (Trend.ZERO, Trend.DECAYS) or hidden <= tolerance
-    if -fading <= low and high <= fading and converged:
-        f = _shapes(np.array([ratio]), c)[0]
-        b = f @ visits.y[:, at] / (f @ f)
-        left = visits.axes[at] @ b * ratio ** (k - 1) / (1 - ratio)
-        return found(Trend.DECAYS, ratio, (low, high), left=left)
-    return found(Trend.UNDECIDED, ratio, (low, high), more=2 * k)
+    if seen.seen <= 1 or (k < FEWEST and seen.size <= tolerance + floor):
+        return found(Trend.NONE, 0.0) if detectable <= tolerance else found(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
+    small = max(seen.size, seen.sure) <= tolerance and detectable <= tolerance
+    series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
+    if k < 4 or not shaped(series, error, walks=noise.alike > ALIKE):
+        return found(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
+    latest = _latest(visits, noise, error, tolerance)
+    if latest.trend is Trend.CANNOT_TELL and not small:
+        return found(Trend.CANNOT_TELL, seen.size, latest, more=2 * k)
+    if latest.trend in (Trend.GOES_ON, Trend.ALTERNATES) or small:
+        lasts = latest.trend is Trend.GOES_ON or (latest.trend is Trend.ALTERNATES and not small)
+        return found(latest.trend if lasts else Trend.NONE, seen.size, latest)
+    return found(Trend.FADES, seen.size, latest)  # of its own, or since the last third rests
 
 
-def _shapes(ratios: Vector, c: Vector) -> Matrix:
-    """For each r, sums of a drift that changes by the factor r from cycle to cycle, after c cycles, less their mean."""
-    r = np.asarray(ratios)[:, None]
-    even = np.abs(1 - r) < 1e-9
-    f = np.where(even, c, (1 - np.sign(r) ** c * np.abs(r) ** c) / np.where(even, 1.0, 1 - r))
-    return f - f.mean(axis=1, keepdims=True)
+@dataclass(frozen=True, eq=False)
+class _Latest:
+    """What the last third of the cycles shows: factor from one cycle's drift to the next, its interval, and the number
+    of differences."""
+
+    trend: Trend
+    facts: tuple[float, tuple[float, float], int]
 
 
-def _shifts(shapes: Matrix, moves: Array, scatter: Vector) -> Matrix:
-    """Size of each shape (R, k) in the moves (k, P, n), beyond `SHIFT` of their scatter (P,) -> (R, P)."""
-    k, phases, n = moves.shape
-    along = (shapes @ moves.reshape(k, -1)).reshape(len(shapes), phases, n)
-    squares = np.einsum("rpn,rpn->rp", along, along) - np.outer((shapes**2).sum(axis=1), (SHIFT * scatter) ** 2)
-    return np.sqrt(np.maximum(squares, 0.0))
+def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _Latest:
+    """The trend of the last third.
 
-
-def _noise(visits: Visits) -> _Noise:
-    """Scatter about the best a + b c + e r^c, at least the encoder noise."""
-    k, phases, d = visits.y.shape
-    encoder = np.sqrt((visits.noise**2).mean(axis=0) / phases)
-    if k < FEWEST:
-        return _Noise(visits.noise, np.inf, encoder, np.inf, visits.move_noise)
-    left, _ = _residual(visits.y.reshape(k, -1))
-    free, total = k - 4, max(float((left**2).sum()), 1e-300)
-    alike = float((left[1:] * left[:-1]).sum()) / total
-    alike = min(alike + (2 + 4 * max(alike, 0.0)) / k, 0.95) if k >= 8 else 0.0  # what the fit took away
-    serial = (1 + alike) / (1 - alike) if alike > 0 else 1.0
-    rest = left.reshape(k, phases, d)
-    own, pooled = serial * (rest**2).sum(axis=0) / free, serial * total / (free * phases * d)
-    waves = np.abs(np.fft.fft(rest, axis=1)) ** 2
-    correlation = np.fft.ifft(waves.sum(axis=(0, 2))).real / total  # of phases at each distance
-    dof = max(free, free * phases / float((correlation**2).sum())) + PRIOR
-    each = np.sqrt(np.maximum(np.maximum(own, pooled), visits.noise**2))
-    average = np.sqrt(np.maximum(serial * (rest.mean(axis=1) ** 2).sum(axis=0) / free, encoder**2))
-    moves, _ = _residual(visits.moves.reshape(k, -1) - visits.moves.reshape(k, -1).mean(axis=0))
-    moves = moves.reshape(visits.moves.shape)
-    scatter = np.sqrt((moves**2).sum(axis=(0, 2)) / free)
-    return _Noise(each, dof, average, free + PRIOR, scatter, alike)
-
-
-def _residual(y: Matrix) -> tuple[Matrix, float]:
-    """What the best b c + e r^c, with one r, leaves of columns without mean (k, s), and its sum of squares."""
-    c = np.arange(len(y), dtype=float)
-    line = (c - c.mean()) / np.linalg.norm(c - c.mean())
-    rest = y - np.outer(line, line @ y)
-
-    def across(ratios: Vector) -> Matrix:
-        curves = _shapes(ratios, c)
-        curves = curves - np.outer(curves @ line, line)
-        return curves / np.linalg.norm(curves, axis=1, keepdims=True)
-
-    tries, ratio = np.sort(_RATIOS[_RATIOS < _BENT]), 0.0
-    for _ in range(4):  # a coarse ratio would leave more than noise does
-        held = across(tries) @ rest
-        best = int(np.argmax((held**2).sum(axis=1)))
-        ratio = tries[best]
-        tries = np.linspace(tries[max(best - 1, 0)], tries[min(best + 1, len(tries) - 1)], 21)
-    curve = across(np.array([ratio]))[0]
-    rest = rest - np.outer(curve, curve @ rest)
-    return rest, float((rest**2).sum())
-
-
-def _shaped(series: Vector, error: float, ratio: float, walks: bool) -> bool:
-    """Whether a change (k,) has a shape that scatter of unknown size would not take.
-
-    What a drift, a jump after the first cycle or an alternation leaves of it, or with more cycles the best ratio, is
-    small beside it. Where the joints may walk at random, the same is asked of their steps.
-    """
-    k = len(series)
-    if k < 3:
-        return False
-    tests = [(np.array([1.0, 0.0, -1.0]), k - 2, 3), (np.append(_RATIOS, ratio), k - 3, SHAPES)]
-    for ratios, free, number in tests[:1] if k < 4 else tests[1:] if walks else tests:
-        if walks:
-            steps = np.sign(ratios[:, None]) ** np.arange(k - 1) * np.abs(ratios[:, None]) ** np.arange(k - 1)
-            size = float(np.diff(series) @ np.diff(series))
-            left = size - float(((steps @ np.diff(series)) ** 2 / (steps**2).sum(axis=1)).max())
-        else:
-            size, left = float(series @ series), float(_misfits(series, ratios).min())
-        explained = np.sqrt(max(size - left, 0.0) / max(left / free, 1e-300))
-        if explained > quantile(error / number, free):
-            return True
-    return False
-
-
-def _ratio(
-    visits: Visits, series: Vector, pattern: Matrix, noise: _Noise, share: float
-) -> tuple[float, tuple[float, float], bool, float]:
-    """r of the change (k,) in a pattern (P, d) over the phases, and its interval; whether a drift beneath what fades is
-    seen, a + b c + e r^c; the largest such drift that the data allow [joint units a cycle]."""
-    k = len(series)
-    tries = np.unique(np.concatenate([_RATIOS, np.linspace(-1, 1.05, 206)]))
-    misfits = _misfits(series, tries)
-    for _ in range(4):
-        best = int(np.argmin(misfits))
-        finer = np.linspace(tries[max(best - 1, 0)], tries[min(best + 1, len(tries) - 1)], 41)
-        tries, order = np.unique(np.concatenate([tries, finer]), return_index=True)
-        misfits = np.concatenate([misfits, _misfits(series, finer)])[order]
-    best = int(np.argmin(misfits))
-    variance, dof, left = float(((pattern * noise.each) ** 2).sum()), noise.dof, np.inf
-    if k >= FEWEST:
-        left = _residual(series[:, None])[1]
-        variance, dof = max(variance, left / (k - 4)), float(k - 4 + PRIOR)
-    bound = quantile((1 - CONFIDENCE) * share, dof) ** 2 * variance
-    inside = tries[misfits <= misfits[best] + bound]
-    hidden = np.inf
-    if k >= FEWEST and inside[-1] < _BENT:
-        c = np.arange(k, dtype=float)
-        curves = _shapes(inside, c)
-        line = c - c.mean()
-        line = line - curves * ((curves @ line) / (curves**2).sum(axis=1))[:, None]  # across each curve
-        sizes = (line**2).sum(axis=1)
-        most = (np.abs(line @ series) / sizes + np.sqrt(bound / sizes)).max()
-        hidden = float(most * np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max())
-    return float(tries[best]), (float(inside[0]), float(inside[-1])), bool(misfits[best] - left > bound), hidden
-
-
-def _misfits(series: Vector, ratios: Vector) -> Vector:
-    """Sum of squares that the best a + b (1 - r^c) / (1 - r) leaves of a series without mean (k,), for each r."""
-    c = np.arange(len(series), dtype=float)
-    shapes = _shapes(ratios, c)
-    return series @ series - (shapes @ series) ** 2 / (shapes**2).sum(axis=1)
-
-
-def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector, at: int) -> tuple[Matrix, Matrix]:
-    """Drift at each phase (P, n) and its half interval [joint units a cycle].
-
-    Of the latest quarter of the cycles, with what it changed since the latest half; of all cycles where the quarter
-    does not show it at the phase `at`. Either may be off by what shifts of the tool's path make of it, `creep`.
+    There, and in the stretch before, the differences of successive cycles, along the pattern of the change, are
+    averaged in halves: M before, A, B. The drift goes on when their average is not 0 and B >= `LASTING` A; it fades
+    when B <= `FADING` A and A <= `FADING` M, by more than noise, and B / A >= `STEADY` A / M, as A / M to the ratio
+    before. Where
+    differences with changing signs are larger, these are looked at, and what goes on alternates.
     """
     k = len(visits)
-    spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
+    count = max(3, -(-(k - 1) // 3))
+    tail = visits.last(count + 1)
+    line = (tail.when - tail.when.mean()) / ((tail.when - tail.when.mean()) ** 2).sum()
+    seen = _change(tail, noise, error)
+    limit = quantile(error / (SHAPES * noise.each.size), noise.dof)
+    hidden = limit * float((noise.each * visits.lever).max()) * float(np.linalg.norm(line))
+    hidden += float((LEAF_SLOPE * shifts(line[None], tail.moves, noise.moves)).max())
+    nothing = (np.nan, (np.nan, np.nan), count)
+    most = hidden * count + (seen.size if seen.seen > 1 else 0.0)
+    rest = Trend.NONE if most <= tolerance else Trend.CANNOT_TELL
+    if seen.seen <= 1:
+        return _Latest(rest, nothing)
+    series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
+    level, dof = float(((seen.pattern * noise.each) ** 2).sum()), noise.dof  # if phases scatter each by itself
+    if k >= FEWEST:
+        left, few = left_over(series[:, None])
+        level, dof = max(float((left**2).sum()), float(((seen.pattern * visits.noise) ** 2).sum())), few + PRIOR
+    deviation, times = np.sqrt(level), quantile(error, dof)
+    weight = np.abs(seen.pattern).sum(axis=1)
+
+    def bound(w: Vector) -> float:
+        """What noise and shifts of the tool's path make of w . series."""
+        by_shifts = LEAF_SLOPE * float(weight @ shifts(w[None], visits.moves, noise.moves)[0])
+        return times * float(deviation * np.linalg.norm(w)) + by_shifts
+
+    steps = np.diff(np.eye(k), axis=0)
+    swings = steps * (-1.0) ** np.arange(k - 1)[:, None]
+    alternates = abs(swings[-count:].mean(axis=0) @ series) > abs(steps[-count:].mean(axis=0) @ series)
+    steps = swings if alternates else steps
+    half, apart = count // 2, count - count // 2
+    whole, late, early = steps[-count:].mean(axis=0), steps[-half:].mean(axis=0), steps[-count:][:half].mean(axis=0)
+    sign = np.sign(whole @ series)
+    a, b = float(sign * early @ series), float(sign * late @ series)
+    if sign * whole @ series <= bound(whole) or a <= 0:
+        return _Latest(rest, nothing)
+    error_of = bound(late - b / a * early) / a
+    factors = [float(max(share, 0.0) ** (1 / apart)) for share in (b / a - error_of, b / a, b / a + error_of)]
+    low, ratio, high = [-f for f in factors[::-1]] if alternates else factors
+    facts = (ratio, (low, high), count)
+    speed = float(np.abs(np.einsum("pnd,pd->pn", visits.axes, seen.pattern)).max() * (sign * whole @ series))
+    kept = late - LASTING * early
+    if sign * kept @ series >= bound(kept):
+        if not alternates and speed * HORIZON <= tolerance:
+            return _Latest(Trend.NONE, facts)
+        return _Latest(Trend.ALTERNATES if alternates else Trend.GOES_ON, facts)
+    if k - 1 >= count + apart:
+        starts = range(k - 1 - count - apart, -1, -apart)
+        before = [steps[i : i + half].mean(axis=0) for i in starts[:2]]  # as far apart as A and B
+        means = [b, a, *(float(sign * w @ series) for w in before)]
+        convex = all(x * z >= STEADY * y * y for x, y, z in zip(means, means[1:], means[2:], strict=False))
+        falls = [FADING * early - late, FADING * before[0] - early]
+        if convex and all(sign * w @ series >= bound(w) for w in falls):
+            return _Latest(Trend.FADES, facts)
+    return _Latest(rest, facts)
+
+
+def _change(visits: Visits, noise: Noise, error: float) -> _Change:
+    """The change over the cycles, of the shapes of `RATIOS`, that stands out of the noise most."""
+    k, phases, d = visits.y.shape
+    limit = quantile(error / (SHAPES * phases * d), noise.dof)
+    shapes = shapes_of(RATIOS, np.arange(k, dtype=float))
+    shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
+    ranges = np.ptp(shapes, axis=1)
+    moved = LEAF_SLOPE * shifts(shapes, visits.moves, noise.moves)
+    along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - moved[:, :, None]
+    held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
+    sure = float(((along - limit * noise.each) * visits.lever * ranges[:, None, None]).max())
+    mean = np.zeros((len(shapes), d))
+    if np.isfinite(noise.average_dof):
+        bound = quantile(error / (SHAPES * d), noise.average_dof) * noise.average
+        along = np.abs(shapes @ visits.y.mean(axis=1)) - moved.mean(axis=1)[:, None]
+        mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
+        sure = max(sure, float(((along - bound) * visits.lever.min(axis=0) * ranges[:, None]).max()))
+    seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
+    best = int(np.argmax(seen))
+    pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
+    size = float(np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max() * ranges[best])
+    single = held[best].max() >= mean[best].max()
+    pattern = pattern * (held[best] >= 0.5 * seen[best]) if single else pattern
+    pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
+    return _Change(float(seen[best]), int(np.argmax(held[best].max(axis=1))), pattern, size, sure)
+
+
+def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Drift of the last third of the cycles at each phase (P, n), its half interval by noise and by what shifts of the
+    tool's path make of it, `creep`, and how much it changed since the last two thirds [joint units a cycle]."""
+    k = len(visits)
+    third = max(3, -(-(k - 1) // 3))
 
     def slope(latest: int) -> tuple[Matrix, float]:
         when = visits.when[-latest:] - visits.when[-latest:].mean()
         rates = np.einsum("k,kpn->pn", when / (when @ when), visits.joints[-latest:])
         return rates, 1 / float(np.linalg.norm(when))
 
-    (rates, share), (before, _) = slope(max(4, k // 4 + 1)), slope(max(4, k // 2 + 1))
-    errors = share * spread + np.abs(rates - before) + creep[:, None]
-    if (np.abs(rates[at]) > errors[at]).any():
-        return rates, errors
-    rates, share = slope(k)
-    return rates, share * spread + creep[:, None]
+    (rates, share), (before, _) = slope(third + 1), slope(2 * third + 1)
+    spread = limit * np.einsum("pnd,pd->pn", np.abs(visits.axes), deviation)
+    return rates, share * spread + creep[:, None], np.abs(rates - before)
 
 
 def _needed(deviation: float, tolerance: float, error: float, stride: float) -> int:
     """Cycles, `stride` apart, that show a drift of the tolerance a cycle in noise of this deviation."""
     ratio = 12 * (quantile(error, np.inf) * deviation / (tolerance * stride)) ** 2
     return max(2, int(np.ceil(ratio ** (1 / 3))) + 1)
-
-
-def quantile(error: float, dof: float) -> float:
-    """Deviations that noise exceeds with the probability `error`, both sides together."""
-    from scipy.special import ndtri, stdtrit
-
-    return float(-ndtri(error / 2) if np.isinf(dof) else -stdtrit(dof, error / 2))

@@ -44,12 +44,10 @@ class Visits:
         """Largest joint's share in each axis (P, d)."""
         return np.abs(self.axes).max(axis=1)
 
-    @property
-    def tail(self) -> Visits:
-        """The last half of the cycles."""
-        half = len(self) // 2
-        when = self.when[half:] - self.when[half]
-        return Visits(self.joints[half:], self.axes, when, self.moves[half:], self.noise, self.move_noise)
+    def last(self, count: int) -> Visits:
+        """The last cycles alone."""
+        when = self.when[-count:] - self.when[-count]
+        return Visits(self.joints[-count:], self.axes, when, self.moves[-count:], self.noise, self.move_noise)
 
 
 def spare_axes(jacobian: Array) -> Array:

@@ -57,10 +57,16 @@ OF_ONE_STRATEGY = (
 """What one strategy may meet where the others of its job do not. Anything else is a mistake in the job file."""
 
 
+PLACES = 65
+"""Of the two halves of a closed path that are held against each other."""
+
+RETRACED = 1e-6
+"""Share of a path's size by which its halves may differ and still be one way: beyond round-off, below any drawing."""
+
 _UNKNOWN = {
     "coverage": "the strategy has no leaves", "coverage_rcond": "it reaches none of the poses, or has no leaves",
     "residual": "the strategy has no leaves", "invariant": "the strategy names none",
-    "spread": "not both ways were gone to their end",
+    "spread": "the path has no two ways, or not both were gone to their end",
     "same_joints": "there is one representation", "speed": "the path has no length",
     "peak_speed": "the joints have no speed limits", "clearance": "no distances are looked at in [checks]",
 }  # fmt: skip
@@ -162,7 +168,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     return JobResult(
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
-        job.checks.standing() if job.checks is not None else (),
+        job.checks.standing() if job.checks is not None else (), one_way(path),
     )  # fmt: skip
 
 
@@ -186,24 +192,26 @@ def _run_strategy(
 
     cycles = run(path, job.path.samples, job.path.cycles)
     ways = None
-    if path.closed:
+    if not one_way(path):
         a, b = path.reversed().ways() if path.counter_clockwise else path.ways()
         half = max(1, job.path.samples // 2)
         ways = (run(a, half, 1), run(b, half, 1))
     walks = [cycles, *(ways or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
-    metrics = _metrics(strategy, verdict.defect, cycles, ways, invariant)
+    metrics = _metrics(strategy, verdict.defect, path, cycles, ways, invariant)
     trouble = troubles[0] if troubles else ""
-    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, metrics)
+    done = cycles.status is Status.COMPLETE
+    share = 1.0 if done else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
+    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, metrics, followed=share)
 
 
 def _metrics(
-    strategy: Strategy, defect: float, cycles: Trajectory, ways: tuple[Trajectory, Trajectory] | None,
+    strategy: Strategy, defect: float, path: AnyPath, cycles: Trajectory, ways: tuple[Trajectory, Trajectory] | None,
     invariant: Function | None,
 ) -> dict[str, float]:  # fmt: skip
     walks = [cycles, *(ways or ())]
     metrics = dict.fromkeys(("drift", "drift_mean", "drift_total", "drift_least", "drift_most", "spread"), np.nan)
-    if ways is not None and cycles.cycles:
+    if path.closed and cycles.cycles:
         each = np.abs(cycles.drift()).max(axis=1)
         total = float(np.abs(cycles.drift_since_start()[-1]).max())
         metrics |= {
@@ -232,6 +240,22 @@ def _metrics(
         "coverage": np.nan, "coverage_rcond": np.nan, "time": np.nan, "limit_distance": np.nan,
         "clearance": np.nan,
     }  # fmt: skip
+
+
+def one_way(path: AnyPath) -> str:
+    """Why a path has no second way to a pose of it, with which the joints could be compared; empty where it has one."""
+    cure = "draw a closed path whose halves lead to one pose by different ways"
+    if not path.closed:
+        return f"the path is open, so it leads to each pose by one way only; {cure}"
+    there, back = path.ways()
+    shares = np.linspace(0.0, 1.0, PLACES)
+    a, b = there.at(shares * there.duration), back.at(shares * back.duration)
+    size = max(float(np.ptp(a.position, axis=0).max()), float(np.ptp(a.rotation, axis=0).max()), 1e-300)
+    gap = max(float(np.abs(a.position - b.position).max()), float(np.abs(a.rotation - b.rotation).max()))
+    if gap > RETRACED * size:
+        return ""
+    same = "so both its halves are one way, on which any law dq = G(q) dx undoes what it did"
+    return f"the path runs back on itself, {same}; {cure}"
 
 
 def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyResult:

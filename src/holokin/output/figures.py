@@ -90,6 +90,7 @@ def robot_caption(result: JobResult) -> str:
         )
     else:
         said += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
+        said += " Its joints are compared with none of another way there." if result.one_way else ""
     if len(result.drawn) > MOST_PANELS:
         said += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
     return said

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..auditing import LogAudit, Repeatability
+from ..auditing import LogAudit, LogVerdict
 from ..files import replacing
 from .figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
@@ -34,7 +34,7 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = {Repeatability.REPEATS: GOOD, Repeatability.UNDECIDED: WARNING}.get(audit.verdict, BAD)
+    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
@@ -52,7 +52,7 @@ def log_figure(audit: LogAudit) -> Any:
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
     joints_at_start(figure.add_subplot(1, 2, 1), audit)
     tool_cycles(figure.add_subplot(1, 2, 2), audit)
-    word = audit.verdict.name.lower().replace("_", " ")
+    word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
     figure.suptitle(
         f"{on_figure(FilePath(audit.recording.source).name)}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..auditing import LogAudit, Repeatability, audit_recording
+from ..auditing import LogAudit, LogVerdict, audit_recording
 from ..errors import HolokinError, brief
 from ..files import writing
 from ..motion import has_leaf
@@ -47,7 +47,7 @@ class Played:
             return False
         if not has_leaf(self.run.strategy):
             return True
-        return self.audit is not None and self.audit.verdict is Repeatability.REPEATS
+        return self.audit is not None and self.audit.verdict is LogVerdict.REPEATS
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
@@ -165,7 +165,7 @@ def print_physics(result: PhysicsResult, console: Any) -> None:
     for one in result.played:
         run = one.run
         verdict = "-" if one.audit is None else one.audit.verdict.name.lower().replace("_", " ")
-        color = GOOD if verdict == "repeats" else BAD if verdict in ("drifts", "wanders") else WARNING
+        color = GOOD if verdict == "repeats" else BAD if verdict == "differs" else WARNING
         table.add_row(
             Text(brief(one.label)), str(run.cycles),
             number(float(run.apart.max(initial=0.0))) if run.cycles else "-",

@@ -58,7 +58,8 @@ class StrategyResult:
     """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
 
     coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
-    job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found.
+    job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found,
+    which look at the share `followed` of the path, all of it unless the law stopped.
 
     `group` is its name in the job; results of one group differ in the orientation representation only.
     """
@@ -76,6 +77,7 @@ class StrategyResult:
     slices: tuple[Slice, ...] = ()
     timed: TimedTrajectory | None = None
     motion_check: CheckReport | None = None
+    followed: float = 1.0
 
     @property
     def passed(self) -> bool:
@@ -108,6 +110,7 @@ class StrategyResult:
             "coverage": self.coverage.summary() if self.coverage is not None else None,
             "timing": self.timed.summary() if self.timed is not None else None,
             "motion_check": self.motion_check.summary() if self.motion_check is not None else None,
+            "followed": self.followed,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,
         }
@@ -123,7 +126,8 @@ class NotRun:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """A whole job's findings. obstacles: those of [checks] that stand still."""
+    """A whole job's findings. obstacles: those of [checks] that stand still; one_way: why its path has no two ways to a
+    pose, at which joints could be compared, or empty."""
 
     name: str
     title: str
@@ -138,6 +142,7 @@ class JobResult:
     not_run: tuple[NotRun, ...] = ()
     workspace: str = ""
     obstacles: tuple[LinkShape, ...] = ()
+    one_way: str = ""
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

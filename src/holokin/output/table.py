@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import brief
 from .palette import BAD, GOOD, HOLONOMIC_TEXT, WARNING
 from .result import JobResult, StrategyResult
-from .words import joint_unit, speed_warning
+from .words import check_words, joint_unit, speed_warning, ways_words
 
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
@@ -97,6 +97,8 @@ def print_result(result: JobResult, console: Any) -> None:
     for cells in rows(result):
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
+    if ways_words(result):
+        console.print(f"  {ways_words(result)}", markup=False, highlight=False)
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
     for strategy in result.strategies:
@@ -106,7 +108,9 @@ def print_result(result: JobResult, console: Any) -> None:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         if strategy.motion_check is not None:
             console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
-            for line in strategy.motion_check.table().splitlines():
+            told = strategy.motion_check.table().splitlines()
+            said = [text for text in [check_words(strategy)] if text]
+            for line in [*said, *told[strategy.motion_check.passed :]]:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:

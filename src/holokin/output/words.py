@@ -60,6 +60,20 @@ def away(walk: Trajectory, cycles: int) -> str:
     return f"after {count}: " + ("back at the start" if same else f"{largest(shift, walk.joint_units)} away")
 
 
+def check_words(strategy: StrategyResult) -> str:
+    """What the checks of a motion say besides their findings: that there are none, and of which share of the path."""
+    clear = strategy.motion_check is not None and strategy.motion_check.passed
+    if strategy.followed == 1.0:
+        return "nothing found" if clear else ""
+    seen = f"the first {strategy.followed:.1%} of the path" if strategy.followed > 0 else "the start posture"
+    return f"{'nothing found, but ' if clear else ''}only {seen} was looked at: there the law stopped"
+
+
+def ways_words(result: JobResult) -> str:
+    """That no two ways were compared, and why; empty where the path has them."""
+    return f"Two ways were not compared: {result.one_way}" if result.one_way else ""
+
+
 def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
     """A sentence about the first joint that would have to be faster than it can; empty if none."""
     limits = result.robot.max_velocity

@@ -1,0 +1,52 @@
+"""Words for what the audit of a log measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..types import Vector
+from .cycles import Cycles
+from .judge import Distance
+from .trend import DriftTrend
+
+
+def rate_words(value: float) -> str:
+    """A drift with its unit."""
+    return f"{value:.2g} rad or m a cycle"
+
+
+def trend_words(trend: DriftTrend, phase: Vector) -> str:
+    """A trend, the factor it rests on, and the phase (0 to 1) of the cycle that shows it best."""
+    if np.isnan(trend.ratio):
+        return trend.trend.value
+    low, high = trend.ratio_range
+    return (
+        f"{trend.trend.value}: over the last {trend.latest} differences by the factor {trend.ratio:.3g} ({low:.3g} to "
+        f"{high:.3g}), most at {100 * phase[trend.phase]:.0f} % of the cycle"
+    )
+
+
+def by_sampling(cycles: Cycles) -> str:
+    """What the log's samples alone may make of the residual, where that is a good part of it."""
+    share = cycles.residual.max() / max(cycles.sampling, 1e-300)
+    return f"; its samples alone may make {cycles.sampling:.2g} m of it" if 0.05 < share < 3 else ""
+
+
+def ranged(values: Vector) -> str:
+    """The least and the greatest of values, or one where they agree."""
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if high - low < 5e-3 * high else f"{low:.3g} to {high:.3g}"
+
+
+def listed(values: Vector, most: int = 4) -> str:
+    """Values, of many the first and the last."""
+    shown = [f"{v:.3g}" for v in values]
+    return ", ".join(shown if len(shown) <= 2 * most else [*shown[:most], "...", *shown[-most:]])
+
+
+def distance_words(distance: Distance | None, otherwise: str) -> str:
+    """Whether joints differ or agree, by how much and where; `otherwise` where the log does not test it."""
+    if distance is None:
+        return otherwise
+    word = "differ" if distance.beyond else "agree"
+    return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"
