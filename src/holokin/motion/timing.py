@@ -181,6 +181,7 @@ class _Plan:
         if not np.isfinite(self.limits.jerk).any():
             return bare, 0.0
         gentle = time_optimal(stretch, laps, *self._bounds, self.speed, bare)
+        law, w = bare, 0.5
         least = min(0.1, self.dt / bare.duration)
         tried = [
             (law, w) for law in (bare, gentle) for w in np.geomspace(least, 0.5, WINDOWS).tolist()
