@@ -1,4 +1,4 @@
-"""`design`: the best section of a workspace, as an ordinary strategy with leaves (theory 7.1)."""
+"""`design`: the best section of a workspace, as an ordinary strategy with leaves."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def design(
 
     The leaf is that of g = phi - zeta o f, with the rows J_phi - zeta' J, so that zeta adds no algorithmic singularity
     to those of phi. The objective is made least over the coefficients, with exact derivatives, from zeta constant.
-    Joint limits and the least rcond hold at all samples, and are checked at other poses afterwards. (theory 7.1)
+    Joint limits and the least rcond hold at all samples, and are checked at other poses afterwards.
 
     Args:
         start: a posture (n,) on the branch that is to be used.

@@ -1,8 +1,8 @@
 """The least cost at each tool pose, over all postures that a search finds there and over all slopes.
 
 A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
-asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not
-(theory 7.1). They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
+asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not.
+They are looked for from many starts (`pose_postures`), so that those of all branches are among them.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ phi (r rows) is a base constraint, u (d,) are the workspace's coordinates. On th
 
     dq/dx P = [J; J_phi - zeta' J]^-1 [P; 0],      dq/dzeta = Z = [J; J_phi]^-1 [0; 1]
 
-and det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 7.1). A posture depends on zeta only through its
+and det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 2e). A posture depends on zeta only through its
 value at the own pose, so every cost of postures and slopes has its exact derivatives by the coefficients from Z and one
 sweep back through J and J_phi.
 """

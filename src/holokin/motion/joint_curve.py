@@ -56,6 +56,12 @@ class Stretch(Value):
         spline: BSpline = self.__dict__["_spline"]
         return [np.asarray(spline(inside, order)) for order in range(most + 1)]
 
+    def motion(self, s: Vector, rates: list[Vector]) -> list[Matrix]:
+        """[q, dq, ddq, dddq] of q(s(t)) from s and its three derivatives in time, by the chain rule."""
+        q, d1, d2, d3 = self.derivatives(s)
+        v, a, j = (rate[:, None] for rate in rates)
+        return [q, d1 * v, d2 * v**2 + d1 * a, d3 * v**3 + 3 * d2 * v * a + d1 * j]
+
     def __setstate__(self, state: dict[str, object]) -> None:
         super().__setstate__(state)
         self.__post_init__()

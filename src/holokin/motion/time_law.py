@@ -1,4 +1,4 @@
-"""`TimeLaw`: how far along a curve one is at a time, s(t): trapezoidal, quintic, time-optimal, and smoothed for jerk.
+"""`TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for jerk.
 
 All laws but the quintic one have path accelerations that are constant, or linear in time, in pieces.
 """
@@ -19,6 +19,9 @@ FINEST = 2_000
 
 COARSEST = 600
 """Fewest of them; joint curves with fewer samples get points between these."""
+
+STEPS_OF_RAMP, GROWTH = 64, 1.12
+"""First interval of a grid as a share of the shortest ramp, and each interval over the one before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +66,6 @@ class TimeLaw(Value):
         return found
 
 
-def trapezoidal(length: float, share: float) -> TimeLaw:
-    """Even acceleration for a `share` of the time (up to 1/2), constant speed, even braking; takes one second."""
-    speed = length / (1.0 - share)
-    t = np.array([0.0, share, 1.0 - share, 1.0] if share < 0.5 else [0.0, 0.5, 1.0])
-    a = np.array([1.0, 0.0, -1.0] if share < 0.5 else [1.0, -1.0]) * speed / share
-    return _of_accelerations(t, a, np.zeros(len(a)), length)
-
-
 def quintic(length: float) -> TimeLaw:
     """s = L (10 x^3 - 15 x^4 + 6 x^5) with x = t: at rest, and without acceleration, at both ends; takes one second."""
     return TimeLaw(np.array([0.0, 1.0]), length * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None])
@@ -88,16 +83,26 @@ def smoothed(law: TimeLaw, window: float) -> TimeLaw:
     middle = (t[:-1] + t[1:]) / 2
     jerk = (law.at(middle)[2] - law.at(middle - window)[2]) / window
     start = np.concatenate([[0.0], np.cumsum(jerk * np.diff(t))[:-1]])
-    return _of_accelerations(t, start, jerk, float(law.at(law.t[-1:])[0][0]))
+    return of_accelerations(t, start, jerk, float(law.at(law.t[-1:])[0][0]))
 
 
 def time_optimal(
-    stretch: Stretch, laps: int, velocity: Vector, acceleration: Vector, jerk: Vector, speed: float
+    stretch: Stretch,
+    laps: int,
+    velocity: Vector,
+    acceleration: Vector,
+    jerk: Vector,
+    speed: float,
+    bare: TimeLaw | None = None,
 ) -> TimeLaw:
     """The fastest law from rest to rest over some laps of a stretch, by TOPP-RA [PP18], that keeps ds/dt <= speed.
 
     Where the curve alone, at even ds/dt, would take more than half of a joint's jerk, ds/dt is bounded so that it
     does not: |d^3 q / ds^3| (ds/dt)^3 <= jerk / 2.
+
+    Args:
+        bare: the law without a limit of jerk: then accelerations are bounded to what is worth while under one,
+            see `_gentle`.
 
     Raises:
         MissingExtraError: toppra is not installed. ArgumentError: it found no law.
@@ -105,18 +110,73 @@ def time_optimal(
     grid = _grid(stretch)
     _, d1, d2, d3 = stretch.derivatives(grid)
     with np.errstate(divide="ignore"):
-        most = np.minimum(speed, (velocity / np.abs(d1)).min(axis=1))
-        most = np.minimum(most, np.cbrt(0.5 * jerk / np.abs(d3)).min(axis=1))
-        unit = 1.0 / float(np.minimum(most, np.sqrt(acceleration / np.abs(d2)).min(axis=1)).min())
+        unit = 1.0 / float(
+            np.minimum(_caps(d1, d3, velocity, jerk, speed), np.sqrt(acceleration / np.abs(d2)).min(axis=1)).min()
+        )
     unit = unit if unit > 0.0 else float(np.sqrt((np.abs(d1) / acceleration).max() / stretch.length))
     s = np.concatenate([[0.0], *(grid[1:] + lap * stretch.length for lap in range(laps))])
-    turned = [np.vstack([d[:1], *([d[1:]] * laps)]) for d in (d1, d2)]
-    caps = np.concatenate([most[:1], *([most[1:]] * laps)])
-    rates = _toppra(unit * s, turned[0] / unit, turned[1] / unit**2, unit * caps, acceleration) / unit
+    s = _graded(stretch, s, velocity, acceleration, jerk, speed)
+    _, d1, d2, d3 = stretch.derivatives(s)
+    caps = _caps(d1, d3, velocity, jerk, speed)
+    less = np.ones(len(s)) if bare is None else _gentle(bare, s, d1, jerk)
+    scaled = less[:, None]
+    rates = _toppra(unit * s, d1 / scaled / unit, d2 / scaled / unit**2, unit * caps, acceleration) / unit
     h = 2 * np.diff(s) / (rates[:-1] + rates[1:])
     t = np.concatenate([[0.0], np.cumsum(h)])
     c = np.vstack([s[:-1], rates[:-1], np.diff(rates) / h / 2])
     return TimeLaw(t, c)
+
+
+def _caps(d1: Matrix, d3: Matrix, velocity: Vector, jerk: Vector, speed: float) -> Vector:
+    with np.errstate(divide="ignore"):
+        most = np.minimum(speed, (velocity / np.abs(d1)).min(axis=1))
+        return np.minimum(most, np.cbrt(0.5 * jerk / np.abs(d3)).min(axis=1))
+
+
+def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector, jerk: Vector, speed: float) -> Vector:
+    """The grid with more points where a law begins and ends, dense enough for the ramps there.
+
+    A ramp at the least acceleration of the joints to the rate v that is allowed takes v^2 / (2 a) of the way. The grid
+    begins with a share of that, and each interval is longer than the last one by the same factor.
+    """
+    found = [s]
+    _, d1, _, d3 = stretch.derivatives(s[[0, -1]])
+    for end, rate, fall in zip((0, 1), _caps(d1, d3, velocity, jerk, speed), np.abs(d1), strict=True):
+        ramp = rate**2 * float((fall / acceleration).max()) / 2
+        widest = s[1] if end == 0 else s[-1] - s[-2]
+        first = ramp / STEPS_OF_RAMP
+        if 0.0 < first < widest:
+            steps = first * GROWTH ** np.arange(int(np.log(widest / first) / np.log(GROWTH)) + 1)
+            off = np.cumsum(steps)
+            off = off[off < s[-1] / 2]
+            found.append(s[-1] - off if end else off)
+    joined = np.unique(np.concatenate(found))
+    return joined[np.concatenate([[True], np.diff(joined) > 1e-13 * joined[-1]])]
+
+
+def _gentle(bare: TimeLaw, s: Vector, d1: Matrix, jerk: Vector) -> Vector:
+    """Shares (k,) of the accelerations to which a law is bounded before it is smoothed.
+
+    A change of the rate by v at the acceleration a, smoothed over a / j, takes v / a + a / j: least at a = sqrt(v j).
+    More acceleration is no gain; so it is bounded by that in each part of the law that only speeds up, or slows down.
+    """
+    h, a = np.diff(bare.t), 2 * bare.c[2]
+    start = bare.c[0]
+    with np.errstate(divide="ignore"):
+        allowed = (jerk / np.abs(d1)).min(axis=1)
+    side = np.sign(a) * (np.abs(a) > 1e-6 * np.abs(a).max())
+    edges = np.flatnonzero(np.diff(side)) + 1
+    less = np.ones(len(s))
+    for part in np.split(np.arange(len(a)), edges):
+        if side[part[0]] == 0:
+            continue
+        v, peak = abs(float((a[part] * h[part]).sum())), float(np.abs(a[part]).max())
+        low, high = start[part[0]], start[part[-1] + 1] if part[-1] + 1 < len(start) else s[-1]
+        inside = (s >= low) & (s <= high)
+        share = min(1.0, float(np.sqrt(v * allowed[inside].min())) / peak)
+        longer = (high - low) / share
+        less[(s >= low - longer) & (s <= high + longer)] *= share
+    return np.maximum(less, 1e-6)
 
 
 def _toppra(s: Vector, d1: Matrix, d2: Matrix, most: Vector, acceleration: Vector) -> Vector:
@@ -168,7 +228,7 @@ def _grid(stretch: Stretch) -> Vector:
     return np.append(inner.ravel(), stretch.length)
 
 
-def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeLaw:
+def of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeLaw:
     """The law from rest of accelerations a + jerk (t - t_i) in pieces, made to end at s = length."""
     h = np.diff(t)
     v = np.concatenate([[0.0], np.cumsum(h * (a + h * jerk / 2))[:-1]])

@@ -33,7 +33,11 @@ class Limits(Value):
 
 @dataclass(frozen=True)
 class Slowdown:
-    """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it: a joint meets a limit."""
+    """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it, and why.
+
+    `joint` and `limit` are those of which the largest share is taken: velocity, acceleration or jerk. Where no
+    limit is reached the profile's shape takes the time: then `joint` is empty, and `limit` names the profile.
+    """
 
     start: float
     stop: float
@@ -42,9 +46,10 @@ class Slowdown:
     limit: str
 
     def __str__(self) -> str:
+        reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
         return (
             f"{self.start:.3f} to {self.stop:.3f} s: down to {100 * self.least:.0f} % of the speed asked for, "
-            f"by the {self.limit} of {self.joint}"
+            f"by {reason}"
         )
 
 

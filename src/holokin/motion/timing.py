@@ -13,16 +13,15 @@ from ..robot import Robot
 from ..trajectory import Trajectory
 from ..types import ArrayLike, Matrix, Vector, numbers, positive, whole
 from .joint_curve import Stretch, joint_curve
-from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal, trapezoidal
+from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal
 from .timed import RATES, Limits, Slowdown, TimedTrajectory
+from .trapezoid import fastest_trapezoid
 
 PROFILES = ("time-optimal", "trapezoidal", "quintic")
 
-SHARES = np.linspace(0.02, 0.5, 17)
-"""Shares of the time in which a trapezoidal law accelerates; the fastest is taken."""
-
-WINDOWS = np.geomspace(2e-3, 0.5, 18)
-"""Windows of smoothing, as shares of the time, of which the fastest is taken: a third lies between two."""
+WINDOWS, FINER = 12, 2
+"""Windows of smoothing between a step and half of the time, of which the fastest is taken; and how often as many more
+are tried about it: 3 % lie between the last ones."""
 
 ROUGHLY = 500
 """Instants at which laws are compared; at those of `FINEST` and more the chosen one is looked at."""
@@ -34,6 +33,18 @@ then is the round-off of differences, 2e-9 rad/s^2 at 1 kHz, which no slower mot
 STEADY = 1e-6
 """Relative difference of the path speeds at both ends of a cycle up to which it may be repeated, toppra's own accuracy;
 that of accelerations may be a thousand times as large, for they are its differences on the grid."""
+
+BETWEEN = 17
+"""Instants within a step at which it is asked which limit binds."""
+
+BINDS = 0.9
+"""Share of a limit from which on it is said to bind; below it is the shape of the profile that takes the time."""
+
+ALMOST = 0.99
+"""Share of the largest share from which on a sample counts when it is asked which limit binds in most of a part."""
+
+EVEN = 1e-6
+"""Relative change of the path speed from sample to sample up to which it is constant."""
 
 SLOW = 2e-3
 """Share by which the path speed is below the one asked for before it is called slower: rounding up to whole steps of a
@@ -63,15 +74,16 @@ def retime(
     path; at a corner they rest. Where all cycles are alike, as those of a holonomic strategy, one is timed for all.
     The start and the end of every cycle, and every corner, are samples: the trajectory's own, to the last bit.
 
-    s(t) runs through the curve q(s) by one of three profiles, each slowed until every limit holds at every sample, by
-    exact derivatives and by differences of samples:
+    s(t) runs through the curve q(s) by one of three profiles, within every limit at every sample, by exact derivatives
+    and by differences of samples:
 
     - "time-optimal": the fastest law under speed and acceleration, by TOPP-RA [PP18] (extra `timing`).
-    - "trapezoidal": even acceleration of s, constant rate, even braking; the fastest share of acceleration is taken.
-    - "quintic": s = 10 x^3 - 15 x^4 + 6 x^5 of the time's share x.
+    - "trapezoidal": a ramp up, a constant rate of s, a ramp down; each ramp is as short as its own place allows.
+    - "quintic": s = 10 x^3 - 15 x^4 + 6 x^5 of the time's share x, slowed until the limits hold.
 
-    A limit of the jerk is kept by a moving average of s(t), over the window that is the fastest in the end: the curve
-    stays the same, since only the time along it is smoothed. That is not the least time under a limit of jerk.
+    A limit of the jerk gives trapezoids ramps whose acceleration rises and falls evenly. Time-optimal laws keep it by
+    a moving average of s(t), over the window that is the fastest in the end: the curve stays the same, since only the
+    time along it is smoothed. That is not the least time under a limit of jerk.
 
     Args:
         robot: whose limits of position, and of speed, hold.
@@ -120,10 +132,15 @@ def retime(
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Samples of a stretch: [q, dq, ddq, dddq] (k, n), path speed (k,), indices of the laps' ends, seconds smoothed."""
+    """Samples of a stretch: [q, dq, ddq, dddq] (k, n), path speed (k,), indices of the laps' ends, seconds smoothed.
+
+    `taken` (k, 2): the largest share of a limit taken within half a step of a sample, and which one, counted through
+    rates and joints. It is known where the path speed is below that asked for.
+    """
 
     rows: list[Matrix]
     speed: Vector
+    taken: Matrix
     ends: list[int]
     window: float
 
@@ -156,26 +173,34 @@ class _Plan:
         return part
 
     def _law(self, stretch: Stretch, laps: int) -> tuple[TimeLaw, float]:
-        length = laps * stretch.length
         if self.profile == "quintic":
-            return quintic(length), 0.0
-        if self.profile == "time-optimal":
-            limits = self.limits
-            bounds = limits.velocity, limits.acceleration, limits.jerk
-            laws = [time_optimal(stretch, laps, *bounds, self.speed)]
-        else:
-            laws = [trapezoidal(length, float(share)) for share in SHARES]
-            if not np.isfinite(self.limits.jerk).any():
-                return min(laws, key=lambda law: self._slowing(stretch, law, ROUGHLY) * law.duration), 0.0
+            return quintic(laps * stretch.length), 0.0
+        if self.profile == "trapezoidal":
+            return fastest_trapezoid(stretch, laps, self._bounds, self.speed), 0.0
+        bare = time_optimal(stretch, laps, *self._bounds, self.speed)
         if not np.isfinite(self.limits.jerk).any():
-            return laws[0], 0.0
-        tried = [(smoothed(law, w), w) for law in laws for w in (WINDOWS * law.duration).tolist()]
-        return min(tried, key=lambda pair: self._slowing(stretch, pair[0], ROUGHLY) * pair[0].duration)
+            return bare, 0.0
+        gentle = time_optimal(stretch, laps, *self._bounds, self.speed, bare)
+        law, w = bare, 0.5
+        least = min(0.1, self.dt / bare.duration)
+        tried = [
+            (law, w) for law in (bare, gentle) for w in np.geomspace(least, 0.5, WINDOWS).tolist()
+        ]  # a share of the time
+        step = (0.5 / least) ** (1 / (WINDOWS - 1))
+        for _ in range(1 + FINER):
+            taken = [
+                self._slowing(stretch, smoothed(law, w * law.duration), ROUGHLY) * law.duration * (1 + w)
+                for law, w in tried
+            ]
+            law, w = tried[int(np.argmin(taken))]
+            tried = [(law, w), *((law, x) for x in (w * np.geomspace(1 / step, step, WINDOWS)).tolist() if x <= 0.5)]
+            step **= 2 / (WINDOWS - 1)
+        return smoothed(law, w * law.duration), w * law.duration
 
     def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
         """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
         _, (s, *rates) = law.within(count)
-        found = _motion(stretch, s, rates)[1:]
+        found = stretch.motion(s, rates)[1:]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             ratios = [
                 float(np.abs(x / limit).max()) ** (1.0 / order)
@@ -206,11 +231,28 @@ class _Plan:
             first = np.append(inner[0] - self.dt * np.arange(before, 0, -1), inner[0])
             times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after), law.duration)]
         ends = np.cumsum([len(part) for part in times]) - 1
-        s, *rates = law.at(np.concatenate(times))
+        when = np.concatenate(times)
+        s, *rates = law.at(when)
+        taken = self._taken(stretch, law, when, rates[0])
         rates[0][[0, -1]] = 0.0
-        rows = _motion(stretch, s, rates)
+        rows = stretch.motion(s, rates)
         rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
-        return _Part(rows, rates[0], [int(i) for i in ends], factor * window)
+        return _Part(rows, rates[0], taken, [int(i) for i in ends], factor * window)
+
+    def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
+        """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
+        found = np.zeros((len(t), 2))
+        slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)
+        for part in np.split(slow, range(10_000, len(slow), 10_000)):
+            if not len(part):
+                continue
+            near = np.clip(t[part, None] + self.dt * np.linspace(-0.5, 0.5, BETWEEN), 0.0, law.duration)
+            s, *rates = law.at(near.ravel())
+            moved = stretch.motion(s, rates)[1:]
+            shares = np.stack([np.abs(x / b) for x, b in zip(moved, self._bounds, strict=True)], axis=1)
+            shares = shares.reshape(len(part), BETWEEN, -1).max(axis=1)
+            found[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
+        return found
 
 
 def _open(stretch: Stretch) -> Stretch:
@@ -238,13 +280,6 @@ def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
     return [float(t) for t in found]  # type: ignore[arg-type]  no RootResults, which are given when asked for
 
 
-def _motion(stretch: Stretch, s: Vector, rates: list[Vector]) -> list[Matrix]:
-    """[q, dq, ddq, dddq] of q(s(t)) from s and its three derivatives in time, by the chain rule."""
-    q, d1, d2, d3 = stretch.derivatives(s)
-    v, a, j = (rate[:, None] for rate in rates)
-    return [q, d1 * v, d2 * v**2 + d1 * a, d3 * v**3 + 3 * d2 * v * a + d1 * j]
-
-
 def _differences(q: Matrix, dt: float) -> list[Matrix]:
     """First and second differences of samples that begin and end at rest; the third drown in round-off."""
     held = np.vstack([q[:1], q[:1], q, q[-1:], q[-1:]])
@@ -253,21 +288,21 @@ def _differences(q: Matrix, dt: float) -> list[Matrix]:
 
 def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int, endless: bool) -> TimedTrajectory:
     """One stretch after the other, the whole `times` times; the end of one is the start of the next."""
-    columns: list[list[Matrix]] = [[] for _ in range(5)]
+    columns: list[list[Matrix]] = [[] for _ in range(6)]
     stops: list[int] = []
     marks = [0]
     count = 1
     for _ in range(times):
         for part in parts:
             skip = int(count > 1)
-            for column, rows in zip(columns, [*part.rows, part.speed], strict=True):
+            for column, rows in zip(columns, [*part.rows, part.speed, part.taken], strict=True):
                 column.append(rows[skip:])
             laps = [count - 1 + end for end in part.ends]
             count += part.ends[-1]
             stops.append(count - 1)
             if part is parts[-1]:
                 marks += laps
-    q, dq, ddq, dddq, speed = (np.concatenate(column) for column in columns)
+    q, dq, ddq, dddq, speed, taken = (np.concatenate(column) for column in columns)
     if len(marks) == max(2, len(trajectory.marks)):
         q[marks[-1]] = trajectory.q[-1]
     t = np.asarray(np.arange(len(q)) * plan.dt, dtype=float)
@@ -277,25 +312,33 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
         if jumps[0] > STEADY or jumps[1] > 1e3 * STEADY:
             cure = f"the second of three {plan.profile} cycles is not steady: give larger accelerations, or cycles="
             raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
-    slow = _slowdowns(trajectory, plan, t, [dq, ddq, dddq], speed)
+    slow = _slowdowns(trajectory, plan, t, speed, taken)
     return TimedTrajectory(
         trajectory, plan.limits, plan.profile, plan.dt, t, q, dq, ddq, dddq, speed, tuple(marks),
         tuple(k for k in stops if k < len(q) - 1), loop, slow, max(part.window for part in parts),
     )  # fmt: skip
 
 
-def _slowdowns(
-    trajectory: Trajectory, plan: _Plan, t: Vector, rates: list[Matrix], speed: Vector
-) -> tuple[Slowdown, ...]:
+def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, taken: Matrix) -> tuple[Slowdown, ...]:
+    """Where the path speed is below that asked for; a constant speed has a reason of its own, its ramps have theirs."""
     if not np.isfinite(plan.speed):
         return ()
-    edges = np.diff(np.concatenate([[0], speed < (1.0 - SLOW) * plan.speed, [0]]).astype(int))
+    slow = speed < (1.0 - SLOW) * plan.speed
+    still = np.concatenate([[False], np.abs(np.diff(speed)) <= EVEN * plan.speed])
+    even = still & np.concatenate([still[1:], [False]]) & (speed > SLOW * plan.speed)
+    kind = np.where(slow, 1 + even, 0)
+    edges = np.flatnonzero(np.diff(kind)) + 1
     found = []
-    for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
-        bounds = (plan.limits.velocity, plan.limits.acceleration, plan.limits.jerk)
-        shares = np.array([np.abs(x[first : last + 1] / b).max(axis=0) for x, b in zip(rates, bounds, strict=True)])
-        rate, joint = np.unravel_index(int(shares.argmax()), shares.shape)
-        least = float(speed[first : last + 1].min() / plan.speed)
-        name = trajectory.joint_names[int(joint)]
-        found.append(Slowdown(float(t[first]), float(t[last]), least, name, RATES[int(rate)]))
+    for part in np.split(np.arange(len(t)), edges):
+        if not kind[part[0]]:
+            continue
+        share = taken[part, 0].max()
+        among = taken[part[taken[part, 0] >= ALMOST * share], 1].astype(
+            int
+        )  # the last half step is also the next part's
+        rate, joint = divmod(int(np.bincount(among).argmax()), len(trajectory.joint_names))
+        least = float(speed[part].min() / plan.speed)
+        binds = share >= BINDS
+        name, limit = (trajectory.joint_names[joint], RATES[rate]) if binds else ("", f"{plan.profile} profile")
+        found.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
     return tuple(found)
