@@ -32,14 +32,21 @@ def run_outwards(c: Controller, robot: hk.Robot, q0: np.ndarray, speed: float) -
     """(status, largest joint speed, how far the tool is off) while the point it is to follow is drawn out of reach."""
     q, p = q0.copy(), robot.pose(q0)[:3, 3].copy()
     way = speed * p / np.linalg.norm(p)
-    found = []
+    found, side = [], _side(c, q0)
     for _ in range(int(2.5 / speed / DT / 2)):
         off = float(np.linalg.norm(robot.pose(q)[:3, 3] - p))
         p = p + way * DT
         dq = c.step(q, p, way)
         found.append((c.status, float(np.abs(dq).max()), off))
         q = q + dq * DT
+        assert _side(c, q) == side, "a step led past a singular posture"
     return found
+
+
+def _side(c: Controller, q: np.ndarray) -> float:
+    """The sign of det [J; J_g]: it changes where a leaf ends."""
+    strategy = c.strategy
+    return float(np.sign(np.linalg.det(np.vstack([strategy.task.jacobian(q), strategy.rows(q)]))))
 
 
 @pytest.mark.parametrize("native", ["1", "0"])

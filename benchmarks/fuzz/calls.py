@@ -61,6 +61,7 @@ def calls() -> dict[str, Call]:
         "Part": (lambda *a, **n: hk.compose(hk.Part(*a, **n)), (robot,), {
             "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
         "with_tool": (hk.with_tool, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None, "name": "t"}),
+        "with_limits": (hk.with_limits, (robot,), {"lower": -1.0, "upper": 1.0, "max_velocity": 2.0}),
         "with_base_pose": (hk.with_base_pose, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
         "to_urdf": (hk.to_urdf, (robot,), {"density": 1000.0, "effort": 100.0}),
         "to_mjcf": (hk.to_mjcf, (robot,), {"servo": hk.robot.servo(robot, "position", q), "density": 1000.0,

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x25a440a2958f64e2U
+#define PPR_EXPORT 0x62752f2f5424a249U
 
 #ifdef __cplusplus
 extern "C" {

@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0x25a440a2958f64e2U, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0x62752f2f5424a249U, "ppr.h is of another export");
 
 namespace ppr {
 

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x25a440a2958f64e2U
+#if PPR_EXPORT != 0x62752f2f5424a249U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x25a440a2958f64e2U
+#if PPR_VECTORS != 0x62752f2f5424a249U
 #error "these files are of different exports: export again"
 #endif
 

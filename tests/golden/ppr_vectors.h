@@ -1,5 +1,5 @@
 /* Test vectors of ppr, in double precision. Written by holokin 0.2.0. */
-#define PPR_VECTORS 0x25a440a2958f64e2U
+#define PPR_VECTORS 0x62752f2f5424a249U
 
 typedef struct {
   double q[3];

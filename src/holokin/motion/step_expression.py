@@ -16,6 +16,11 @@ UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 axes do. MJCF has no speed limits, and a law's rates grow without a bound towards the end of its leaf."""
 
 
+TOWARDS_SINGULAR = 0.5
+"""Share of rcond that a joint may move in a step [rad or m]: about half the way to a singular posture, so that no step
+leads past one."""
+
+
 def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
     """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
     return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
@@ -31,7 +36,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
 
     parameters = (c, dt, K, K_g, most error, least rcond). pose (4, 4) and twist (6,), or both (3,) where the task is a
     position, as in `wanted_symbols`. One compiled step serves all parameters. room is the scale that position limits
-    allow; off the largest row of e; given is finite where all arguments are, also those not needed.
+    allow; off the largest row of e; with limits no joint moves by more than half of rcond; given is finite where all arguments are, also those not needed.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
@@ -47,6 +52,8 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
             fastest = fastest_rate(joint)
             if np.isfinite(fastest):
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
+            if joint.unit in UNLIMITED:
+                fast = fmin(fast, TOWARDS_SINGULAR * found.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
             for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
                 if np.isfinite(bound):
                     left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt

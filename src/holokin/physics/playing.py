@@ -240,7 +240,8 @@ class _Loop:
                 pose, twist = plan.wanted(clock)
                 dq = self.law.step(told, pose, twist)
                 if self.law.status >= StepStatus.SINGULAR:
-                    stopped = "stopped at a singularity of the strategy"
+                    lost = self.law.status is StepStatus.LOST
+                    stopped = "stopped: the tool was lost" if lost else "stopped at a singularity of the strategy"
                     break
                 scale = self.law.scale
                 slowed = min(slowed, scale)
