@@ -36,7 +36,8 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
 
     parameters = (c, dt, K, K_g, most error, least rcond). pose (4, 4) and twist (6,), or both (3,) where the task is a
     position, as in `wanted_symbols`. One compiled step serves all parameters. room is the scale that position limits
-    allow; off the largest row of e; with limits no joint moves by more than half of rcond; given is finite where all arguments are, also those not needed.
+    allow; off the largest row of e; given is finite where all arguments are, also those not needed. With limits no
+    joint moves by more than half of rcond.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
