@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError
+from ..errors import NoProofError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
@@ -43,6 +43,9 @@ def certify(
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
 
+    Of a path it is shown, besides, that they return with the tool: where the path closes, and where it crosses or
+    follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`, or RETURN; `covered` is True.
+
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
     cover all poses, in interval arithmetic whose bounds hold all rounding. The theorem is about the model: the robot's
@@ -60,14 +63,15 @@ def certify(
         was proven up to there.
 
     Raises:
-        ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
-        StartError, JointLimitError; of a leaf on which not even a first step is possible SingularityError, BranchError.
+        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box.
+        ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
+        even a first step is possible SingularityError, BranchError.
     """
     if not isinstance(strategy, HolonomicStrategy):
-        raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
+        raise NoProofError(strategy.name, f"it has no leaves: {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:
         cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
-        raise ArgumentError("the strategy to certify", strategy.name, cure)
+        raise NoProofError(strategy.name, cure)
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)

@@ -26,13 +26,13 @@ SAME = 1e-9
 FINE = 2.0**-46
 """Parts [share of a piece] that are not halved any more: a metre is then 1e-14 m long."""
 
-MOST = 100_000
+MOST = 30_000
 """Pairs that are compared at a time, at most."""
 
 MANY = 16
 """Pairs for each cell: where more are left, a path may run along itself with other joints, so that all stay."""
 
-FEW = 64
+FEW = 24
 """Of too many pairs so many are looked at to the end."""
 
 
@@ -75,14 +75,15 @@ class Revisits(Value):
 
     def _compared(self, a: Parts, b: Parts, most_pairs: int) -> tuple[Extent, Revisit | None]:
         """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped."""
-        lost, many = False, MANY * len(self.found)
+        lost, many, tries = False, MANY * len(self.found), FEW
         while True:
             (low, high), (least, most) = self._poses(a), self._poses(b)
             left = ((low <= most) & (least <= high)).all(axis=1)
             left[left] = ~self._one_root(some(a, left), some(b, left))
             apart = np.maximum(high - least, most - low)[left]
             a, b = some(a, left), some(b, left)
-            for i in np.flatnonzero((apart <= SAME).all(axis=1))[:FEW].tolist():
+            for i in np.flatnonzero((apart <= SAME).all(axis=1) & self._may_differ(a, b))[:tries].tolist():
+                tries -= 1
                 moved = self._moved(some(a, slice(i, i + 1)), some(b, slice(i, i + 1)))
                 if moved is not None:
                     return Extent.ELSEWHERE, moved
@@ -152,6 +153,11 @@ class Revisits(Value):
         off = (np.linalg.norm(apart, axis=1) + np.linalg.norm(error, axis=1)) * UP
         r, alone = findings.r * UP, findings.alone / UP
         return (off + r[b.cell] <= alone[a.cell]) | (off + r[a.cell] <= alone[b.cell])
+
+    def _may_differ(self, a: Parts, b: Parts) -> Flags:
+        """(k,) True where the predictors are farther apart than the roots are from them."""
+        r = self.found.findings.r
+        return np.linalg.norm(self._apart(a, b)[0], axis=1) > r[a.cell] + r[b.cell]
 
     def _moved(self, a: Parts, b: Parts) -> Revisit | None:
         """How the joints differ in the middles of two parts; None where they are not shown to."""
