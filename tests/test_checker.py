@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from holokin.proof.certificate import digest
+from holokin.proof.recheck import recheck
 
 checker = pytest.importorskip("holokin.proof.checker")
 
@@ -57,6 +58,7 @@ def parabola(signs: tuple[float, float] = (1.0, 1.0), offset: float = 1.0) -> Da
 
     most = math.sqrt(offset + 1) + 0.01
     return {
+        "format": "holokin certificate 3", "units": ["m"],
         "constants": [offset, 1.0], "operations": [["sq", 0], ["add", 2, 1], ["sub", 4, 5]], "outputs": [6, 3],
         "level": [], "claims": {
             "whole": True, "joints": [[-9.0], [-most], [most], [9.0]], "determinant": 1.0, "gap": 1e-9, "turns": None,
@@ -190,6 +192,26 @@ def shifted(values: list[float], by: float) -> None:
     values[0] += by
 
 
+def torn(data: Data, by: float) -> None:
+    """A path with a gap that the file allows: a piece is moved, with its start and its cells."""
+    data["claims"]["gap"] = 1e-6
+    piece = data["pieces"][1]
+    for at in range(len(piece["numbers"])):  # the number that moves the tool along x at the piece's start
+        moved = copy.deepcopy(piece)
+        moved["numbers"][at] += by
+        change = residual(data, moved, np.array(piece["q"]), 0.0) - residual(data, piece, np.array(piece["q"]), 0.0)
+        if abs(abs(change[0]) - by) < 1e-3 * by and np.abs(change[1:]).max() < 1e-3 * by:
+            break
+    else:
+        raise AssertionError("no number moves the piece")
+    q = np.array(piece["q"])
+    off = np.linalg.solve(derivative(data, piece, q, 0.0), change)
+    piece["numbers"][at] += by
+    piece["q"] = (q - off).tolist()
+    for cell in cells(piece["cells"]):
+        cell["q0"] = (np.array(cell["q0"]) - off).tolist()
+
+
 FALSE: dict[str, Callable[[Data], Any]] = {
     "a start that is not on the leaf": lambda d: shifted(d["pieces"][0]["q"], 1e-6),
     "a start at the other elbow": lambda d: d["pieces"][0].update(q=[2.1, -0.9, -0.9]),
@@ -218,6 +240,20 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "limits within the hull": lambda d: d["claims"]["joints"][3].__setitem__(1, d["claims"]["joints"][2][1] - 1e-9),
     "a larger determinant": lambda d: d["claims"].update(determinant=1e3 * d["claims"]["determinant"]),
     "a smaller gap": lambda d: d["claims"].update(gap=1e-17),
+    "a gap that says nothing": lambda d: d["claims"].update(gap=1e300),
+    "a gap of a millimetre": lambda d: d["claims"].update(gap=1e-3),
+    "a piece shifted by 0.1 mm": lambda d: torn(d, 1e-4),
+    "a piece shifted by 10 nm": lambda d: torn(d, 1e-8),
+    "limits that are none": lambda d: d["claims"]["joints"][0].__setitem__(0, -1e300),
+    "limits the wrong way round": lambda d: d["claims"]["joints"].reverse(),
+    "a hull that is none": lambda d: d["claims"]["joints"][2].__setitem__(0, 1e300),
+    "degrees": lambda d: d.update(units=["deg", "deg", "deg"]),
+    "more units than joints": lambda d: d["units"].append("m"),
+    "no units": lambda d: d.update(units=[]),
+    "a format of its own": lambda d: d.update(format="mine"),
+    "no format": lambda d: d.update(format=None),
+    "operations without end": lambda d: d.update(operations=d["operations"] + [["add", 0, 0]] * 300_000),
+    "joints without end": lambda d: [piece.update(q=[0.0] * 3000) for piece in d["pieces"]],
     "a negative gap": lambda d: d["claims"].update(gap=-1.0),
     "no gap": lambda d: d["claims"].update(gap=math.nan),
     "an endless gap": lambda d: d["claims"].update(gap=math.inf),
@@ -249,7 +285,7 @@ def test_a_false_certificate_with_the_right_digest_is_not_verified(name: str, lo
 
 
 def test_a_certificate_without_one_of_its_parts_is_none(loop: Data, file: Path) -> None:
-    words = {"format", "title", "theorem", "where", "robot", "names", "units"}
+    words = {"task", "title", "theorem", "where", "robot", "names"}
     for key in set(loop) - words:
         assert outcome(changed(loop, lambda d, key=key: d.pop(key)), file) == NONE, key
     for key in loop["claims"]:
@@ -371,6 +407,79 @@ def test_a_number_changed_under_the_old_digest_is_always_rejected(
     other = np.nextafter(value, np.inf) if small and isinstance(value, float) else value + amount
     text = json.dumps(with_number(loop, place, float(other)) | {"sha256": digest(loop)}) + "\n"
     assert outcome_of(text, file) == REJECTED
+
+
+def test_a_piece_that_is_moved_is_proven_by_itself_so_that_only_the_tear_rejects_it(loop: Data, file: Path) -> None:
+    alone = changed(loop, lambda d: torn(d, 1e-4))
+    alone["pieces"] = alone["pieces"][1:2]
+    alone["claims"] |= {"turns": None}
+    assert outcome(alone, file) == VERIFIED
+    file.write_text(json.dumps(changed(loop, lambda d: torn(d, 1e-4)) | {"sha256": "0"}), "utf-8")
+    with pytest.raises(checker.RejectedError, match="torn"):
+        checker.Checker(changed(loop, lambda d: torn(d, 1e-4)), lambda _: None, 99.0, 1).verify()
+
+
+def test_what_is_said_is_computed_and_the_words_of_the_file_are_named_as_such(loop: Data, file: Path) -> None:
+    """A title that colours the terminal, a robot that it is not, a theorem that nobody proved."""
+    forged = changed(
+        loop, lambda d: d.update(title="\x1b[31mred\x1b]0;x\x07", robot="panda\n\x9b2J", theorem="all robots")
+    )
+    forged["names"] = ["\x1b[2J", "\u202egnirts", 3]
+    file.write_text(json.dumps(forged | {"sha256": digest(forged)}) + "\n", "utf-8")
+    found = checker.check(str(file))
+    text = "".join([*found.lines, found.words])
+    assert text.isprintable() and "all robots" not in text and "panda" not in "".join(found.lines)
+    assert found.whole and "closed: the joints return within" in text and "all of a path of 3 pieces" in text
+    low, high = (
+        float(x) for x in next(x for x in found.lines if "joint 2" in x).split(": ")[1].split(" rad")[0].split(" to ")
+    )
+    followed = [residual_root(forged, piece)[1] for piece in forged["pieces"]]
+    assert all(low <= q <= high for q in followed)
+
+
+def residual_root(data: Data, piece: Data) -> np.ndarray:
+    """The joints in the middle of a piece, by Newton's method."""
+    q = np.array(piece["q"])
+    for u in np.linspace(0, 0.5, 20):
+        for _ in range(3):
+            q = q - np.linalg.solve(derivative(data, piece, q, u), residual(data, piece, q, u))
+    return q
+
+
+def test_whole_turns_that_change_the_equation_are_rejected(file: Path) -> None:
+    """q = u + 2 pi k, of a joint that counts itself: sin q would forget the turn, q does not."""
+    arm, q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
+    x = arm.pose(q)[:3, 3]
+    path = hk.circle(x, center=(0.0, 0.0, x[2]))
+    turned = hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]])), path, q, limits=False).data
+    assert turned["claims"]["turns"] == [1, 0, 0] and outcome(turned, file) == VERIFIED
+    assert outcome(changed(turned, lambda d: d.update(units=["m", "rad", "rad"])), file) == REJECTED
+    drifts = hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0.02, 0, 1]])), path, q, limits=False).data
+    assert outcome(drifts, file) == VERIFIED
+    assert any("do NOT return: they are 6.2315" in line for line in checker.check(str(file)).lines)
+    assert outcome(changed(drifts, lambda d: d["claims"].update(turns=[1, 0, 0])), file) == REJECTED
+
+
+def test_files_that_are_none_are_not_read(file: Path, tmp_path: Path) -> None:
+    for data in ({}, {"a": 1}, {"format": "holokin certificate 2"}, [1], "text"):
+        assert outcome_of(json.dumps(data), file) == NONE
+    for odd in (Path(os.devnull), Path("/dev/zero"), tmp_path):
+        if odd.exists():
+            with pytest.raises(ValueError, match="not a file"):
+                checker.check(str(odd))
+    huge = tmp_path / "huge.json"
+    with huge.open("wb") as sparse:
+        sparse.truncate(10 * checker.BYTES)
+    with pytest.raises(ValueError, match="not a file"):
+        checker.check(str(huge))
+
+
+def test_the_time_is_limited(loop: Data, file: Path) -> None:
+    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
+    with pytest.raises(TimeoutError):
+        checker.check(str(file), seconds=0.0)
+    with pytest.raises(hk.errors.CertificateError, match="--seconds"):
+        recheck(file, seconds=0.0)
 
 
 def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:

@@ -17,12 +17,13 @@ from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
 from ..types import Array, Flags, Indices, Matrix, Value, Vector, some
+from .binding import described
 from .equation import Equation
 from .lowering import lowered
 from .partition import partition
 from .tube import Cells, Findings
 
-FORMAT = "holokin certificate 2"
+FORMAT = "holokin certificate 3"
 
 DETERMINANT = 0.5
 """Of the bound of the determinant: room for the checker's own, which is another one."""
@@ -248,15 +249,16 @@ class Certificate(Value):
 
         robot, finite = equation.strategy.task.robot, np.nan_to_num
         bounds = self.limits or Interval(np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
-        joints = zip((bounds.low, self.low, self.high, bounds.high), (-np.inf, -np.inf, np.inf, np.inf), strict=True)
+        joints = (bounds.low, self.low, self.high, bounds.high)
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
+            "task": described(equation),
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
             **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
             "level": self.c.tolist(),
             "claims": {
                 "whole": self.covered,
-                "joints": [finite(np.r_[x, [none] * (n - len(x))]).tolist() for x, none in joints],  # more unknowns
+                "joints": [_bounded(x, n) for x in joints],
                 "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
                 "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
             },
@@ -274,6 +276,11 @@ class Certificate(Value):
         with replacing(file) as part:
             part.write_text(json.dumps(data, allow_nan=False) + "\n", "utf-8")
         return FilePath(file)
+
+
+def _bounded(values: Vector, n: int) -> list[float | None]:
+    """Bounds of the joints, and of n unknowns in all; None where there is none."""
+    return [float(x) if np.isfinite(x) else None for x in values] + [None] * (n - len(values))
 
 
 def _between(low: float, high: float) -> str:
