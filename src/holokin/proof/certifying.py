@@ -121,7 +121,9 @@ def _theorem(
         with_others, q = ", taken with the auxiliary unknowns of the constraint,", ", q the joints and these unknowns"
     all_of_it, one = extent in COVERED, equation.strategy.task.frames == 1
     if isinstance(where, Workspace):
-        what, about = "pose", f"every pose of {where if all_of_it else 'the cells that are joined'}"
+        sides = found.boxes.high - found.boxes.low
+        share = f"the cells that are joined, {100 * float((sides / 2).prod(axis=1).sum()):.3g} % of {where},"
+        what, about = "pose", f"every pose of {where if all_of_it else share}"
     else:
         what, about = "place", f"every place {'on the path' if all_of_it else 'of the path up to there'}"
     parts = [
