@@ -278,10 +278,10 @@ class Checker:
             u = [0] if self.d == 1 else piece["u"]
             need(self.away(cells, u, piece["q"]) <= claims["gap"], "the leaf may miss the start")
             if self.d == 1:
-                ends = [arb(k) / 8 * max(c.sides[0][1] for c in cells) for k in range(9)]
-                for a, b in pairwise(ends):
-                    step = self.apart(self.numbers, [a], self.numbers, [b], piece["q"])
-                    self.moved = [x + float(abs(y).upper()) for x, y in zip(self.moved, step, strict=True)]
+                most = max(c.sides[0][1] for c in cells)
+                steps = [self.value(self.numbers, piece["q"], [arb(k) / 4 * most]) for k in range(5)]
+                for step in pairwise(steps):
+                    self.moved = [x + float(abs(a - b).upper()) for x, a, b in zip(self.moved, *step, strict=True)]
                 torn = max(abs(x) for x in self.apart(self.numbers, [1], following, [0], follower["q"]))
                 need(is_last or torn <= TORN, "the path is torn where pieces meet")
                 if not is_last:
