@@ -5,11 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-import operator
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,68 +15,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import holokin as hk
+from forged import (
+    NONE,
+    REJECTED,
+    VERIFIED,
+    Data,
+    cells,
+    changed,
+    derivative,
+    outcome,
+    outcome_of,
+    parabola,
+    residual,
+    shifted,
+    torn,
+    triangle,
+)
 from holokin.proof.certificate import digest
-from holokin.proof.recheck import recheck
-
-checker = pytest.importorskip("holokin.proof.checker")
-
-Data = dict[str, Any]
-VERIFIED, REJECTED, NONE = "verified", "rejected", "no certificate"
-
-
-def outcome(data: Data, file: Path) -> str:
-    """Of data with a digest that fits them. Any other error is a failure of the checker."""
-    try:
-        text = json.dumps(data | {"sha256": digest(data)}) + "\n"
-    except ValueError:  # NaN, which holokin does not write
-        text = json.dumps(data | {"sha256": "0"}) + "\n"
-    return outcome_of(text, file)
-
-
-def outcome_of(text: str, file: Path) -> str:
-    file.write_text(text, "utf-8")
-    try:
-        checker.check(str(file))
-    except checker.RejectedError:
-        return REJECTED
-    except ValueError:
-        return NONE
-    return VERIFIED
-
-
-def parabola(signs: tuple[float, float] = (1.0, 1.0), offset: float = 1.0) -> Data:
-    """Made by hand: q^2 = offset + u for 0 <= u <= 1, in two cells on branches of these signs."""
-
-    def cell(low: float, high: float, sign: float) -> Data:
-        q, h = sign * math.sqrt(offset + (low + high) / 2), (high - low) / 2
-        return {"q0": [q], "V": [[h / (2 * q)]], "Q": [[[-(h**2) / (4 * q**3)]]], "Y": [[1 / (2 * q)]]}
-
-    most = math.sqrt(offset + 1) + 0.01
-    return {
-        "format": "holokin certificate 3", "units": ["m"],
-        "constants": [offset, 1.0], "operations": [["sq", 0], ["add", 2, 1], ["sub", 4, 5]], "outputs": [6, 3],
-        "level": [], "claims": {
-            "whole": True, "joints": [[-9.0], [-most], [most], [9.0]], "determinant": 1.0, "gap": 1e-9, "turns": None,
-        }, "pieces": [{
-            "numbers": [], "u": [0.0], "q": [signs[0] * math.sqrt(offset)],
-            "cells": [0, 0.5, cell(0.0, 0.5, signs[0]), cell(0.5, 1.0, signs[1])],
-        }],
-    }  # fmt: skip
-
-
-def changed(data: Data, change: Callable[[Data], Any]) -> Data:
-    other = copy.deepcopy(data)
-    change(other)
-    return other
-
-
-def cells(tree: Any) -> Iterator[Data]:
-    """Those of a tree, in order."""
-    if isinstance(tree, dict):
-        yield tree
-    elif tree:
-        yield from cells(tree[2])
-        yield from cells(tree[3])
 
 
 @pytest.fixture(scope="module")
@@ -91,12 +41,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def loop() -> Data:
-    """A triangle of a planar arm, from `certify`."""
-    arm = hk.load("planar-3r")
-    q = np.array([0.3, 0.9, 0.9])
-    x = arm.pose(q)[:3, 3]
-    path = hk.polyline([x, x - [0.3, 0, 0], x - [0.3, 0.3, 0]], closed=True)
-    return hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]])), path, q).data
+    return triangle()
 
 
 @pytest.fixture(scope="module")
@@ -186,30 +131,6 @@ def test_cells_of_a_part_of_a_box_must_hang_together_and_hold_the_start(box: Any
 
 def first(data: Data) -> Data:
     return next(cells(data["pieces"][0]["cells"]))
-
-
-def shifted(values: list[float], by: float) -> None:
-    values[0] += by
-
-
-def torn(data: Data, by: float) -> None:
-    """A path with a gap that the file allows: a piece is moved, with its start and its cells."""
-    data["claims"]["gap"] = 1e-6
-    piece = data["pieces"][1]
-    for at in range(len(piece["numbers"])):  # the number that moves the tool along x at the piece's start
-        moved = copy.deepcopy(piece)
-        moved["numbers"][at] += by
-        change = residual(data, moved, np.array(piece["q"]), 0.0) - residual(data, piece, np.array(piece["q"]), 0.0)
-        if abs(abs(change[0]) - by) < 1e-3 * by and np.abs(change[1:]).max() < 1e-3 * by:
-            break
-    else:
-        raise AssertionError("no number moves the piece")
-    q = np.array(piece["q"])
-    off = np.linalg.solve(derivative(data, piece, q, 0.0), change)
-    piece["numbers"][at] += by
-    piece["q"] = (q - off).tolist()
-    for cell in cells(piece["cells"]):
-        cell["q0"] = (np.array(cell["q0"]) - off).tolist()
 
 
 FALSE: dict[str, Callable[[Data], Any]] = {
@@ -329,23 +250,6 @@ def number_at(data: Any, place: tuple[Any, ...]) -> float:
     return data
 
 
-def residual(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
-    """E in doubles, by another reading of the operations."""
-    rules: Any = {
-        "add": operator.add, "sub": operator.sub, "mul": operator.mul, "sq": lambda a: a * a, "inv": lambda a: 1 / a,
-        "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "atan": math.atan,
-    }  # fmt: skip
-    values = [*q.tolist(), float(u), *piece["numbers"], *data["level"], *data["constants"]]
-    for name, *of in data["operations"]:
-        values.append(rules[name](*(values[i] for i in of)))
-    return np.array([values[i] for i in data["outputs"][: len(q)]])
-
-
-def derivative(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
-    steps = 1e-6 * np.eye(len(q))
-    return np.array([residual(data, piece, q + s, u) - residual(data, piece, q - s, u) for s in steps]).T / 2e-6
-
-
 def assert_true(data: Data) -> None:
     """What is claimed, at some poses, by Newton's method from the start: hull, limits, determinant, start, end."""
     claims, gap = data["claims"], data["claims"]["gap"] + 1e-9
@@ -407,103 +311,3 @@ def test_a_number_changed_under_the_old_digest_is_always_rejected(
     other = np.nextafter(value, np.inf) if small and isinstance(value, float) else value + amount
     text = json.dumps(with_number(loop, place, float(other)) | {"sha256": digest(loop)}) + "\n"
     assert outcome_of(text, file) == REJECTED
-
-
-def test_a_piece_that_is_moved_is_proven_by_itself_so_that_only_the_tear_rejects_it(loop: Data, file: Path) -> None:
-    alone = changed(loop, lambda d: torn(d, 1e-4))
-    alone["pieces"] = alone["pieces"][1:2]
-    alone["claims"] |= {"turns": None}
-    assert outcome(alone, file) == VERIFIED
-    file.write_text(json.dumps(changed(loop, lambda d: torn(d, 1e-4)) | {"sha256": "0"}), "utf-8")
-    with pytest.raises(checker.RejectedError, match="torn"):
-        checker.Checker(changed(loop, lambda d: torn(d, 1e-4)), lambda _: None, 99.0, 1).verify()
-
-
-def test_what_is_said_is_computed_and_the_words_of_the_file_are_named_as_such(loop: Data, file: Path) -> None:
-    """A title that colours the terminal, a robot that it is not, a theorem that nobody proved."""
-    forged = changed(
-        loop, lambda d: d.update(title="\x1b[31mred\x1b]0;x\x07", robot="panda\n\x9b2J", theorem="all robots")
-    )
-    forged["names"] = ["\x1b[2J", "\u202egnirts", 3]
-    file.write_text(json.dumps(forged | {"sha256": digest(forged)}) + "\n", "utf-8")
-    found = checker.check(str(file))
-    text = "".join([*found.lines, found.words])
-    assert text.isprintable() and "all robots" not in text and "panda" not in "".join(found.lines)
-    assert found.whole and "closed: the joints return within" in text and "all of a path of 3 pieces" in text
-    low, high = (
-        float(x) for x in next(x for x in found.lines if "joint 2" in x).split(": ")[1].split(" rad")[0].split(" to ")
-    )
-    followed = [residual_root(forged, piece)[1] for piece in forged["pieces"]]
-    assert all(low <= q <= high for q in followed)
-
-
-def residual_root(data: Data, piece: Data) -> np.ndarray:
-    """The joints in the middle of a piece, by Newton's method."""
-    q = np.array(piece["q"])
-    for u in np.linspace(0, 0.5, 20):
-        for _ in range(3):
-            q = q - np.linalg.solve(derivative(data, piece, q, u), residual(data, piece, q, u))
-    return q
-
-
-def test_whole_turns_that_change_the_equation_are_rejected(file: Path) -> None:
-    """q = u + 2 pi k, of a joint that counts itself: sin q would forget the turn, q does not."""
-    arm, q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
-    x = arm.pose(q)[:3, 3]
-    path = hk.circle(x, center=(0.0, 0.0, x[2]))
-    turned = hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]])), path, q, limits=False).data
-    assert turned["claims"]["turns"] == [1, 0, 0] and outcome(turned, file) == VERIFIED
-    assert outcome(changed(turned, lambda d: d.update(units=["m", "rad", "rad"])), file) == REJECTED
-    drifts = hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0.02, 0, 1]])), path, q, limits=False).data
-    assert outcome(drifts, file) == VERIFIED
-    assert any("do NOT return: they are 6.2315" in line for line in checker.check(str(file)).lines)
-    assert outcome(changed(drifts, lambda d: d["claims"].update(turns=[1, 0, 0])), file) == REJECTED
-
-
-def test_files_that_are_none_are_not_read(file: Path, tmp_path: Path) -> None:
-    for data in ({}, {"a": 1}, {"format": "holokin certificate 2"}, [1], "text"):
-        assert outcome_of(json.dumps(data), file) == NONE
-    for odd in (Path(os.devnull), Path("/dev/zero"), tmp_path):
-        if odd.exists():
-            with pytest.raises(ValueError, match="not a file"):
-                checker.check(str(odd))
-    huge = tmp_path / "huge.json"
-    with huge.open("wb") as sparse:
-        sparse.truncate(10 * checker.BYTES)
-    with pytest.raises(ValueError, match="not a file"):
-        checker.check(str(huge))
-
-
-def test_the_time_is_limited(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
-    with pytest.raises(TimeoutError):
-        checker.check(str(file), seconds=0.0)
-    with pytest.raises(hk.errors.CertificateError, match="--seconds"):
-        recheck(file, seconds=0.0)
-
-
-def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
-    def run(text: str) -> tuple[int, str]:
-        file.write_text(text, "utf-8")
-        found = subprocess.run([sys.executable, checker.__file__, file], capture_output=True, text=True, check=False)
-        assert "Traceback" not in found.stderr
-        return found.returncode, found.stdout + found.stderr
-
-    code, said = run(json.dumps(loop | {"sha256": digest(loop)}) + "\n")
-    assert code == 0 and "VERIFIED" in said and "..." in said
-    assert run(json.dumps(loop) + "\n")[0] == 1
-    assert run("no JSON")[0] == 2
-    assert subprocess.run([sys.executable, checker.__file__], capture_output=True, check=False).returncode == 2
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
-    code = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
-        "from holokin import cli; from holokin.proof import checker; "
-        "checker.below = lambda *_: signal.raise_signal(signal.SIGINT); "
-        f"sys.argv = ['holokin', 'check-certificate', {str(file)!r}]; cli.main()"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr
