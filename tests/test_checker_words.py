@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import casadi
 import numpy as np
 import pytest
 
@@ -139,3 +140,21 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr
+
+
+def test_honest_certificates_of_functions_with_a_pole_near_by_are_verified(tmp_path: Path) -> None:
+    """c / d^4 about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large cells next to a pole."""
+    rng, robot = np.random.default_rng(7), hk.load("ppr")
+    for _ in range(4):
+        q = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-2, 2)])
+        direction = rng.uniform(-np.pi, np.pi)
+        center = q[:2] + rng.uniform(0.15, 0.6) * np.array([np.cos(direction), np.sin(direction)])
+        c = rng.uniform(-0.3, 0.3) * 10 ** rng.uniform(-5, -3)
+
+        def g(v: casadi.SX, center: np.ndarray = center, c: float = c) -> casadi.SX:
+            return v[2] + c / ((v[0] - center[0]) ** 2 + (v[1] - center[1]) ** 2) ** 2
+
+        x, way = robot.pose(q)[:3, 3], rng.normal(size=2)
+        path = hk.line(x, x + [*(rng.uniform(0.05, 0.5) * way / np.linalg.norm(way)), 0.0])
+        proof = hk.certify(hk.holonomic(hk.position(robot), hk.custom(g)), path, q, limits=False)
+        assert len(proof) and checker.check(str(proof.save(tmp_path / "pole.json"))).lines

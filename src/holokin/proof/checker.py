@@ -268,7 +268,14 @@ class Checker:
     def verify(self) -> Verified:
         """All that is claimed, and what is found. Raises: RejectedError."""
         data, claims, pieces = self.data, self.claims, self.data["pieces"]
-        after, turns, closed, moved, first, last = [*pieces[1:], pieces[0]], claims["turns"], False, None, [], []
+        after, turns, closed, moved, start, last = (
+            [*pieces[1:], pieces[0]],
+            claims["turns"],
+            False,
+            None,
+            pieces[0]["q"],
+            [],
+        )
         for k, (piece, follower) in enumerate(zip(pieces, after, strict=True)):
             self.whole, is_last = claims["whole"] or k + 1 < len(pieces), k + 1 == len(pieces)
             self.numbers, following = (
@@ -287,8 +294,6 @@ class Checker:
                 if not is_last:
                     need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the path may not go on")
                 closed, last = bool(torn <= TORN) and claims["whole"], cells
-                first = first or cells
-                start = pieces[0]["q"]
         if turns is not None:
             need(closed, "the path is not closed, or not all of it is covered")
             need(len(turns) == self.n, "it has other turns than joints")

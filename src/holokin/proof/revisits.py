@@ -71,14 +71,14 @@ class Revisits(Value):
         boxes, cells = self.found.boxes, np.arange(len(self.found))
         whole = Parts(cells, boxes.low[:, 0], boxes.high[:, 0])
         ones, others = overlapping(*self._poses(whole), cells, cells)
-        return self._compared(*(some(whole, those[ones <= others]) for those in (ones, others)), MOST)
+        return self._compared(some(whole, ones[ones <= others]), some(whole, others[ones <= others]), MOST)
 
     def _compared(self, a: Parts, b: Parts, most_pairs: int) -> tuple[Extent, Revisit | None]:
         """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped."""
         lost, many, tries = False, MANY * len(self.found), FEW
         while True:
             (low, high), (least, most) = self._poses(a), self._poses(b)
-            left = ((low <= most) & (least <= high)).all(axis=1)
+            left = np.all((low <= most) & (least <= high), axis=1)
             left[left] = ~self._one_root(some(a, left), some(b, left))
             apart = np.maximum(high - least, most - low)[left]
             a, b = some(a, left), some(b, left)
