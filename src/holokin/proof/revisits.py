@@ -77,9 +77,11 @@ class Revisits(Value):
         """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped."""
         lost, many, tries = False, MANY * len(self.found), FEW
         while True:
-            (low, high), (least, most) = self._poses(a), self._poses(b)
+            left = ~self._one_root(a, b)  # first: it is cheaper than the tool poses, and most pairs are neighbours
+            a, b = some(a, left), some(b, left)
+            below, above = self._poses(joined(a, b))
+            (low, least), (high, most) = np.split(below, 2), np.split(above, 2)
             left = np.all((low <= most) & (least <= high), axis=1)
-            left[left] = ~self._one_root(some(a, left), some(b, left))
             apart = np.maximum(high - least, most - low)[left]
             a, b = some(a, left), some(b, left)
             for i in np.flatnonzero((apart <= SAME).all(axis=1) & self._may_differ(a, b))[:tries].tolist():
