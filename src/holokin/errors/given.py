@@ -96,6 +96,14 @@ class ArgumentError(HolokinError):
         super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
 
 
+class NoProofError(ArgumentError):
+    """A strategy that no proof is made of; `.cure` says what to certify instead."""
+
+    def __init__(self, name: str, cure: str) -> None:
+        self.name, self.cure = name, cure
+        super().__init__("the strategy to certify", name, cure)
+
+
 class NoArmError(HolokinError):
     """A chain of joints on which no shoulder, elbow and wrist are found."""
 

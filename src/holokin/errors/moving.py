@@ -77,10 +77,16 @@ class StartError(HolokinError):
 
 
 class OpenPathError(HolokinError):
-    """A closed path is needed."""
+    """A closed path is needed; or one after which the joints, too, are where they began: `joints` says why not."""
 
-    def __init__(self, what: str, gap: float) -> None:
+    def __init__(self, what: str, gap: float, joints: str = "") -> None:
         self.gap = gap
+        if joints:
+            super().__init__(
+                f"{what} needs a closed path that brings the joints back, and {joints}; follow it once, or choose "
+                "another constraint, leaf or path"
+            )
+            return
         super().__init__(
             f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
             "close it with hk.join(path, ...) or use path + path.reversed()"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
-from ..errors import ExpressionError, HolokinError, JobError
+from ..errors import ExpressionError, HolokinError, JobError, NoProofError
 from ..path import Path
 from ..proof import Certificate, certify
 from ..strategies import HolonomicStrategy
@@ -50,8 +50,7 @@ def certify_job(
                 with naming(file, "strategies", label):
                     strategy = build_strategy(job, label, task, start, title)
                     if not isinstance(strategy, HolonomicStrategy):
-                        yield title, f"it has no leaves: {HolonomicStrategy.cure}"
-                        continue
+                        raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
                     begin, _ = build_begin(table, strategy, start)
                     if isinstance(where, Path):
                         begin, _ = build_entry(job, strategy, where, begin)
@@ -59,7 +58,11 @@ def certify_job(
                         strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more
                     )
             except HolokinError as problem:
-                if not isinstance(problem.__cause__ or problem, (*OF_ONE_STRATEGY, ExpressionError)):
+                cause = problem.__cause__ or problem
+                if isinstance(cause, NoProofError):
+                    yield title, cause.cure
+                    continue
+                if not isinstance(cause, (*OF_ONE_STRATEGY, ExpressionError)):
                     raise
                 yield title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem)
             else:

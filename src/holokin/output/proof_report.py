@@ -22,8 +22,8 @@ COLUMNS: tuple[Column, ...] = (
 def cells(name: str, found: Certificate | str) -> list[str]:
     """The row of one strategy."""
     if isinstance(found, str):
-        return [name, "no leaves", *["-"] * (len(COLUMNS) - 2)]
-    proven = "all" if found.whole else "part" if len(found) else "NO"
+        return [name, "not done", *["-"] * (len(COLUMNS) - 2)]
+    proven = "all" if found.whole else "drifts" if found.revisit else "part" if len(found) else "NO"
     if not len(found):
         return [name, proven, "0", f"{found.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
     return [
@@ -40,16 +40,21 @@ def print_certificates(title: str, found: dict[str, Certificate | str], console:
     table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
-    colors = {"all": GOOD, "part": WARNING, "NO": BAD}
+    colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
     for name, one in found.items():
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
     console.print(table)
+    left = [name for name, one in found.items() if isinstance(one, str)]
     for name, one in found.items():
         text = f"not certified: {one}" if isinstance(one, str) else str(one)
         style = GOOD if isinstance(one, Certificate) and one.whole else WARNING
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
         if isinstance(one, Certificate) and not one.whole:
             console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
+    if left:
+        rest = "the verdict is on the others" if len(left) < len(found) else "nothing is certified"
+        text = f"left out: {brief(', '.join(left))}; {rest}"
+        console.print(f"  {text}", style=WARNING, markup=False, highlight=False)
 
 
 def write_certificates(name: str, found: dict[str, Certificate | str], out: FilePath, version: str) -> list[FilePath]:
@@ -69,6 +74,9 @@ def write_certificates(name: str, found: dict[str, Certificate | str], out: File
                 one.save(work / files[-1])
             text = one if isinstance(one, str) else one.theorem
             facts["strategies"][label] = {"proven": isinstance(one, Certificate) and one.whole, "theorem": text}
+            if isinstance(one, Certificate) and one.revisit is not None:
+                moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
+                facts["strategies"][label]["drift"] = dict(zip(("least", "most"), moved, strict=True))
         with writing(work / FACTS):
             facts["files"] = sorted([FACTS, *files])
             (work / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")

@@ -34,7 +34,7 @@ def anchored(domain: Domain, found: Covered, start: Vector, closed: bool) -> Anc
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
     u, q, within = np.zeros(d), start, np.inf
     for u, q in places:
-        within = _apart(domain, found, _holding(found, 0, u), u, q)
+        within = distance_at(domain, found, _holding(found, 0, u), u, q)
         if within < NEAR:
             break
     if not isinstance(domain, Pathway):
@@ -43,14 +43,14 @@ def anchored(domain: Domain, found: Covered, start: Vector, closed: bool) -> Anc
     postures, gap, turns = [q], 0.0, None
     for piece in range(1, pieces):
         one, other = _holding(found, piece - 1, end), _holding(found, piece, begin)
-        postures.append(_root(domain, found, other, begin))
-        gap = max(gap, sum(_apart(domain, found, i, at, postures[-1]) for i, at in ((one, end), (other, begin))))
+        postures.append(root_at(domain, found, other, begin))
+        gap = max(gap, sum(distance_at(domain, found, i, at, postures[-1]) for i, at in ((one, end), (other, begin))))
     if closed:
         first, last = _holding(found, 0, begin), _holding(found, pieces - 1, end)
-        b, a = _root(domain, found, first, begin), _root(domain, found, last, end)
+        b, a = root_at(domain, found, first, begin), root_at(domain, found, last, end)
         whole = np.where(domain.equation.revolute, np.rint((a - b) / (2 * np.pi)), 0.0) + 0.0  # no -0
         size = 2 * np.pi * whole
-        apart = _apart(domain, found, first, begin, b) + _apart(domain, found, last, end, b + size)
+        apart = distance_at(domain, found, first, begin, b) + distance_at(domain, found, last, end, b + size)
         apart += 1e-15 * float(np.linalg.norm(np.abs(size) + np.abs(b)))
         if np.isfinite(apart) and domain.equation.periodic(whole):
             gap, turns = max(gap, apart), whole
@@ -78,7 +78,7 @@ def _local(found: Covered, i: int, u: Vector) -> Vector:
     return predicted[0]
 
 
-def _root(domain: Domain, found: Covered, i: int | None, u: Vector) -> Vector:
+def root_at(domain: Domain, found: Covered, i: int | None, u: Vector) -> Vector:
     """The root at u of a cell, by Newton's method."""
     if i is None:
         return np.full(domain.equation.n, np.nan)
@@ -86,7 +86,7 @@ def _root(domain: Domain, found: Covered, i: int | None, u: Vector) -> Vector:
     return centred(domain.equation, guess.q0, guess.numbers, domain.c, guess.rho, newtons=NEWTONS).q0[0]
 
 
-def _apart(domain: Domain, found: Covered, i: int | None, u: Vector, q: Vector) -> float:
+def distance_at(domain: Domain, found: Covered, i: int | None, u: Vector, q: Vector) -> float:
     """A bound of the distance of the root of a cell at u from q; infinite where that is not shown.
 
     The cell of the one pose at u has a root within r of q; if it lies where the other cell's is alone, it is that one.
@@ -97,4 +97,4 @@ def _apart(domain: Domain, found: Covered, i: int | None, u: Vector, q: Vector) 
     off = float(np.linalg.norm(q - _local(found, i, u)) + here.r[0] + found.cells.slip[i])
     if not off < 0.5 * found.findings.alone[i]:
         return np.inf
-    return float(here.r[0] + ROOM * np.linalg.norm(q - _root(domain, found, i, u)))
+    return float(here.r[0] + ROOM * np.linalg.norm(q - root_at(domain, found, i, u)))

@@ -17,12 +17,13 @@ from ..files import replacing
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
 from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
+from .binding import described
 from .equation import Equation
 from .lowering import lowered
 from .partition import partition
 from .tube import Cells, Findings
 
-FORMAT = "holokin certificate 2"
+FORMAT = "holokin certificate 3"
 
 DETERMINANT = 0.5
 """Of the bound of the determinant: room for the checker's own, which is another one."""
@@ -37,6 +38,8 @@ class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     BUDGET = "the cells that were allowed are spent; allow more with budget="
     END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
     APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
+    ELSEWHERE = "the path comes back to a tool pose with other joints; choose another constraint, leaf or path"
+    RETURN = "the path comes back to a tool pose, and the joints are not shown to; choose another constraint or leaf"
 
     @property
     def cause(self) -> str:
@@ -47,6 +50,10 @@ class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     def cure(self) -> str:
         """The other part."""
         return self.value.rpartition("; ")[2]
+
+
+COVERED = (Extent.WHOLE, Extent.ELSEWHERE, Extent.RETURN)
+"""Of these cells cover all that was asked; what may be missing is that the joints return with the tool."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +111,29 @@ class Anchors(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Revisit(Value):
+    """Two places of a path at which the tool has one pose and the joints are shown to be others.
+
+    `first` and `second` are (piece, share of it); the joints at the second less those at the first are between `low`
+    and `high` (n,) [joint unit].
+    """
+
+    first: tuple[int, float]
+    second: tuple[int, float]
+    low: Vector
+    high: Vector
+
+    def told(self, equation: Equation) -> str:
+        """The places, and the joints that are shown to differ."""
+        joints = zip(equation.strategy.task.robot.coordinates, self.low, self.high, strict=True)
+        moved = [f"{c.name} by {_between(low, high)} {c.unit}" for c, low, high in joints if low > 0 or high < 0]
+        (i, u), (k, v) = self.first, self.second
+        first = "at its start" if i == u == 0 else f"at {100 * u:.4g} % of piece {i + 1}"
+        second = "at the end" if v == 1 else f"at {100 * v:.4g} % of piece {k + 1}"
+        return f"{second} of the path the tool is where it was {first}, and the joints are others, {', '.join(moved)}"
+
+
+@dataclass(frozen=True, eq=False)
 class Certificate(NoTruthValue, Value, ask="`.whole`"):
     """What was proven of a holonomic strategy on the leaf g(q) = c through a posture, over a path or a box of poses.
 
@@ -112,7 +142,8 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     lower bound of |det [J; J_g]|, or of |det D_q E| where the constraint has auxiliary unknowns, which q then holds,
     too; `to_limit` (n,) the least distance to each joint's limits. Of a closed path `turns` (n,) are the whole turns of
     the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not 0, since the
-    path itself is given in doubles; else it is infinite.
+    path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with other joints
+    `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path drifts by it.
     """
 
     title: str
@@ -132,6 +163,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     anchors: Anchors
     limits: Interval | None
     pieces: Matrix
+    revisit: Revisit | None
 
     def __len__(self) -> int:
         return len(self.proven)
@@ -156,6 +188,10 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
             lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")
         width = max(len("joint"), *map(len, robot.joint_names))
+        if self.revisit is not None:
+            lines.append(f"{'joint':{width}}  {'moved from':>12} {'to':>12}")
+            for joint, low, high in zip(robot.coordinates, self.revisit.low, self.revisit.high, strict=True):
+                lines.append(f"{joint.name:{width}}  {low:12.6f} {high:12.6f} {joint.unit}")
         lines.append(f"{'joint':{width}}  {'from':>9} {'to':>9} {'to a limit':>11}")
         for joint, low, high, left in zip(robot.coordinates, self.low, self.high, self.to_limit, strict=True):
             lines.append(f"{joint.name:{width}}  {low:9.4f} {high:9.4f} {left:11.4f} {joint.unit}")
@@ -163,8 +199,20 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
 
     @property
     def whole(self) -> bool:
-        """True where all that was asked is proven."""
+        """True where all that was asked is proven: of a path, too, that the same tool pose has the same joints."""
         return self.extent is Extent.WHOLE
+
+    @property
+    def covered(self) -> bool:
+        """True where cells cover all that was asked: the joints are a smooth function of the place on the path."""
+        return self.extent in COVERED
+
+    @property
+    def returning(self) -> str:
+        """Why the joints are not said to return with the tool; "" where they are."""
+        if self.whole:
+            return ""
+        return self.revisit.told(self.equation) if self.revisit is not None else self.extent.cause
 
     @property
     def cells(self) -> Cells:
@@ -201,15 +249,16 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
 
         robot, finite = equation.strategy.task.robot, np.nan_to_num
         bounds = self.limits or Interval(np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
-        joints = zip((bounds.low, self.low, self.high, bounds.high), (-np.inf, -np.inf, np.inf, np.inf), strict=True)
+        joints = (bounds.low, self.low, self.high, bounds.high)
         return {
             "format": FORMAT, "title": self.title, "theorem": self.theorem, "where": self.where,
+            "task": described(equation),
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
             **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
             "level": self.c.tolist(),
             "claims": {
-                "whole": self.whole,
-                "joints": [finite(np.r_[x, [none] * (n - len(x))]).tolist() for x, none in joints],  # more unknowns
+                "whole": self.covered,
+                "joints": [_bounded(x, n) for x in joints],
                 "determinant": self.determinant, "gap": float(finite(anchors.within + anchors.gap)),
                 "turns": None if anchors.turns is None else anchors.turns.astype(int).tolist(),
             },
@@ -227,6 +276,17 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         with replacing(file) as part:
             part.write_text(json.dumps(data, allow_nan=False) + "\n", "utf-8")
         return FilePath(file)
+
+
+def _bounded(values: Vector, n: int) -> list[float | None]:
+    """Bounds of the joints, and of n unknowns in all; None where there is none."""
+    return [float(x) if np.isfinite(x) else None for x in values] + [None] * (n - len(values))
+
+
+def _between(low: float, high: float) -> str:
+    """An interval as text: its middle, and by how much more or less."""
+    middle, most = (low + high) / 2, max(abs(low), abs(high))
+    return f"{middle:.9g} +- {max((high - low) / 2, 0.0) * 1.01 + 1e-8 * most:.1e}"
 
 
 def digest(data: dict[str, Any]) -> str:

@@ -37,16 +37,19 @@ def follow_certified(
         samples: steps a cycle, at least. cycles: of a closed path. limits, budget: as of `certify`.
 
     Returns:
-        (trajectory, certificate).
+        (trajectory, certificate). Of a path that comes back to a tool pose with other joints the trajectory is whole,
+        and the certificate is not: its `extent` and `revisit` say so.
 
     Raises:
-        NotCertifiedError: not all is proven; `.trajectory` and `.certificate` hold what is.
+        NotCertifiedError: cells do not cover all of the path; `.trajectory` and `.certificate` hold what is.
         OpenPathError: several cycles of an open path, or of one whose end is not shown to be its beginning.
         What `certify` raises.
     """
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     proof = certify(strategy, path, q0, limits=limits, budget=budget)
+    if cycles > 1 and proof.covered and not np.isfinite(proof.gap):
+        raise OpenPathError(f"following {cycles} cycles", path.gap, proof.returning)
     task = strategy.task
     start = task.robot.checked(q0, "the start posture")
     plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
@@ -54,10 +57,10 @@ def follow_certified(
     share = np.concatenate([np.arange(1, k + 1) / k for k in plan.counts.tolist()])
     once = np.vstack([start, roots(proof, piece, share)])
     q = once
-    if proof.whole and cycles > 1:
+    if proof.covered and cycles > 1:
         turns = 2 * np.pi * proof.turns
         q = np.vstack([once, *(once[1:] + k * turns for k in range(1, cycles))])
-    status = Status.COMPLETE if proof.whole else STATUS.get(proof.extent, Status.LOST)
+    status = Status.COMPLETE if proof.covered else STATUS.get(proof.extent, Status.LOST)
 
     def rates(samples: int) -> Matrix:
         return joint_rates(strategy, plan, q[:samples])
@@ -68,7 +71,7 @@ def follow_certified(
         return np.abs(leaf.constraint.nearest(values - proof.c)).max(axis=1, initial=0.0)
 
     walk = record(task, plan, q, rates, cycles, status, residual)
-    if not proof.whole:
+    if not proof.covered:
         raise NotCertifiedError(str(proof).rstrip("."), proof.extent.cure, walk, proof)
     return walk, proof
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import typed
-from ..errors import ArgumentError
+from ..errors import NoProofError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
@@ -16,10 +16,11 @@ from ..synchronized_paths import AnyPath
 from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
 from .anchors import anchored
-from .certificate import Certificate, Covered, Extent, least_determinant
+from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
 from .equation import Equation
 from .pathway import Pathway
 from .posebox import PoseRegion
+from .revisits import Revisits
 from .search import Domain, covered, halves
 from .walking import walked
 
@@ -42,6 +43,9 @@ def certify(
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
 
+    Of a path it is shown, besides, that they return with the tool: where the path closes, and where it crosses or
+    follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`, or RETURN; `covered` is True.
+
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
     cover all poses, in interval arithmetic whose bounds hold all rounding. The theorem is about the model: the robot's
@@ -59,14 +63,15 @@ def certify(
         was proven up to there.
 
     Raises:
-        ArgumentError: a strategy without leaves, no box. ExpressionError: an operation without a rule for intervals.
-        StartError, JointLimitError; of a leaf on which not even a first step is possible SingularityError, BranchError.
+        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box.
+        ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
+        even a first step is possible SingularityError, BranchError.
     """
     if not isinstance(strategy, HolonomicStrategy):
-        raise ArgumentError("the strategy to certify", strategy.name, HolonomicStrategy.cure)
+        raise NoProofError(strategy.name, f"it has no leaves: {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:
         cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
-        raise ArgumentError("the strategy to certify", strategy.name, cure)
+        raise NoProofError(strategy.name, cure)
     began = time.perf_counter()
     robot = strategy.task.robot
     start = start_posture(robot, q0)
@@ -86,46 +91,61 @@ def certify(
         extent, place = walk_end, stop
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
+    revisit = None
+    if extent is Extent.WHOLE and isinstance(domain, Pathway):
+        revisits = Revisits(domain, found)
+        extent, revisit = revisits.end() if closed and anchors.turns is None else revisits.anywhere()
     turns, gap = (np.zeros(robot.n), np.inf) if anchors.turns is None else (anchors.turns[: robot.n], anchors.gap)
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
-    poses = "every pose" if strategy.task.frames == 1 else "every set of the tools' poses"
-    about = f"{poses} of {where}" if isinstance(where, Workspace) else f"{poses} on the path"
-    if extent is not Extent.WHOLE:
-        about = f"{poses} of the cells that are joined" if isinstance(where, Workspace) else f"{poses} up to there"
-    theorem = _theorem(title, about, domain.equation, extent, place, found, determinant, bounds, to_limit, turns, gap)
+    theorem = _theorem(
+        title, where, domain.equation, extent, place, found, determinant, bounds, to_limit, turns, gap, revisit
+    )
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces,
+        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces, revisit,
     )  # fmt: skip
 
 
 def _theorem(
-    title: str, about: str, equation: Equation, extent: Extent, place: str, found: Covered, determinant: float,
-    limits: Interval | None, to_limit: Vector, turns: Vector, gap: float,
+    title: str, where: AnyPath | Workspace, equation: Equation, extent: Extent, place: str, found: Covered,
+    determinant: float, limits: Interval | None, to_limit: Vector, turns: Vector, gap: float, revisit: Revisit | None,
 ) -> str:  # fmt: skip
     if not len(found):
         return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
     with_others, q = "", ""
     if equation.n > equation.joints:
         with_others, q = ", taken with the auxiliary unknowns of the constraint,", ", q the joints and these unknowns"
+    all_of_it, one = extent in COVERED, equation.strategy.task.frames == 1
+    if isinstance(where, Workspace):
+        sides = found.boxes.high - found.boxes.low
+        share = f"the cells that are joined, {100 * float((sides / 2).prod(axis=1).sum()):.3g} % of {where},"
+        what, about = "pose", f"every pose of {where if all_of_it else share}"
+    else:
+        what, about = "place", f"every place {'on the path' if all_of_it else 'of the path up to there'}"
     parts = [
         f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
-        f"cell, of {len(found)}; it is a smooth function of the pose, with |det {equation.derivative}| >= "
+        f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
         f"{determinant:.2g}{q}"
     ]
     if limits is not None and np.isfinite(to_limit).any():
         parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
+    turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
     if np.isfinite(gap):
-        turned = f" after the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
         parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
+    if extent is Extent.WHOLE and not isinstance(where, Workspace):
+        pose, poses = ("a tool pose", "the tool pose") if one else ("the tools' poses", "the tools' poses")
+        again = "whole turns apart at most" if turned else "the same"
+        parts.append(f"wherever the path comes back to {pose}, the joints are {again}: a function of {poses} on it")
     said = "; ".join(parts)
     if extent is Extent.WHOLE:
         return f"{said[0].upper()}{said[1:]}."
-    return f"Not all is proven, since at {place} {extent.cause}; but {said}."
+    if revisit is not None:
+        return f"The joints are no function of the tool pose here: {revisit.told(equation)}; but {said}."
+    return f"Not all is proven, since {f'at {place} ' if place else ''}{extent.cause}; but {said}."
 
 
 def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:

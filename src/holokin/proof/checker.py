@@ -6,18 +6,30 @@ the joints p(y) = q0 + V y + 1/2 Q y y, and Y is near the inverse of D_q E at it
 M >= |1 - Y D_q E(p(y) + s, y)|, number by number, for all y and all |s| <= rho. If eta + M r < r < rho, then
 s - Y E(p(y) + s, y) maps the box |s| <= r into itself and contracts |s| <= rho: this holds just one root for each
 pose, within r of p(y) and smooth in it [Kra69]; |det Y D_q E| >= det(1 - M) [Ost37].
+
+What is said in the end is computed here from E and the cells; of the file's words nothing is verified.
 """
 
 import hashlib
 import json
+import math
 import sys
-from itertools import product
+import time
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import arb, arb_mat, ctx
 
 ctx.prec, UNIT, NAN, MOST = 64, arb(0, 1), arb("nan"), 64
+
+FORMAT = "holokin certificate 3"
+
+TORN, GAP, FAR = 1e-9, 1e-6, 1e6
+"""Poses farther apart [m, 1] than TORN are two. A gap [rad, m] over GAP says nothing, nor does a limit over FAR."""
+
+BYTES, OPERATIONS, UNKNOWNS = 500_000_000, 20_000, 64
+"""Larger files, lists of operations and equations are not read: the largest of holokin's have a quarter of that."""
 
 
 class RejectedError(Exception):
@@ -45,14 +57,14 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
     "add": lambda a, b: (a + b, (1, 1), {}),
     "sub": lambda a, b: (a - b, (1, -1), {}),
     "mul": lambda a, b: (a * b, (b, a), {(0, 1): 1, (1, 0): 1}),
-    "inv": lambda a: (1 / a, (-1 / a**2,), {(0, 0): 2 / a**3}),
+    "inv": lambda a: (v := 1 / a, (-v * v,), {(0, 0): 2 * v * v * v}),
     "sq": lambda a: (a * a, (2 * a,), {(0, 0): 2}),
-    "sqrt": lambda a: (a.sqrt(), (a.rsqrt() / 2,), {(0, 0): -(a.rsqrt() ** 3) / 4}),
-    "exp": lambda a: (a.exp(), (a.exp(),), {(0, 0): a.exp()}),
-    "log": lambda a: (a.log(), (1 / a,), {(0, 0): -1 / a**2}),
+    "sqrt": lambda a: (a.sqrt(), ((v := a.rsqrt()) / 2,), {(0, 0): -(v**3) / 4}),
+    "exp": lambda a: (v := a.exp(), (v,), {(0, 0): v}),
+    "log": lambda a: (a.log(), (v := 1 / a,), {(0, 0): -v * v}),
     "sin": lambda a: (a.sin(), (a.cos(),), {(0, 0): -a.sin()}),
     "cos": lambda a: (a.cos(), (-a.sin(),), {(0, 0): -a.cos()}),
-    "atan": lambda a: (a.atan(), (1 / (1 + a * a),), {(0, 0): -2 * a / (1 + a * a) ** 2}),
+    "atan": lambda a: (a.atan(), (v := 1 / (1 + a * a),), {(0, 0): -2 * a * v * v}),
     "sign": lambda a: (arb(1) if a > 0 else arb(-1) if a < 0 else NAN, (0,), {}),
 }
 
@@ -78,18 +90,81 @@ class Cell:
         return y, arb_mat([[x] for x in self.p(y)[0].entries()[: -len(u)]])
 
 
-class Checker:
-    """The data of a certificate."""
+class Verified(NamedTuple):
+    """What was found: all of a path or box, and a closed path returns (`whole`); in sentences; the file's own words."""
 
-    def __init__(self, data: Any, say: Any) -> None:
-        self.data, self.claims, self.say = data, data["claims"], say
+    whole: bool
+    lines: list[str]
+    words: str
+    data: Any
+
+
+def text_of(value: Any) -> str:
+    """A word of the file, without what a terminal obeys."""
+    return "".join(c if c.isprintable() else "?" for c in str(value)[:100])
+
+
+class Checker:
+    """Verifies the data of a certificate."""
+
+    def __init__(self, data: Any, say: Any, seconds: float, total: int) -> None:
+        self.data, self.claims, self.say, self.until = data, data["claims"], say, time.monotonic() + seconds
         n, d = self.n, self.d = len(data["pieces"][0]["q"]), len(data["pieces"][0]["u"])
+        rows, self.joints = data["operations"], len(data["units"])
+        need(max(len(rows), len(data["constants"])) <= OPERATIONS and n <= UNKNOWNS and d <= 6, "it is too large")
+        need(0 < self.joints <= n and set(data["units"]) <= {"rad", "m"}, "the joints have other units than rad and m")
+        need(d == 1 or len(data["pieces"]) == 1, "a box of poses has several pieces")
+        need(0 <= self.claims["gap"] <= GAP, f"its gap is no number from 0 to {GAP:g}")
+        sides = [
+            [(-sign * math.inf if x is None else x) for x in row]
+            for sign, row in zip((1, 1, -1, -1), self.claims["joints"], strict=True)
+        ]
+        given = [x for row in self.claims["joints"] for x in row if x is not None]
+        need(all(abs(x) <= FAR for x in given), f"a joint or a limit is beyond {FAR:g}")
+        need(all(a < b for a, b in zip(sides[0], sides[3], strict=True)), "limits are no limits")
+        self.limits, self.least, self.hull = sides, math.inf, [[math.inf] * n, [-math.inf] * n]
+        self.share, self.count, self.moved, self.total = 0.0, 0, [0.0] * n, total
         self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
         self.by_y, self.by_s = arb_mat([[1]] * d + [[0]] * n), arb_mat([[0] * n] * d + self.one.tolist())
+
+    def value(self, numbers: Any, q: Any, u: Any) -> list[Any]:
+        """E (n,) at a posture and a place u."""
+        values = [arb(x) for x in (*q, *u)] + numbers
+        for name, *of in self.data["operations"]:
+            values.append(RULES[name](*(values[i] for i in of))[0])
+        return [values[i] for i in self.data["outputs"][: self.n]]
+
+    def apart(self, one: Any, u: Any, other: Any, v: Any, q: Any) -> list[Any]:
+        """By how much E (n,) differs at two places, for one posture q: by how much the tool's poses do."""
+        return [a - b for a, b in zip(self.value(one, q, u), self.value(other, q, v), strict=True)]
+
+    def periodic(self, turns: Any) -> bool:
+        """Whether E stays as it is when the unknowns go on by whole turns (n,): followed through the operations."""
+        known = dict(
+            enumerate(self.data["constants"], self.n + self.d + len(self.numbers) - len(self.data["constants"]))
+        )
+        shifts: list[Any] = [*turns, *[0] * (self.d + len(self.numbers))]
+        for name, *of in self.data["operations"]:
+            given, found = [shifts[i] for i in of], None
+            if not any(s is None or s for s in given):
+                found = 0
+            elif None in given:
+                found = None
+            elif name in ("add", "sub"):
+                found = given[0] + given[1] if name == "add" else given[0] - given[1]
+            elif name == "mul" and (of[0] in known or of[1] in known):
+                factor, other = (known[of[0]], given[1]) if of[0] in known else (known[of[1]], given[0])
+                found = int(factor) * other if factor % 1 == 0 else None
+            elif name in ("sin", "cos"):
+                found = 0
+            shifts.append(found)
+        return all(shifts[i] == 0 for i in self.data["outputs"])
 
     def enclose(self, cell: Cell, y: Any, s: Any, twice: bool = False) -> Any:
         """E (n, 1) at p(y) + s, and [D] with D = [E_y, E_s] (n, d + n), or [D, D by y_1, ...]; jets are such lists."""
         n, d, orders, rows = self.n, self.d, range(1 + self.d * twice), self.data["outputs"][: self.n]
+        if time.monotonic() > self.until:
+            raise TimeoutError("it takes longer than was allowed")
         x, slope = cell.p(y)
         values = [a + b for a, b in zip(x.entries(), s.entries() + [0] * d, strict=True)] + self.numbers
         given = zip(slope.tolist(), self.one.tolist() + [[0] * n] * d, cell.Q, strict=True)
@@ -119,21 +194,38 @@ class Checker:
         return (size(*parts) for parts in zip(*found, strict=True))
 
     def prove(self, cell: Cell) -> Cell:
-        """The cell with its theorem, and what is claimed of it."""
+        """The cell with its theorem, and what is claimed of it: with as many parts as that needs."""
+        fault = RejectedError("D_q E may be singular")
         for cuts, factor in product([k for k in (1, 2, 4, 8) if k**self.d <= MOST], (3, 2, 1.5)):
-            M, cell.eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
-            some = arb_mat(self.n, 1, [max(cell.eta.entries()) / 64 + 1e-15] * self.n)
-            cell.rho = factor * size((self.one - M).solve(cell.eta + some))
-            cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
-            cell.r = size((self.one - cell.M).solve(cell.eta + some / 64))
-            if below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho):
+            try:
+                self.attempt(cell, cuts, factor)
                 break
-        need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
-        self.say()
-        need(self.claims["determinant"] <= (self.one - cell.M).det() / abs(cell.Y.det()), "|det D_q E| is less")
-        hull = zip(*self.claims["joints"], cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True)
-        need(all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, q, r in hull), "a joint may leave hull or limits")
+            except RejectedError as problem:
+                fault = problem
+        else:
+            raise fault
+        self.say(self.total)
+        self.count, self.share = self.count + 1, self.share + math.prod(float(b - a) for a, b in cell.sides)
         return cell
+
+    def attempt(self, cell: Cell, cuts: int, factor: float) -> None:
+        """One of them. Raises: RejectedError."""
+        M, cell.eta = self.bounds(cell, arb_mat(self.n, 1), cuts)
+        some = arb_mat(self.n, 1, [max(cell.eta.entries()) / 64 + 1e-15] * self.n)
+        cell.rho = factor * size((self.one - M).solve(cell.eta + some))
+        cell.M, _ = self.bounds(cell, cell.rho * UNIT, cuts)
+        cell.r = size((self.one - cell.M).solve(cell.eta + some / 64))
+        need(below(cell.eta + cell.M * cell.r, cell.r) and below(cell.r, cell.rho), "D_q E may be singular")
+        determinant = (self.one - cell.M).det() / abs(cell.Y.det())
+        need(self.claims["determinant"] <= determinant, "|det D_q E| is less")
+        around = list(zip(cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True))
+        hull = zip(*self.limits, around, strict=True)
+        need(
+            all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in hull), "a joint may leave hull or limits"
+        )
+        self.least = min(self.least, float(determinant.lower()))
+        self.hull[0] = [min(a, float((q - r).lower())) for a, (q, r) in zip(self.hull[0], around, strict=True)]
+        self.hull[1] = [max(a, float((q + r).upper())) for a, (q, r) in zip(self.hull[1], around, strict=True)]
 
     def cover(self, tree: Any, sides: Any) -> list[Cell]:
         """The cells of a box of u: one; or null, none; or [axis, at, below, above], those of the two parts of a cut."""
@@ -163,37 +255,136 @@ class Checker:
         need(below(size(s), cell.rho), f"the joints at {u} are not near their root")
         return max(size((self.one - cell.M).solve(size(cell.Y * self.enclose(cell, y, s)[0]))).entries())
 
-    def verify(self) -> None:
-        """All that is claimed. Raises: RejectedError."""
+    def root(self, cells: list[Cell], u: Any) -> list[Any]:
+        """Balls (n,) of the unknowns at a place u."""
+        cell = next(c for c in cells if all(a <= x <= b for x, (a, b) in zip(u, c.sides, strict=True)))
+        y, p = cell.at(u)
+        s = arb_mat(self.n, 1)
+        for _ in range(3):
+            s = arb_mat([[x.mid()] for x in (s - cell.Y * self.enclose(cell, y, s)[0]).entries()])
+        q = [x.mid() for x in (p + s).entries()]
+        return [x + self.away(cells, u, q) * UNIT for x in q]
+
+    def verify(self) -> Verified:
+        """All that is claimed, and what is found. Raises: RejectedError."""
         data, claims, pieces = self.data, self.claims, self.data["pieces"]
-        ends = [[0] * self.n for _ in pieces[1:]] + [claims["turns"]]
-        for piece, after, turns in zip(pieces, pieces[1:] + pieces[:1], ends, strict=True):
-            self.whole = claims["whole"] or after is not pieces[0]
-            self.numbers = [arb(x) for x in piece["numbers"] + data["level"] + data["constants"]]
+        after, turns, closed, moved, start, last = (
+            [*pieces[1:], pieces[0]],
+            claims["turns"],
+            False,
+            None,
+            pieces[0]["q"],
+            [],
+        )
+        for k, (piece, follower) in enumerate(zip(pieces, after, strict=True)):
+            self.whole, is_last = claims["whole"] or k + 1 < len(pieces), k + 1 == len(pieces)
+            self.numbers, following = (
+                [arb(x) for x in of["numbers"] + data["level"] + data["constants"]] for of in (piece, follower)
+            )
             cells = self.cover(piece["cells"], [(0, 1) if self.d == 1 else (-1, 1)] * self.d)
             u = [0] if self.d == 1 else piece["u"]
             need(self.away(cells, u, piece["q"]) <= claims["gap"], "the leaf may miss the start")
-            if turns:
-                q = [x + 2 * arb.pi() * k.__index__() for x, k in zip(after["q"], turns, strict=True)]
-                need(self.away(cells, [1], q) <= claims["gap"], "the path may not go on, or not close")
+            if self.d == 1:
+                most = max(c.sides[0][1] for c in cells)
+                steps = [self.value(self.numbers, piece["q"], [arb(k) / 4 * most]) for k in range(5)]
+                for step in pairwise(steps):
+                    self.moved = [x + float(abs(a - b).upper()) for x, a, b in zip(self.moved, *step, strict=True)]
+                torn = max(abs(x) for x in self.apart(self.numbers, [1], following, [0], follower["q"]))
+                need(is_last or torn <= TORN, "the path is torn where pieces meet")
+                if not is_last:
+                    need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the path may not go on")
+                closed, last = bool(torn <= TORN) and claims["whole"], cells
+        if turns is not None:
+            need(closed, "the path is not closed, or not all of it is covered")
+            need(len(turns) == self.n, "it has other turns than joints")
+            turns = [k.__index__() for k in turns]
+            kinds = [*data["units"], *[""] * (self.n - self.joints)]
+            need(all(k == 0 or kind == "rad" for k, kind in zip(turns, kinds, strict=True)), "what is no angle turns")
+            need(self.periodic(turns), "E may change by the whole turns")
+            q = [x + 2 * arb.pi() * k for x, k in zip(start, turns, strict=True)]
+            need(self.away(last, [1], q) <= claims["gap"], "the path may not close")
+        elif closed:
+            moved = [b - x - claims["gap"] * UNIT for x, b in zip(start, self.root(last, [1]), strict=True)]
+        return Verified(
+            claims["whole"] and (turns is not None or not closed), self.lines(closed, turns, moved), self.words(), data
+        )
+
+    def words(self) -> str:
+        """Those of the file, which nothing here speaks for."""
+        return f"{text_of(self.data.get('title', ''))}; robot {text_of(self.data.get('robot', ''))}"
+
+    def lines(self, closed: bool, turns: Any, moved: Any) -> list[str]:
+        """What was verified, in sentences."""
+        n, r, claims, part = (
+            self.n,
+            len(self.data["level"]),
+            self.claims,
+            2**self.d if self.d > 1 else len(self.data["pieces"]),
+        )
+        found = [
+            f"E: {len(self.data['operations'])} operations, {n} rows and unknowns, {self.joints} of them joints; "
+            f"level {self.data['level']} of {r} rows",
+        ]
+        what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %"
+        if self.d > 1:
+            sides = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
+            steps = [
+                self.apart(self.numbers, u, self.numbers, [-x for x in u], self.data["pieces"][0]["q"]) for u in sides
+            ]
+            wide = [f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps]
+            found.append(
+                f"{what} of a box of poses, whose sides change a row of E by {', '.join(wide)}: {self.count} cells"
+            )
+        else:
+            rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
+            found.append(
+                f"{what} of a path of {len(self.data['pieces'])} pieces: {self.count} cells, over which rows of E "
+                f"change by {rows} in all, at least"
+            )
+            end = "the end was not reached"
+            if turns is not None:
+                more = f" after the whole turns {turns}" if any(turns) else ""
+                end = f"closed: the joints return within {claims['gap']:.2g}{more}"
+            elif closed and any(not x.contains(0) for x in moved):
+                by = ", ".join(f"{float(x.mid()):.6g}" for x in moved[: self.joints])
+                end = f"closed, and the joints do NOT return: they are {by} from where they began"
+            elif closed:
+                end = "closed, and the joints are not shown to return"
+            elif claims["whole"]:
+                end = "open"
+            found.append(f"the path is {end}" if claims["whole"] else end)
+        found.append(f"at each place one posture near the predicted one, smooth, |det D_q E| >= {self.least:.3g}")
+        names = self.data.get("names", [])
+        for i in range(self.joints):
+            low, high = self.limits[0][i], self.limits[3][i]
+            limits = "no limits" if math.isinf(low) and math.isinf(high) else f"limits {low:.6g} to {high:.6g}"
+            name = text_of(names[i]) if isinstance(names, list) and i < len(names) else ""
+            hull = f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {self.data['units'][i]}"
+            found.append(f"joint {i + 1} ({name}): {hull}, {limits}")
+        return found
 
 
-def check(file: str, say: Any = lambda: None) -> Any:
-    """The data of a certificate's file, verified. Raises: RejectedError; OSError, ValueError: no certificate."""
-    text = Path(file).read_text("utf-8")
+def check(file: str, say: Any = lambda _cells: None, seconds: float = math.inf) -> Verified:
+    """What a certificate's file proves. Raises: RejectedError; OSError, ValueError: no certificate; TimeoutError."""
+    path = Path(file)
+    if path.exists() and (not path.is_file() or path.stat().st_size > BYTES):
+        raise ValueError(f"not a file of at most {BYTES:,} bytes")
+    text = path.read_text("utf-8")
     try:
         data = {key: value for key, value in json.loads(text).items() if key != "sha256"}
+        if data.get("format") != FORMAT:
+            raise ValueError(f"its format is {text_of(data.get('format'))!r}, not {FORMAT!r}; certify again")
         sha256 = hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()
         need(text == json.dumps(data | {"sha256": sha256}) + "\n", "the file is not as it was written: SHA-256")
-        Checker(data, say).verify()
-        return data
+        return Checker(data, say, seconds, text.count('"q0": ')).verify()
     except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as problem:
-        raise ValueError(f"not a certificate of this format ({problem!r})") from None
+        raise ValueError(f"not a certificate of this format ({text_of(repr(problem))})") from None
 
 
 if __name__ == "__main__":
     try:
-        print("\nVERIFIED:", check(sys.argv[1], lambda: print(".", end="", file=sys.stderr, flush=True))["claims"])
+        found = check(sys.argv[1], lambda _cells: print(".", end="", file=sys.stderr, flush=True))
+        print("\nVERIFIED:", *found.lines, f"The file's own words: {found.words}", sep="\n  ")
     except (RejectedError, OSError, ValueError, LookupError) as problem:
         print("\nREJECTED:" if isinstance(problem, RejectedError) else "\nnot read:", problem)
         sys.exit(1 if isinstance(problem, RejectedError) else 2)

@@ -21,7 +21,7 @@ from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.separated import Separated
 from ..types import Flags, Matrix, Value, Vector
 from .targets import Family
-from .task_rows import rows_of, target_of
+from .task_rows import reached_by, rows_of, target_of
 
 ROOM = 6_000_000
 """Numbers of intervals that may be in memory at once: 100 MB."""
@@ -211,3 +211,10 @@ class Equation(Value):
         one, other = symbol("numbers", self.family.numbers), symbol("others", self.family.numbers)
         change = self._target(SX([1.0]), one) - self._target(SX([-1.0]), other)
         return IntervalFunction("the poses at a seam", {"numbers": one, "others": other}, change)
+
+    @cached_property
+    def reached(self) -> IntervalFunction:
+        """(y, numbers) -> the rows of the tool pose: E is the same where they are."""
+        y, numbers = symbol("y", self.d), symbol("numbers", self.family.numbers)
+        pose = reached_by(self.strategy.task, *self.family.pose(y, numbers))
+        return IntervalFunction("the tool pose", {"y": y, "numbers": numbers}, pose)

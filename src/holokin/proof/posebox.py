@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -187,6 +187,13 @@ class PoseRegion(Value, Domain):
         part = connected_components(coo_matrix((np.ones(len(ones)), (ones, others)), (k, k)), directed=False)[1]
         middle = np.flatnonzero((found.boxes.low <= 0).all(axis=1) & (found.boxes.high >= 0).all(axis=1))
         chosen = part == (part[middle[0]] if len(middle) else np.argmax(np.bincount(part)))
+        torn = [
+            i[bad & chosen[i] & chosen[j]] for i, j, bad in faces
+        ]  # joined by another way round only: not one function
+        if any(len(i) for i in torn):
+            left = np.ones(k, dtype=bool)
+            left[np.concatenate(torn)] = False
+            return self.connected(replace(found.only(left), extent=_not_whole(found), stopped=_torn_at(found, torn)))
         kept = found.only(chosen)
         if found.extent is not Extent.WHOLE:
             return kept
@@ -216,6 +223,17 @@ class PoseRegion(Value, Domain):
         low = np.array(found.stopped[1])
         at = self.p0 + low[:3] * self.half[:3]
         return f"the pose at {np.round(at, 6).tolist()}"
+
+
+def _not_whole(found: Covered) -> Extent:
+    return Extent.APART if found.extent is Extent.WHOLE else found.extent
+
+
+def _torn_at(found: Covered, torn: list[Indices]) -> tuple[int, tuple[float, ...]]:
+    if found.stopped is not None:
+        return found.stopped
+    i = int(np.concatenate(torn)[0])
+    return int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
 
 
 def _about(half: Matrix, rho: Vector) -> Boxes:

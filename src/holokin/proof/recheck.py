@@ -7,10 +7,22 @@ from itertools import count
 from pathlib import Path as FilePath
 
 from ..errors import CertificateError, MissingExtraError
+from ..robot import Robot
+from .binding import unlike
+
+LONGEST = 3600.0
+"""Seconds that the checker may take."""
 
 
-def recheck(file: str | FilePath, report: Callable[[int], None] = lambda _permille: None) -> tuple[bool, str]:
-    """(whether it is rejected, what is found in one sentence) of a certificate's file, by `proof.checker`.
+def recheck(
+    file: str | FilePath,
+    report: Callable[[int], None] = lambda _permille: None,
+    seconds: float = LONGEST,
+    robot: Robot | None = None,
+) -> tuple[bool, str]:
+    """(whether it is rejected, what is found, in sentences) of a certificate's file, by `proof.checker`.
+
+    With a robot the rows of its task are written down anew and compared, see `binding`.
 
     Raises:
         CertificateError: a file that is no certificate. MissingExtraError: python-flint is not installed.
@@ -20,16 +32,27 @@ def recheck(file: str | FilePath, report: Callable[[int], None] = lambda _permil
     except ImportError:
         raise MissingExtraError("python-flint", "proof") from None
     try:
-        cells = FilePath(file).read_text("utf-8").count('"q0": ')
         done = count(1)
-        data = check(str(file), lambda: report(min(1000, 1000 * next(done) // max(cells, 1))))
+        found = check(str(file), lambda total: report(min(1000, 1000 * next(done) // max(total, 1))), seconds)
     except RejectedError as problem:
         return True, f"REJECTED: {problem}."
     except FileNotFoundError:
         raise CertificateError(file, "there is no such file") from None
+    except TimeoutError:
+        raise CertificateError(file, f"it is not verified within {seconds:.0f} s; allow more with --seconds") from None
     except OSError as problem:
         raise CertificateError(file, f"it cannot be read ({problem.strerror or problem})") from None
     except ValueError as problem:
         raise CertificateError(file, str(problem)) from None
-    extent = "it covers all that was asked" if data["claims"]["whole"] else "it is a part of what was asked"
-    return False, f"VERIFIED: {data['title']}: {cells} cells; {extent}."
+    bound = "\n  it is not compared with a robot: name one with --robot"
+    if robot is not None:
+        try:
+            other = unlike(found.data, robot)
+        except (LookupError, TypeError, ValueError, AttributeError) as problem:
+            raise CertificateError(file, f"its task cannot be read ({problem!r})") from None
+        if other:
+            return True, f"REJECTED: {other}."
+        bound = f"\n  the rows of its task and its limits are those of {robot.name}"
+    extent = "it covers all that was asked" if found.whole else "it is a part of what was asked"
+    lines = "".join(f"\n  {line}" for line in found.lines)
+    return False, f"VERIFIED: {extent}.{lines}{bound}\n  The file's own words, not verified: {found.words}"

@@ -78,3 +78,20 @@ def target_of(task: Task, p: SX, R: SX) -> SX:
         elif part.orientation is not None:
             found.append(part.representation.value(R[at, :]))
     return vertcat(*found)
+
+
+def reached_by(task: Task, p: SX, R: SX) -> SX:
+    """What two tool poses have in common where E is the same: the rows of the task, a turn as R, an axis as R a."""
+    found = []
+    for f, part in parts(task):
+        at = slice(3 * f, 3 * f + 3)
+        place, turn, kind = p[at], R[at, :], part.representation
+        found += [place[row] for row in part.rows if row < 3]
+        if turned(part):
+            found.append(turn.reshape((9, 1)))
+        elif isinstance(kind, AxisDirection) and any(row > 2 for row in part.rows):
+            found.append(turn @ SX(kind.axis))
+        elif part.orientation is not None:
+            value = kind.value(turn)
+            found += [value[row - 3] for row in part.rows if row > 2]
+    return vertcat(*found)

@@ -1,0 +1,175 @@
+"""What a path's certificate says where the tool comes to a pose again: the joints return, or they are others."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import casadi
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import holokin as hk
+from holokin.cli import app
+from holokin.errors import OpenPathError
+from holokin.proof import Certificate, Extent
+from holokin.proof.pathway import Pathway
+from holokin.proof.revisits import Revisits
+
+PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
+
+
+def tool(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
+    return robot.pose(q)[:3, 3]
+
+
+def round_base(a: list[float], q: np.ndarray = Q) -> tuple[hk.strategies.HolonomicStrategy, hk.Path]:
+    """A linear constraint of a planar arm, and a circle round its base."""
+    x = tool(PLANAR, q)
+    return hk.holonomic(hk.position(PLANAR), hk.linear([a])), hk.circle(x, center=(0.0, 0.0, x[2]))
+
+
+def half_angle() -> tuple[hk.strategies.HolonomicStrategy, np.ndarray]:
+    """A PPR arm whose q3 is half the direction of the tool from the base: round it, q3 goes on by half a turn."""
+    robot = hk.load("ppr")
+
+    def g(q: casadi.SX) -> casadi.SX:
+        return 2 * q[2] - casadi.atan2(q[1] + casadi.sin(q[2]), q[0] + casadi.cos(q[2]))
+
+    return hk.holonomic(hk.position(robot), hk.custom(g, angular=True)), np.array([0.5, 0.3, 0.2])
+
+
+@pytest.fixture(scope="module")
+def drifting() -> Certificate:
+    return hk.certify(*round_base([0.02, 0.0, 1.0]), Q, limits=False)
+
+
+def test_a_closed_path_that_leaves_the_joints_elsewhere_is_not_proven_and_its_drift_is(
+    drifting: Certificate,
+) -> None:
+    """The joints at its end, by following it."""
+    walk = hk.follow(*round_base([0.02, 0.0, 1.0]), Q, limits=False)
+    moved = walk.q[-1] - walk.q[0]
+    assert drifting.extent is Extent.ELSEWHERE and not drifting.whole and drifting.covered
+    assert drifting.gap == np.inf and moved[0] > 6
+    assert (drifting.revisit.low <= moved + 1e-9).all() and (moved - 1e-9 <= drifting.revisit.high).all()
+    assert (drifting.revisit.high - drifting.revisit.low < 1e-9).all()
+    assert "function of the pose" not in drifting.theorem and "q1 by 6.2315" in drifting.theorem
+
+
+def test_several_certified_cycles_need_joints_that_return(drifting: Certificate) -> None:
+    law, path = round_base([0.02, 0.0, 1.0])
+    with pytest.raises(OpenPathError, match=r"q1 by 6\.2315"):
+        hk.follow(law, path, Q, certified=True, cycles=3, limits=False)
+    walk, proof = hk.follow(law, path, Q, certified=True, limits=False)  # once round is the joints' own path
+    assert walk.status is hk.Status.COMPLETE and not proof.whole
+    law, q = half_angle()
+    x = tool(law.task.robot, q)
+    with pytest.raises(OpenPathError, match=r"q3 by 3\.1415"):
+        hk.follow(law, hk.circle(x, center=(0, 0, 0)), q, certified=True, cycles=2)
+
+
+def test_repeated_cycles_never_jump_whatever_the_law_and_the_circle() -> None:
+    """Drawn at random: starts, circles round the base and beside it, laws in which q1 counts and does not."""
+    rng, ends = np.random.default_rng(26), []
+    for k in range(8):
+        q = np.array([rng.uniform(-3, 3), *rng.uniform(0.5, 1.2, 2)])
+        a = [rng.uniform(-0.06, 0.06) * rng.integers(0, 2), rng.uniform(-0.5, 0.5), 1.0]
+        x = tool(PLANAR, q)
+        law = hk.holonomic(hk.position(PLANAR), hk.linear([a]))
+        center = np.zeros(3) if k % 4 else x - [*rng.uniform(0.05, 0.3, 2), 0]
+        path = hk.circle(x, center=(*center[:2], x[2]))
+        proof = hk.certify(law, path, q, limits=False)
+        if proof.covered:
+            moved = np.ptp(hk.follow(law, path, q, limits=False).q[[0, -1]], axis=0)
+            assert proof.whole == bool((np.abs(moved - np.abs(2 * np.pi * proof.turns)) < 1e-6).all()), proof.theorem
+            ends.append(proof.whole)
+            try:
+                walk, _ = hk.follow(law, path, q, certified=True, cycles=3, limits=False, samples=300)
+            except OpenPathError:
+                assert not proof.whole
+            else:
+                assert proof.whole and np.abs(np.diff(walk.q, axis=0)).max() < 0.3
+    assert len(ends) >= 6 and 0 < sum(ends) < len(ends)
+
+
+def test_an_open_path_that_crosses_itself_is_judged_by_the_joints_at_the_crossing() -> None:
+    """Round the base and back to a crossing q3 is half a turn on; beside the base it is as it was."""
+    law, q = half_angle()
+    x = tool(law.task.robot, q)
+    corners = [[-0.5, 1, 0], [-1, -1, 0], [1.5, -1.0, 0], [1.4, 1.5, 0]]
+    proof = hk.certify(law, hk.polyline([x, *corners]), q)
+    assert proof.extent is Extent.ELSEWHERE and proof.covered
+    np.testing.assert_allclose((proof.revisit.low[2], proof.revisit.high[2]), np.pi, atol=1e-9)
+    (i, u), (k, v) = proof.revisit.first, proof.revisit.second
+    ends = np.array([x, *corners])
+    np.testing.assert_allclose(ends[i] + u * (ends[i + 1] - ends[i]), ends[k] + v * (ends[k + 1] - ends[k]), atol=2e-9)
+    for points in ([x, x + [0.5, 0, 0], x + [0.5, 0.5, 0], x + [0.2, -0.3, 0]], [x, x + [0.5, 0, 0], x]):
+        proof = hk.certify(law, hk.polyline(points), q)
+        assert proof.whole and "comes back to a tool pose, the joints are the same" in proof.theorem
+
+
+def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_first() -> None:
+    """Twice round, q3 has made one whole turn: the end is the beginning, and what is between is not."""
+    law, q = half_angle()
+    x = tool(law.task.robot, q)
+    lap = hk.circle(x, center=(0, 0, 0))
+    assert hk.certify(law, lap + lap, q).extent is Extent.ELSEWHERE
+    assert hk.certify(law, lap + hk.line(x, x + [0.1, 0, 0]), q).extent is Extent.ELSEWHERE
+    planar, path = round_base([0.0, 1.0, -1.0])  # the joints of the second lap are a whole turn on: the same posture
+    proof = hk.certify(planar, path + path, Q, limits=False)
+    assert proof.whole and "but for the whole turns" in proof.theorem
+
+
+def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None:
+    """Lines 1e-6 m apart after a way round the base have no common pose; of tubes too small nothing is known."""
+    law, q = half_angle()
+    robot = law.task.robot
+    x = tool(robot, q)
+    path = hk.polyline([x, [-0.5, 1, 0], [-1, -1, 0], [1.5, -1, 0], x + [0.1, -1e-6, 0], x + [-0.1, -1e-6, 0]])
+    assert hk.certify(law, path, q).extent is Extent.WHOLE
+    there_and_back = hk.polyline([x, x + [0.3, 0, 0], x])
+    proof = hk.certify(law, there_and_back, q)
+    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2))
+    small = replace(proof.proven, findings=replace(proof.findings, alone=0.0 * proof.findings.alone))
+    assert Revisits(domain, proof.proven).anywhere() == (Extent.WHOLE, None)
+    assert Revisits(domain, small).anywhere() == (Extent.RETURN, None)
+    assert Revisits(domain, small).end() == (Extent.RETURN, None)
+
+
+def test_the_command_line_ends_with_1_where_a_closed_path_drifts_and_says_by_how_much(tmp_path: Path) -> None:
+    job, call, q = tmp_path / "round.toml", CliRunner().invoke, np.array([-3.13, 0.9, 0.9])
+    center = (-tool(PLANAR, q)).tolist()
+    job.write_text(
+        f'title = "round the base"\n[robot]\nname = "planar-3r"\n[start]\nq = {q.tolist()}\n[task]\nkind = "position"\n'
+        f'[path]\nkind = "circle"\ncenter = {center}\nrelative = true\n'
+        '[strategies.home]\nkind = "linear"\nmatrix = [[0.02, 0, 1]]\n',
+        "utf-8",
+    )
+    found = call(app, ["certify", str(job), "--out", str(tmp_path)])
+    assert found.exit_code == 1, found.output + repr(found.exception)
+    text = " ".join(found.output.split())
+    assert "drifts" in text and "at the end of the path the tool is where it was at its start" in text
+    facts = json.loads((tmp_path / "round-proof" / "result.json").read_text("utf-8"))["strategies"]["home"]
+    assert not facts["proven"] and 6.2 < facts["drift"]["least"][0] < facts["drift"]["most"][0] < 6.3
+    again = call(app, ["check-certificate", str(tmp_path / "round-proof" / "home-certificate.json")])
+    assert again.exit_code == 0 and "covers all that was asked" not in again.output
+
+
+def test_a_strategy_that_cannot_be_certified_is_left_out_and_named(tmp_path: Path) -> None:
+    """As in the job that `holokin new` writes for a robot: the verdict is on `lock`."""
+    job = tmp_path / "three.toml"
+    job.write_text(
+        'title = "a line"\n[robot]\nname = "panda"\n[start]\nq = [0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8]\n[task]\n'
+        'kind = "pose"\n[path]\nkind = "polyline"\nrelative = true\npoints = [[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]]\n'
+        '[strategies.moore-penrose]\nkind = "moore-penrose"\n[strategies.radial]\nkind = "radial"\n'
+        '[strategies.lock]\nkind = "lock"\njoints = ["panda_joint3"]\n',
+        "utf-8",
+    )
+    found = CliRunner().invoke(app, ["certify", str(job), "--out", str(tmp_path)])
+    text = " ".join(found.output.split())
+    assert found.exit_code == 0, text + repr(found.exception)
+    assert "left out: moore-penrose, radial; the verdict is on the others" in text and "hk.strategies.fitted" in text
+    assert (tmp_path / "three-proof" / "lock-certificate.json").exists()
