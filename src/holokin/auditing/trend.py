@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..types import Matrix, NoTruthValue, Vector
 from .scatter import (
     ALIKE,
     CONFIDENCE,
@@ -41,7 +41,7 @@ STEADY = 0.9
 share of the one before. A decay has the same share again and again, and sums of decays, and powers, a growing one."""
 
 
-class Trend(Enum):
+class Trend(NoTruthValue, Enum, ask="`is Trend.GOES_ON`"):
     """How the joints at equal tool poses go on over the cycles, as the last third of them shows it."""
 
     NONE = "no change beyond tolerance and noise"
