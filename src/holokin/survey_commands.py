@@ -87,6 +87,8 @@ def run_one(
     with Store.opened(out, None) as store:
         reason, count, faults = store.most_frequent_fault()
     show(f"{found.done:,} cases{resumed}, {faults:,} faults, {found.seconds:.1f} s: {out}")
+    if found.fewer:
+        show(found.fewer)
     if found.stale:
         why = "it had more cases, or the file of a robot or a law was another one; a report counts them, too"
         show(f"{found.stale:,} more rows are of cases that the survey asks no more: {why} (--out begins a new file)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
@@ -88,10 +89,12 @@ def survey(
     table = survey_of(content, "survey")
     with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1.0, words=True) as report:
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
-        run_survey(
+        done = run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
             say=lambda found: report(found.share, str(found)),
         )  # fmt: skip
+        if done.fewer:
+            logging.getLogger("holokin").warning("%s", done.fewer)
         with Store.opened(file, None) as store:
             return Findings.of(store.rows())
 

@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import ArgumentError, UnknownNameError
 from ..job.robot_tables import RobotTable
 from ..robot import catalogue
-from ..types import Value
+from ..types import Flags, Indices, Value
 from .importing import source_of
 from .laws import Own
 from .tables import SurveyTable
@@ -77,7 +77,8 @@ class Cases(Value):
     """All cases of a survey in a fixed order: those of one robot and task beside each other, all laws of a loop, too.
 
     With `cases` in the survey about so many are taken, always all laws of a loop, as even as can be over the robots,
-    then over tasks, loops and starts; else all `count` loops of each kind.
+    then over tasks, loops and starts; else all `count` loops of each kind. No case is there twice: a loop that is given
+    as a path, or as a function of the tool pose, is one loop.
     """
 
     table: SurveyTable
@@ -146,17 +147,43 @@ class Cases(Value):
     def _ends(self) -> list[int]:
         """For each stratum the number of the first case beyond it."""
         laws = np.array([len(s.laws) for s in self.strata])
+        fixed = np.array([self.table.loops[s.loop].kind == "given" for s in self.strata])
         if self.table.cases is None:
-            counts = np.array([self.table.loops[s.loop].count for s in self.strata])
+            counts = np.where(fixed, 1, [self.table.loops[s.loop].count for s in self.strata])
         else:
-            counts = np.full(len(laws), self.table.cases // int(laws.sum()))
-            left = self.table.cases - int(counts @ laws)
-            order = evenly(self.strata, {start: i for i, start in enumerate(self._starts)}) if left else iter(())
-            while left > 0:
-                one = next(order)
-                counts[one] += 1
-                left -= int(laws[one])
+            counts = self._spread(self.table.cases, laws, fixed)
         return list(accumulate((counts * laws).tolist()))
+
+    def _spread(self, left: int, laws: Indices, fixed: Flags) -> Indices:
+        """How many loops of each stratum: as even as can be, and of a loop that is always the same, one."""
+        counts, free = np.zeros(len(laws), dtype=int), np.ones(len(laws), dtype=bool)
+        while free.any() and (rounds := left // int(laws[free].sum())):
+            rounds = min(rounds, 1) if (fixed & free).any() else rounds
+            counts[free] += rounds
+            left -= rounds * int(laws[free].sum())
+            free &= ~fixed
+        some = np.flatnonzero(free)
+        starts = {start: i for i, start in enumerate(self._starts)}
+        order = evenly([self.strata[i] for i in some], starts) if left else iter(())
+        for one in order:
+            if left <= 0:
+                break
+            counts[some[one]] += 1
+            left -= int(laws[some[one]])
+        return counts
+
+    @property
+    def fewer(self) -> str:
+        """Why there are fewer cases than were asked for; empty where there are as many."""
+        asked = self.table.cases
+        if asked is None:
+            asked = sum(self.table.loops[s.loop].count * len(s.laws) for s in self.strata)
+        if len(self) >= asked:
+            return ""
+        return (
+            f"only {len(self):,} of {asked:,} cases differ: the path of a loop that is given is always the same; "
+            'more random starts make more of them, as starts = {"random": 50}, or loops that are drawn'
+        )
 
     def __len__(self) -> int:
         return self._ends[-1]

@@ -23,6 +23,9 @@ FAULT = STATUSES[Status.FAULT]
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
+FOR_A_QUANTILE = 20
+"""Cases of which a quantile of 95 % is more than the largest."""
+
 ON_PATH = 5e-3
 """Error of the tool [m] up to which a loop counts as covered: of a welding seam or a bead of glue it is the width."""
 
@@ -53,9 +56,8 @@ class Findings(Value):
     def __str__(self) -> str:
         head, rows = self.table()
         widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-        return "\n".join(
-            "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)
-        )
+        lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
+        return "\n".join([*lines, *self._told_of_faults()])
 
     def __repr__(self) -> str:
         return str(self)
@@ -63,7 +65,17 @@ class Findings(Value):
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""
         head, rows = self.table()
-        return html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
+        table = html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
+        return table + "".join(f"<p>{escape(line)}</p>" for line in self._told_of_faults())
+
+    def _told_of_faults(self) -> list[str]:
+        """How many cases are faults, and the reason of the first."""
+        failed = np.flatnonzero(self.columns["status"] == FAULT)
+        if not failed.size or "reason" not in self.columns:
+            return []
+        first = failed[0]
+        law, robot, reason = (self.columns[name][first] for name in ("law", "robot", "reason"))
+        return [f"{failed.size:,} of {len(self):,} cases are faults; the first, {law} on {robot}: {reason}"]
 
     @cached_property
     def laws(self) -> list[str]:
@@ -192,7 +204,7 @@ class Findings(Value):
                 f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
                 _digits(np.median(first)) if first.size else "",
                 _digits(np.median(drift)) if drift.size else "",
-                _digits(np.quantile(drift, 0.95)) if drift.size else "",
+                _digits(np.quantile(drift, 0.95)) if drift.size >= FOR_A_QUANTILE else "",
                 f"{np.median(cost):.2f}" if cost.size else "",
                 f"{np.median(margin):.1%}" if margin.size else "",
             ])  # fmt: skip

@@ -47,6 +47,9 @@ ROWS = 50
 TRIES = 3
 """Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
 
+UNBORN, PAUSE = 6, 0.05
+"""Processes that die before their first case until the survey ends; pauses [s] grow by one each time."""
+
 SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
 
 LATE = 2.0
@@ -233,8 +236,9 @@ class Guarded:
             return []
         if number not in left:
             self._unborn += 1
-            if self._unborn == TRIES:
+            if self._unborn == UNBORN:
                 raise SurveyError("survey", f"its processes die before they begin ({end})", SEE)
+            time.sleep(PAUSE * self._unborn)  # until the system has taken a server away that was killed
             return []
         deaths[number] += 1
         seconds = time.monotonic() - since
@@ -250,7 +254,7 @@ class Guarded:
         """The rows of the first cases of a batch. Raises: BrokenExecutor: the process died. SurveyError."""
         try:
             pool = self._begun()
-        except OSError as problem:
+        except (OSError, EOFError) as problem:  # the server that forks was killed; a new one begins with the next try
             raise BrokenExecutor from problem
         try:
             return pool.submit(_run_some, table, folder, batch).result()

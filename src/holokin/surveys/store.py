@@ -63,8 +63,7 @@ class Store:
         db: sqlite3.Connection | None = None
         try:
             with _system(file):
-                db = sqlite3.connect(file, timeout=10.0)
-                db.execute("PRAGMA journal_mode = WAL")
+                db = _connected(file, reading=table is None)
                 store = cls(file, db)
                 if table is not None and store._empty():
                     store._make(table, folder)  # also where one was killed before its first write
@@ -96,6 +95,8 @@ class Store:
             self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
 
     def _check(self, table: SurveyTable | None) -> None:
+        if table is None and self._empty():
+            raise SurveyError(self.file, "is no results file of a survey (it is empty)", "give another file")
         found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
         if found is None or found[0] != FORM:
             raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
@@ -171,7 +172,29 @@ class Store:
     def content(self) -> SurveyTable:
         """The survey that the results are of."""
         (found,) = self._db.execute("SELECT content FROM survey").fetchone()
-        return SurveyTable.model_validate_json(found)
+        try:
+            return SurveyTable.model_validate_json(found)
+        except ValueError:
+            fact = "is no results file of this version: the survey in it cannot be read"
+            raise SurveyError(self.file, fact, "run the survey anew") from None
+
+
+def _connected(file: Path, reading: bool) -> sqlite3.Connection:
+    """The file as SQLite has it; of media that cannot be written as it lies there, without a journal beside it."""
+    db = sqlite3.connect(file, timeout=10.0)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        if reading:
+            db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()
+        return db
+    except sqlite3.OperationalError:
+        db.close()
+        if not reading:
+            raise
+        return sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    except sqlite3.DatabaseError:
+        db.close()
+        raise
 
 
 @contextmanager

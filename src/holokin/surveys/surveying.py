@@ -43,7 +43,8 @@ class Progress:
 
     `done` of `total` cases have a row, `resumed` of them from a run before; `faults` of this run; `speed` is that of
     the last minute [cases/s], NaN in the first seconds; `again` cases were faults of a run before; `stale` rows are of
-    cases that are asked no more: there were more cases, or the file of a robot or of a law was another one.
+    cases that are asked no more: there were more cases, or the file of a robot or of a law was another one. `fewer`
+    says why there are fewer cases than were asked for.
     """
 
     done: int
@@ -54,6 +55,7 @@ class Progress:
     speed: float = float("nan")
     again: int = 0
     stale: int = 0
+    fewer: str = ""
 
     @property
     def share(self) -> float:
@@ -138,7 +140,8 @@ def run_survey(
                 store.add(new, faults)
                 found = clock.after(new)
                 say(found)
-        return replace(found, stale=len(store.done().difference(asked))) if before else found
+        stale = len(store.done().difference(asked)) if before else 0
+        return replace(found, stale=stale, fewer=cases.fewer)
 
 
 @contextmanager
