@@ -136,7 +136,8 @@ def jumps_of(
 ) -> tuple[bool, bool]:
     """(the joints jump, every step has an answer within limits and they do not) on a straight leg, from a posture.
 
-    Joints jump within their limits or past them. Two answers further apart than `JUMP` are a jump only if they are so on the step cut into `finer` parts.
+    Joints jump within their limits or past them. Two answers further apart than `JUMP` are a jump only if they are so
+    on the step cut into `finer` parts.
     """
     solve, before, last = begin(q), None, ends[0]
     jumped, whole = False, True
