@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
+from benchmarks.trackers import tracker_page
 from holokin.errors import ControllerError, MissingExtraError, PathError
 from holokin.laws import PostureTask, mink_law, pink_law, placo_law
 from holokin.output.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
@@ -248,8 +249,7 @@ def span(rows: list[Row], figure: str, form: str = ".1e") -> str:
 def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list[str], cycles: int) -> str:
     """docs/drift.md."""
     every = {name: {r.law: r for r in rows} for name, rows in found.items()}
-    panda = every["panda"]
-    mp = panda["Moore-Penrose"]
+    mp = every["panda"]["Moore-Penrose"]
     holonomic = [r for rows in found.values() for r in rows if r.kind == "holonomic" and not r.fault]
     posture = [r for rows in found.values() for r in rows if r.kind == "posture" and not r.fault]
     free = [r for rows in found.values() for r in rows if r.kind == "no rule" and not r.fault]
@@ -276,6 +276,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     cheap = [rows["radial strategy"].effort for rows in every.values() if "radial strategy" in rows]
     bent = max((r.tracking for r in posture), default=np.nan)
     parts += [
+        *tracker_page(cycles < 10),
         "## Reading it\n",
         f"- Without a rule for the redundant joint every law drifts, {span(free, 'first')} rad in the first cycle,",
         f"  and goes on: on the Panda the pseudo-inverse is {mp.history[-1]:.2f} rad away after {cycles} circles.",
@@ -297,8 +298,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         f"- Repeatability costs joint speed, {span(holonomic, 'effort', '.3f')} times the least; the radial strategy",
         f"  of the pseudo-inverse {' and '.join(f'{v:.3f}' for v in cheap)} times.",
     ]
-    if missing:
-        parts += ["\nNot installed, so left out: " + "; ".join(missing) + "."]
+    parts += ["\nNot installed, so left out: " + "; ".join(missing) + "."] if missing else []
     return "\n".join(parts) + "\n"
 
 

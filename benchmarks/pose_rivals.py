@@ -6,8 +6,10 @@ its default time-out. roboticstoolbox's `ik_LM` in C++ gets our chain, with its 
 and with the tolerance of the others, with one search from the seed alone, too. Pinocchio's example loop takes steps of
 0.1 along damped least squares; full steps are measured, too, which are its best.
 
-Each is compared by its time for a pose from its last answer, by the share of poses that it finds within joint limits,
-and by how far apart its joints are at one pose reached on two ways.
+Each is asked from its last answer, and from the start each time: then a pose has the same joints twice by
+construction, and what is left to ask is whether they are near each other at near poses. Compared are the time for a
+pose, the share of all poses that is found within joint limits, how far apart the joints are at one pose reached on two
+ways, and on how many straight legs between poses they jump.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
 
@@ -39,6 +42,21 @@ TOLERABLE = 1e-2
 """Largest error of the pose [m, and of the rotation] up to which an answer counts: a solver's own tolerance is told
 beside it."""
 
+JUMP = 0.5
+"""Joints further apart than this [rad] at neighbouring poses of a leg jump, if they do at a `FINER` spacing, too."""
+
+LEG = 50
+"""Steps of a leg in which jumps are looked for, at first."""
+
+FINER = 20
+"""Parts of a step that looks like a jump: a continuous motion that is only fast moves 0.5 rad in several of them."""
+
+TIMED = 16
+"""Poses whose ways are timed."""
+
+PACKAGES = ("ssik", "pytracik", "roboticstoolbox-python", "pin", "numpy")
+"""What is named with its version."""
+
 
 def rivals(robot: hk.Robot, start: np.ndarray) -> tuple[list[tuple[str, Begin]], list[str]]:
     """(name, begin) of all that are installed, and the names of those that are not, or that do not work here."""
@@ -58,43 +76,90 @@ def rivals(robot: hk.Robot, start: np.ndarray) -> tuple[list[tuple[str, Begin]],
 
 @dataclass(frozen=True)
 class Compared:
-    """What one solver did at poses that were each reached on two ways, step by step.
+    """What one solver did at poses that were each reached on two ways, step by step, and on the legs between them.
 
-    seconds: processor time of a step, median. within: share of the poses that it found by the first way, to
-    `TOLERABLE` and within joint limits. spread: largest joint difference between the two ways at each pose that it
-    found by both (k,) [rad]. worst: largest error of an answer [m, and of the rotation].
+    found: the poses that it found by the first way, to `TOLERABLE` and
+    within joint limits (k,). spread: largest joint difference between the two ways at each pose that it found by both
+    (j,) [rad]. worst: largest error of an answer [m, and of the rotation]. jumps: the legs on which its joints jump
+    (k,). whole: the legs on which it answers every step within limits, without a jump (k,).
     """
 
     name: str
-    seconds: float
-    within: float
+    found: np.ndarray
     spread: np.ndarray
     worst: float
+    jumps: np.ndarray
+    whole: np.ndarray
 
 
-def compared(name: str, begin: Begin, robot: hk.Robot, start: np.ndarray, poses: np.ndarray, steps: int) -> Compared:
-    """One solver at every pose, straight from the start, and by way of the pose before it in the list."""
+def compared(
+    name: str, begin: Begin, robot: hk.Robot, start: np.ndarray, poses: np.ndarray, steps: int, leg: int
+) -> Compared:
+    """One solver at every pose, straight from the start, and by way of the pose before it in the list; then from
+    each pose of the list to the next.
+    """
     first = robot.pose(start)
-    ends, times, worst, within = [], [], 0.0, 0
+    spread, worst, found, ends = [], 0.0, np.zeros(len(poses), bool), []
     for k, pose in enumerate(poses):
-        direct = _legs([first, pose], steps)
-        detour = _legs([first, poses[k - 1], pose], steps)
-        found = []
-        for way in (direct, detour):
+        both = []
+        for way in (_legs([first, pose], steps), _legs([first, poses[k - 1], pose], steps)):
             solve, q = begin(start), None
-            clock = time.process_time()
             for target in way:
                 q = solve(target)
-            times.append((time.process_time() - clock) / len(way))
-            found.append(q)
-        a, b = found
+            both.append(q)
+        a, b = both
         if a is not None:
-            error = float(np.abs(robot.pose(a) - pose).max())
-            worst = max(worst, error)
-            within += int(error < TOLERABLE and bool(((a >= robot.lower) & (a <= robot.upper)).all()))
+            worst = max(worst, float(np.abs(robot.pose(a) - pose).max()))
+        found[k] = _is_answer(robot, pose, a)
+        ends.append(a if found[k] else start)
         if a is not None and b is not None:
-            ends.append(np.abs(a - b).max())
-    return Compared(name, float(np.median(times)), within / len(poses), np.array(ends), worst)
+            spread.append(np.abs(a - b).max())
+    legs = [jumps_of(begin, robot, ends[k - 1], (poses[k - 1], pose), leg) for k, pose in enumerate(poses)]
+    jumps, whole = np.array(legs, bool).T
+    return Compared(name, found, np.array(spread), worst, jumps, whole)
+
+
+def step_time(begin: Begin, robot: hk.Robot, start: np.ndarray, poses: np.ndarray, steps: int) -> float:
+    """Processor seconds of a step of the straight ways from the start: the median of the ways' means."""
+    times = []
+    for pose in poses:
+        way, solve = _legs([robot.pose(start), pose], steps), begin(start)
+        clock = time.process_time()
+        for target in way:
+            solve(target)
+        times.append((time.process_time() - clock) / len(way))
+    return float(np.median(times))
+
+
+def jumps_of(
+    begin: Begin, robot: hk.Robot, q: np.ndarray, ends: tuple[np.ndarray, np.ndarray], steps: int, finer: int = FINER
+) -> tuple[bool, bool]:
+    """(the joints jump, every step has an answer within limits and they do not) on a straight leg, from a posture.
+
+    Joints jump within their limits or past them. Two answers further apart than `JUMP` are a jump only if they are so
+    on the step cut into `finer` parts.
+    """
+    solve, before, last = begin(q), None, ends[0]
+    jumped, whole = False, True
+    for pose in [ends[0], *_legs(list(ends), steps)]:
+        now = solve(pose)
+        whole = whole and _is_answer(robot, pose, now)
+        now = now if _reaches(robot, pose, now) else None
+        if now is not None and before is not None and np.abs(now - before).max() > JUMP:
+            torn, closed = jumps_of(begin, robot, before, (last, pose), finer, 0) if finer else (True, False)
+            jumped, whole = jumped or torn, whole and closed
+        before, last = now, pose
+    return jumped, whole
+
+
+def _reaches(robot: hk.Robot, pose: np.ndarray, q: np.ndarray | None) -> bool:
+    """Whether joints reach a pose to `TOLERABLE`, also past their limits."""
+    return q is not None and float(np.abs(robot.pose(q) - pose).max()) < TOLERABLE
+
+
+def _is_answer(robot: hk.Robot, pose: np.ndarray, q: np.ndarray | None) -> bool:
+    """Whether joints reach a pose within their limits."""
+    return q is not None and bool(((q >= robot.lower) & (q <= robot.upper)).all()) and _reaches(robot, pose, q)
 
 
 LAWS: dict[str, Callable[[hk.Task, np.ndarray], hk.Strategy]] = {
@@ -125,34 +190,62 @@ def _or_none(call: Callable[[], np.ndarray]) -> np.ndarray | None:
 
 
 def poses_page(robot: hk.Robot, start: np.ndarray, floor: float, quick: bool) -> list[str]:
-    """Lines of a page: ours and the others at poses of a box that a Panda reaches within its limits."""
+    """Lines of a page: ours and the others at all poses drawn in a box before a Panda."""
     box = hk.workspace(box=([0.5, 0.0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.pi / 2)
-    poses, steps = box.poses(8 if quick else 128), 5 if quick else 20
-    found = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock(2)), start).batch(poses)
-    inside = found.reached & ((found.q >= robot.lower) & (found.q <= robot.upper)).all(axis=1)
+    poses, steps, leg = (box.poses(4), 2, 2) if quick else (box.poses(128), 20, LEG)
     others, left_out = rivals(robot, start)
     own = ours(robot, start, ["joint 3 locked"] if quick else LAWS)
+    solvers = [*own, *others]
+    times = [step_time(begin, robot, start, poses[:TIMED], steps) for _, begin in solvers]
+    done = [compared(name, begin, robot, start, poses, steps, leg) for name, begin in solvers]
+    return poses_table(done, times, floor, (steps, leg), left_out)
+
+
+def poses_table(
+    done: list[Compared], times: list[float], floor: float, cuts: tuple[int, int], left_out: list[str]
+) -> list[str]:
+    """Lines of a page. `cuts`: steps of a leg of the ways, and of the legs between poses."""
+    (steps, leg), count, by_any = cuts, len(done[0].found), int(np.any([c.found for c in done], axis=0).sum())
     lines = [
         "",
         "## Inverse kinematics, on two ways to each pose",
         "",
-        f"A Panda goes from its ready posture to {inside.sum()} poses of a box, [0.5, 0, 0.3] +- [0.25, 0.4, 0.3] m,",
-        "the tool down, tilted by up to 40 degrees, spun by +-90: straight, and by way of another of them, each leg",
-        f"in {steps} steps, each step asked from the last answer. All can be reached within joint limits.",
-        "Found: at the end of the first way, within joint limits. Apart: the largest joint's difference between the",
-        "two ways, in rad.",
+        f"Run with {_versions()}; a C floor took {1e6 * floor:.3g} us in this run.",
         "",
-        "| | a step | in C floors | found | apart, median | apart, most | largest error |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        f"A Panda goes from its ready posture to {count} poses drawn in a box, [0.5, 0, 0.3] +- [0.25, 0.4, 0.3] m,",
+        "the tool down, tilted by up to 40 degrees, spun by +-90: straight, and by way of another of them, each leg in",
+        f"{steps} steps, each step asked from the last answer, or, as it is named, from the ready posture each time.",
+        f"All poses count: {by_any} of them are found within joint limits by at least one row. Times are of the",
+        f"straight ways to the first {min(TIMED, count)}.",
+        "Found: at the end of the first way, within joint limits. Apart: the largest joint's difference between the",
+        f"two ways, in rad. Jumps: the share of the {count} straight legs from a pose to the next on which a joint",
+        f"differs by more than {JUMP} rad between neighbouring steps: the leg is cut into {leg}, and a step that jumps",
+        f"into {FINER} more, so a jump is one within a {leg * FINER:,}th of the leg; answers past the limits count",
+        "here. Whole: the share of legs with an answer within limits at every step and no jump.",
+        "",
+        "From one seed a library, too, has the same joints twice, if it draws nothing at random: what that costs is",
+        "in the jumps. A law of ours breaks off where its leaf ends, or a joint's range; a search goes on, elsewhere.",
+        "",
+        "| | a step | in C floors | found | apart, median | apart, most | jumps | whole | largest error |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    for name, begin in [*own, *others]:
-        c = compared(name, begin, robot, start, poses[inside], steps)
+    for c, seconds in zip(done, times, strict=True):
         apart = [f"{f(c.spread):.2g}" if len(c.spread) else "-" for f in (np.median, np.max)]
         lines.append(
-            f"| {name} | {1e6 * c.seconds:.3g} us | {c.seconds / floor:.3g} | {c.within:.0%} | {' | '.join(apart)} "
-            f"| {c.worst:.1e} |"
+            f"| {c.name} | {1e6 * seconds:.3g} us | {seconds / floor:.3g} | {c.found.mean():.0%} "
+            f"| {' | '.join(apart)} | {c.jumps.mean():.0%} | {c.whole.mean():.0%} | {c.worst:.1e} |"
         )
     return lines + ([f"\nLeft out: {'; '.join(left_out)}."] if left_out else [])
+
+
+def _versions() -> str:
+    named = [f"holokin {hk.__version__}"]
+    for package in PACKAGES:
+        try:
+            named.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(named)
 
 
 def _legs(corners: list[np.ndarray], steps: int) -> list[np.ndarray]:
@@ -185,6 +278,14 @@ def _from_last(solve: Callable[[np.ndarray, np.ndarray], np.ndarray | None]) -> 
     return begin
 
 
+def _both(
+    label: str, solve: Callable[[np.ndarray, np.ndarray], np.ndarray | None], start: np.ndarray
+) -> Iterator[tuple[str, Begin]]:
+    """A solver from (pose, seed) -> q, asked from its last answer, and from the start each time."""
+    yield label, _from_last(solve)
+    yield f"{label}, from one seed", lambda _q: lambda pose: solve(pose, start)
+
+
 def _ssik(robot: hk.Robot, start: np.ndarray) -> Iterator[tuple[str, Begin]]:
     ssik = importlib.import_module("ssik")
     arm = ssik.Manipulator.from_prebuilt("franka_panda")
@@ -211,12 +312,12 @@ def _ssik(robot: hk.Robot, start: np.ndarray) -> Iterator[tuple[str, Begin]]:
 
         return step
 
-    yield ", all branches, the nearest taken", _from_last(every)
-    yield ", one solution from a seed", _from_last(nearest)
+    yield from _both(", all branches, the nearest taken", every, start)
+    yield from _both(", one solution from a seed", nearest, start)
     yield ", its tracker", tracked
 
 
-def _trac_ik(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str, Begin]]:
+def _trac_ik(robot: hk.Robot, start: np.ndarray) -> Iterator[tuple[str, Begin]]:
     solver = importlib.import_module("trac_ik").TracIK
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.urdf"
@@ -227,10 +328,10 @@ def _trac_ik(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str, Begin]]
             def solve(pose: np.ndarray, seed: np.ndarray, arm=arm) -> np.ndarray | None:
                 return arm.ik(pose[:3, 3], pose[:3, :3], seed)
 
-            yield f", {aim.lower()}", _from_last(solve)
+            yield from _both(f", {aim.lower()}", solve, start)
 
 
-def _roboticstoolbox(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str, Begin]]:
+def _roboticstoolbox(robot: hk.Robot, start: np.ndarray) -> Iterator[tuple[str, Begin]]:
     rtb = importlib.import_module("roboticstoolbox")
     parts = []
     for joint, *limits in zip(robot.joints, robot.lower, robot.upper, strict=True):
@@ -246,10 +347,10 @@ def _roboticstoolbox(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str,
             found = chain.ik_LM(pose, q0=seed, **more)
             return found.q if found.success else None
 
-        yield label, _from_last(solve)
+        yield from _both(label, solve, start)
 
 
-def _pinocchio(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str, Begin]]:
+def _pinocchio(robot: hk.Robot, start: np.ndarray) -> Iterator[tuple[str, Begin]]:
     pin = importlib.import_module("pinocchio")
     model = pin.buildModelFromXML(to_urdf(robot))
     data, frame = model.createData(), model.getFrameId(robot.tips[0].name)
@@ -268,4 +369,4 @@ def _pinocchio(robot: hk.Robot, _start: np.ndarray) -> Iterator[tuple[str, Begin
                 q = pin.integrate(model, q, v * share)
             return None
 
-        yield label, _from_last(solve)
+        yield from _both(label, solve, start)

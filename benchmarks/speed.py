@@ -199,7 +199,7 @@ def page(
     ours = next(t.median for name, t in rows if name == "holokin, native")
     lines = [
         "# The speed benchmark\n",
-        "Written by `python -m benchmarks.speed`; do not edit. Everything in one run: processor time, in turns,",
+        "Written by `python -m benchmarks.speed`; do not edit. Each table in one run: processor time, in turns,",
         "medians. Machines differ, ratios less so. Building and first use are by the clock on the wall.\n",
         f"Run with {versions()}; {engine()}; {processor()}, {os.cpu_count()} cores, {load()}.\n",
         "One control step of a Panda (pose task), called from Python. Ours holds the arm angle, with feedback to the",
