@@ -23,6 +23,12 @@ from .kinds import HolonomicStrategy
 STEPS = 20
 """Newton steps to a place where a switch turns over."""
 
+STARTS = 8
+"""Postures from which each switch is sought: those to which it is nearest, by its slope."""
+
+REACH = 1.0
+"""Diagonals of the box within which a switch is, by its slope at a posture, to be sought from there."""
+
 BESIDE = 1e-7
 """Distance [joint units] of the two sides that are compared: well over the round-off of a posture, and so small that
 slopes change G by far less than `JUMP`."""
@@ -118,12 +124,23 @@ def _places(strategy: Strategy, i: int, Q: Matrix, low: Vector, high: Vector) ->
         gap, slope = gaps.batch(X)
         return gap.reshape(len(X), -1)[:, i], slope.reshape(len(X), -1, X.shape[1])[:, i]
 
-    X = Q.copy()
     with np.errstate(all="ignore"):
+        gap, slope = at(Q)
+        far = np.abs(gap) / np.linalg.norm(slope, axis=1)
+        near = np.flatnonzero(far <= REACH * np.linalg.norm(high - low))
+        X = Q[near[np.argsort(far[near], kind="stable")[:STARTS]]]
+        if not len(X):
+            return []
+        moving = np.arange(len(X))
         for _ in range(STEPS):
-            gap, slope = at(X)
+            gap, slope = at(X[moving])
             move = gap[:, None] * slope / np.sum(slope**2, axis=1)[:, None]
-            X = np.clip(X - np.where(np.isfinite(move), move, 0.0), low, high)
+            found = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
+            went = np.abs(found - X[moving]).max(axis=1)
+            X[moving] = found
+            moving = moving[went > 1e-4 * BESIDE]
+            if not len(moving):
+                break
         gap, slope = at(X)
         size = np.linalg.norm(slope, axis=1)
         X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
