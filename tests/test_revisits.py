@@ -16,7 +16,7 @@ from holokin.cli import app
 from holokin.errors import OpenPathError
 from holokin.proof import Certificate, Extent
 from holokin.proof.pathway import Pathway
-from holokin.proof.revisits import Revisits
+from holokin.proof.revisits import ONCE, Parts, Revisits
 
 PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
 
@@ -173,3 +173,27 @@ def test_a_strategy_that_cannot_be_certified_is_left_out_and_named(tmp_path: Pat
     assert found.exit_code == 0, text + repr(found.exception)
     assert "left out: moore-penrose, radial; the verdict is on the others" in text and "hk.strategies.fitted" in text
     assert (tmp_path / "three-proof" / "lock-certificate.json").exists()
+
+
+def test_the_tool_poses_that_are_compared_hold_those_of_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of random parts of cells, halved up to and beyond what is enclosed at once; some cells as small as rounding."""
+    made: list[Revisits] = []
+    monkeypatch.setattr(Revisits, "anywhere", lambda self: made.append(self) or (Extent.WHOLE, None))
+    q = np.array([0.3, 0.9, 0.9])
+    law, x = hk.holonomic(hk.position(PLANAR), hk.linear([[0, 1, -1]])), tool(PLANAR, q)
+    hk.certify(law, hk.circle(x, center=x - [0.1, 0, 0]), q, limits=False)
+    rng, found = np.random.default_rng(0), made[0].found
+    low, high = found.boxes.low.copy(), found.boxes.high.copy()
+    high[-1], low[-2] = low[-1] + 2.0**-50, high[-2] - 2.0**-50
+    tiny = Revisits(made[0].domain, replace(found, boxes=replace(found.boxes, low=low, high=high)))
+    for level in range(ONCE + 2):
+        cell = np.concatenate([rng.integers(0, len(found), 60), np.repeat(len(found) - np.array([1, 2]), 20)])
+        parts = Parts(cell, low[cell, 0], high[cell, 0])
+        for _ in range(level):
+            upper = rng.random(len(cell)) < 0.5
+            one, other = parts.half(False), parts.half(True)
+            parts = Parts(cell, np.where(upper, other.low, one.low), np.where(upper, other.high, one.high))
+        below, above = tiny._poses_at(parts, level)
+        for u in (parts.low, (parts.low + parts.high) / 2, parts.high):
+            least, most = tiny._poses(Parts(cell, u, u))
+            assert (below <= (least + most) / 2).all() and ((least + most) / 2 <= above).all()

@@ -35,6 +35,9 @@ MANY = 16
 FEW = 24
 """Of too many pairs so many are looked at to the end."""
 
+ONCE = 4
+"""Halvings of a cell down to which tool poses are enclosed all at once: neighbours are told to have one root there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Parts(Value):
@@ -70,16 +73,21 @@ class Revisits(Value):
         """WHOLE where the same tool pose has the same joints all along the path, but for whole turns; else why not."""
         boxes, cells = self.found.boxes, np.arange(len(self.found))
         whole = Parts(cells, boxes.low[:, 0], boxes.high[:, 0])
-        ones, others = overlapping(*self._poses(whole), cells, cells)
-        return self._compared(some(whole, ones[ones <= others]), some(whole, others[ones <= others]), MOST)
+        ones, others = overlapping(*self._levels[0], cells, cells)
+        return self._compared(some(whole, ones[ones <= others]), some(whole, others[ones <= others]), MOST, 0)
 
-    def _compared(self, a: Parts, b: Parts, most_pairs: int) -> tuple[Extent, Revisit | None]:
-        """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped."""
+    def _compared(self, a: Parts, b: Parts, most_pairs: int, level: int) -> tuple[Extent, Revisit | None]:
+        """The same of pairs of parts, of so many at a time; where there are more, some of them are dropped.
+
+        The parts are cells halved `level` times.
+        """
         lost, many, tries = False, MANY * len(self.found), FEW
         while True:
             left = ~self._one_root(a, b)  # first: it is cheaper than the tool poses, and most pairs are neighbours
             a, b = some(a, left), some(b, left)
-            below, above = self._poses(joined(a, b))
+            if not len(a):
+                return (Extent.RETURN if lost else Extent.WHOLE), None
+            below, above = self._poses_at(joined(a, b), level)
             (low, least), (high, most) = np.split(below, 2), np.split(above, 2)
             left = np.all((low <= most) & (least <= high), axis=1)
             apart = np.maximum(high - least, most - low)[left]
@@ -90,7 +98,7 @@ class Revisits(Value):
                 if moved is not None:
                     return Extent.ELSEWHERE, moved
             if len(a) > many and most_pairs > FEW:  # look into some of them first
-                extent, moved = self._compared(a, b, FEW)
+                extent, moved = self._compared(a, b, FEW, level)
                 if moved is not None:
                     return extent, moved
                 many = MOST
@@ -100,8 +108,39 @@ class Revisits(Value):
                 return (Extent.RETURN if lost else Extent.WHOLE), None
             if lost:
                 wide = wide[np.unique(np.linspace(0, len(wide) - 1, FEW).astype(int))]
-            pairs = [(some(a, wide).half(i), some(b, wide).half(j)) for i in (False, True) for j in (False, True)]
+            a, b, level = some(a, wide), some(b, wide), level + 1
+            two = (a.cell != b.cell) | (a.low != b.low)  # of a part with itself one pair of unlike halves is enough
+            pairs = [(a.half(i), b.half(i)) for i in (False, True)]
+            pairs += [(a.half(False), b.half(True)), (some(a, two).half(True), some(b, two).half(False))]
             a, b = (joined(*(pair[side] for pair in pairs)) for side in (0, 1))
+
+    @cached_property
+    def _levels(self) -> list[tuple[Matrix, Matrix]]:
+        """Enclosures (cells 2^level, .) of the tool poses of all cells, halved `level` times: hulls of the finest."""
+        boxes = self.found.boxes
+        parts = Parts(np.arange(len(self.found)), boxes.low[:, 0], boxes.high[:, 0])
+        for _ in range(ONCE):
+            order = np.arange(2 * len(parts)).reshape(2, -1).T.ravel()  # halves of a part follow each other
+            parts = some(joined(parts.half(False), parts.half(True)), order)
+        levels = [self._poses(parts)]
+        for _ in range(ONCE):
+            low, high = levels[0]
+            levels.insert(0, (np.minimum(low[::2], low[1::2]), np.maximum(high[::2], high[1::2])))
+        return levels
+
+    def _poses_at(self, parts: Parts, level: int) -> tuple[Matrix, Matrix]:
+        """`_poses` of cells halved `level` times."""
+        if level > ONCE:
+            return self._poses(parts)
+        low, high = self.found.boxes.low[parts.cell, 0], self.found.boxes.high[parts.cell, 0]
+        share = ((parts.low + parts.high) / 2 - low) / (high - low)  # a middle: far from a part's ends
+        those = parts.cell * 2**level + np.floor(share * 2**level).astype(int)
+        tiny = high - low <= FINE  # halves are rounded there: all of the cell holds them
+        (below, above), (least, most) = self._levels[level], self._levels[0]
+        those[tiny] = 0
+        below, above = below[those], above[those]
+        below[tiny], above[tiny] = least[parts.cell[tiny]], most[parts.cell[tiny]]
+        return below, above
 
     def _poses(self, parts: Parts) -> tuple[Matrix, Matrix]:
         """Enclosures (k, .) of the tool poses, wider by what counts as the same."""
