@@ -47,6 +47,10 @@ DIP = 0.01
 """rcond that a stage of the transport may fall to, as a share of the lower one of its ends': less is a segment
 that passes a singular posture, where a step can jump to anywhere and still arrive."""
 
+LONGEST_WAY = 0.3
+"""Way [joint units] beyond which a longer one allows no larger miss: the metres of a slide say nothing of the radians
+of the label. PPR arm, 4 steps, 300 random postures at 11 m: with no bound the label was up to 0.057 rad wrong."""
+
 AT_CENTER = 1e-2
 """Way [joint units] added to a posture's own, so that round-off at the centre itself, in single precision 1e-6 of the
 joints, is no miss; so short a way has no error of the steps."""
@@ -64,11 +68,13 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     strategy, more steps one nearer to the ideal one (the error goes with steps^-4).
 
     It ends, with a SingularityError (REPRESENTATION), where
-    - the integrated transport misses the centre by more than 1 % of the joints' way, or comes a hundred times nearer
+    - the integrated transport misses the centre by 1 % of the joints' way or 0.003, or comes a hundred times nearer
       to a singularity of `strategy` than its ends are: the segment passes too near one, or is too long for `steps`;
     - q_b is not on the self-motion through `start`: it is on another branch, or beyond a singular end of this one;
     - g is Z^T (q_b - start) and det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there this label turns.
     Elsewhere [J; J_g] is regular, up to the error of the steps: an estimate, since what is between steps is not seen.
+    The gain's own error is not bounded by this: the few postures of a PPR arm still answered at 11 m with 4 steps are
+    up to 57 % wrong, at 8 m 19 %, at 5 m 1.5 %.
     Size: about 4 `steps` times the given strategy.
 
     Args:
@@ -161,7 +167,7 @@ class _Lines:
     def end(self, q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
         """(label, margin, regular) of a transport from q to `back`, which misses the centre by the joint motion `left`;
         rcond was `first` at q, and at least `least` on the way."""
-        way = ARRIVED * (norm_2(q - back) + AT_CENTER)
+        way = ARRIVED * fmin(norm_2(q - back) + AT_CENTER, LONGEST_WAY)
         arrived = fmax(0, 1 - norm_2(left) / way)
         passed = fmax(0, 1 - DIP * fmin(first, self.rcond) / least)
         regular = first > TOLERANCES.singular
