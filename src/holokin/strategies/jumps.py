@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import SingularityError
 from ..symbolic import SX, Function, jacobian, switches, vertcat
-from ..types import Matrix, Value, Vector, kept
+from ..types import Array, Matrix, Value, Vector, kept
 from .base import Strategy
 from .kinds import HolonomicStrategy
 
@@ -104,8 +104,9 @@ def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[
     """Jumps of a law within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
     found: dict[str, Jump] = {}
     words = _switches(strategy)[0]
+    gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)
     for i, what in enumerate(words):
-        for q, normal in _places(strategy, i, Q, low, high):
+        for q, normal in _places(strategy, i, Q, gaps[:, i], slopes[:, i], low, high):
             one = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
             if one is not None and _more(one, found.get(what)):
                 found[what] = one
@@ -116,16 +117,22 @@ def _more(one: Jump, other: Jump | None) -> bool:
     return other is None or (one.planes, one.level) > (other.planes, other.level)
 
 
-def _places(strategy: Strategy, i: int, Q: Matrix, low: Vector, high: Vector) -> list[tuple[Vector, Vector]]:
-    """(q, unit normal) at places of a box where switch i turns over."""
-    gaps = _gap(strategy)
+def _gaps_at(strategy: Strategy, X: Matrix) -> tuple[Matrix, Array]:
+    """(gaps (N, k), their slopes (N, k, n)) of all switches at postures (N, n)."""
+    gap, slope = _gap(strategy).batch(X)
+    return gap.reshape(len(X), -1), slope.reshape(len(X), -1, X.shape[1])
+
+
+def _places(
+    strategy: Strategy, i: int, Q: Matrix, gap: Vector, slope: Matrix, low: Vector, high: Vector
+) -> list[tuple[Vector, Vector]]:
+    """(q, unit normal) at places of a box where switch i turns over; gap (N,) and slope (N, n) are those at Q."""
 
     def at(X: Matrix) -> tuple[Vector, Matrix]:
-        gap, slope = gaps.batch(X)
-        return gap.reshape(len(X), -1)[:, i], slope.reshape(len(X), -1, X.shape[1])[:, i]
+        gaps, slopes = _gaps_at(strategy, X)
+        return gaps[:, i], slopes[:, i]
 
     with np.errstate(all="ignore"):
-        gap, slope = at(Q)
         far = np.abs(gap) / np.linalg.norm(slope, axis=1)
         near = np.flatnonzero(far <= REACH * np.linalg.norm(high - low))
         X = Q[near[np.argsort(far[near], kind="stable")[:STARTS]]]
