@@ -21,7 +21,7 @@ from .proving import check_certificate
 from .showing import studio
 from .simulating import simulating
 from .survey_commands import surveying
-from .version import __version__
+from .version import build
 
 if TYPE_CHECKING:
     from .job import Job
@@ -66,7 +66,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from .codegen import engine
 
-        show(f"holokin {__version__}, {engine()}")
+        show(f"holokin {build()}, {engine()}")
         raise typer.Exit
 
 
@@ -115,7 +115,7 @@ def run(
                 result = run_job(name, job, file, say)
                 say("drawing")
                 extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
-                folder = write_report(result, out, __version__, extra)
+                folder = write_report(result, out, build(), extra)
                 show_rich(lambda console, result=result: print_result(result, console))
                 show(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n")
                 code = max(code, result.exit_code)
@@ -312,7 +312,7 @@ def certify(
             for title, one in certify_job(opened, file, workspace=workspace, budget=budget, say=say):
                 found[title] = one
     finally:  # after Ctrl-C those that are done
-        files = write_certificates(f"{name}-proof", found, out, __version__) if found else []
+        files = write_certificates(f"{name}-proof", found, out, build()) if found else []
         for written in files:
             show(f"wrote {written}")
     show_rich(lambda console: print_certificates(opened.title, found, console))

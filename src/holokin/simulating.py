@@ -12,7 +12,7 @@ import typer
 from .errors import ArgumentError
 from .exporting import OneJob
 from .outcome import Telling, show, show_rich
-from .version import __version__
+from .version import build
 
 
 def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Callable[..., None]:
@@ -46,7 +46,7 @@ def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Cal
         changes = {key: value for key, value in given.items() if value is not None}
         with telling(name) as say:
             result = simulate_job(name, opened, file, changes, say)
-            result = write_physics(result, out, __version__, say)
+            result = write_physics(result, out, build(), say)
         show_rich(lambda console: print_physics(result, console))
         show(f"  logs, figures, model: {out / result.folder}\n")
         raise typer.Exit(result.exit_code)

@@ -116,7 +116,7 @@ def based(
         fact = (
             f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
         )
-        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from problem
+        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from None
     return (law, center) if base is not None else (_along_self_motion(task, center, units), center)
 
 

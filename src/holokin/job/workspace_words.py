@@ -60,7 +60,7 @@ def parse_workspace(text: str, *, planar: bool = False, at_start: Matrix | None 
         sizes: Any = {name: _sizes(name, found[name])}
         return workspace(**sizes, rotation=rotation, tilt=angles[0], spin=angles[1])
     except HolokinError as problem:
-        raise ArgumentError("the workspace", text, f"{problem}") from problem
+        raise ArgumentError("the workspace", text, f"{problem}") from None
 
 
 def _phrases(text: str) -> dict[str, list[float]]:

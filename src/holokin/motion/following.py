@@ -134,20 +134,20 @@ def _walk(
                 report(done)
         except JointLimitError as problem:
             fact = f"stopped {plan.where(done)}: {problem}"
-            raise LimitReachedError(fact, KEPT, so_far(Status.LIMIT)) from problem
+            raise LimitReachedError(fact, KEPT, so_far(Status.LIMIT)) from None
         except (SingularityError, BranchError, TrackingError) as problem:
             where = plan.where(done)
             undefined = isinstance(problem, SingularityError) and problem.kind is SingularityKind.REPRESENTATION
             beyond = None if undefined else out_of_reach(plan, q, done % plan.steps, limits)
             if beyond is not None:
                 fact = f"stopped {where}: {beyond.fact}"
-                raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from problem
+                raise OutOfReachError(fact, "move or shrink the path", so_far(Status.OUT_OF_REACH)) from None
             fact = f"stopped {where}: {problem.fact if isinstance(problem, PathError) else problem}"
             if isinstance(problem, SingularityError):
                 walk = so_far(Status.SINGULAR)
-                raise PathSingularityError(problem.kind, fact, KEPT, walk) from problem
+                raise PathSingularityError(problem.kind, fact, KEPT, walk) from None
             status = Status.BRANCH if isinstance(problem, BranchError) else Status.LOST
-            raise type(problem)(fact, problem.cure, so_far(status)) from problem
+            raise type(problem)(fact, problem.cure, so_far(status)) from None
     return so_far(Status.COMPLETE)
 
 

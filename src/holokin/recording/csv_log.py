@@ -93,15 +93,20 @@ def csv_pieces(
             if not any(header):
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
                 raise RecordingError(file, fact, cure)
-            try:
-                float(header[0])
-            except ValueError:
-                yield from _pieces(file, header, _told_apart(file, header, wanted(header)), lines, delimiter)
-            else:
+            if _is_number(header[0]):
                 raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
+            yield from _pieces(file, header, _told_apart(file, header, wanted(header)), lines, delimiter)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _told_apart(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:

@@ -214,11 +214,11 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
             fact = (
                 f"has an outline near {some[0].points(np.zeros(1))[0][:2].round(6).tolist()} m that no spline follows"
             )
-            raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from problem
+            raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
     try:
         return Path(tuple(segments), speed)
     except HolokinError as problem:
-        raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from problem
+        raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
 
 
 def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:

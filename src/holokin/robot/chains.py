@@ -63,7 +63,7 @@ class _Builder:
             try:
                 ends.append(self._add(tip, chain))
             except ArgumentError as problem:  # of a joint's limits
-                raise self.tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
+                raise self.tree.problem(f"{problem.what} is {problem.value}", problem.cure) from None
         bodies, shapes, visuals = self._carried_things()
         tree, coordinates = self.tree, tuple(self.coordinates.values())
         return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes, visuals)
@@ -198,7 +198,7 @@ def _check_locked(tree: Tree, joint: Branch, value: object) -> None:
     try:
         limits = joint.coordinate
     except ArgumentError as problem:
-        raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from problem
+        raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from None
     if not limits.lower - TOLERANCES.limit <= value <= limits.upper + TOLERANCES.limit:
         raise ArgumentError(what, value, f"give a value within its limits [{limits.lower:.6g}, {limits.upper:.6g}]")
 

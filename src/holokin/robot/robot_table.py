@@ -53,7 +53,7 @@ def robot_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     except RobotFileError:
         raise
     except HolokinError as problem:
-        raise RobotFileError(path, str(problem), "correct the file") from problem
+        raise RobotFileError(path, str(problem), "correct the file") from None
 
 
 def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:

@@ -95,7 +95,7 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
             fact = f"an element lacks its {e}"
         elif isinstance(e, AttributeError):
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
-        raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from e
+        raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from None
     tree = _tree(str(path), model, Path(path).stem, mesh_finder(path))
     return replace(
         tree, shapes={link: (LinkShape(link, -1, np.eye(4), Unread(str(path), BROKEN)),) for link in tree.links}

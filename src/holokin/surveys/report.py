@@ -11,7 +11,7 @@ from ..errors import HolokinError, SurveyError, brief
 from ..files import replacing
 from ..job.writing import table, toml
 from ..output.page import drawn, page
-from ..version import __version__
+from ..version import build
 from .cases import Case, Cases
 from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import ON_PATH, Findings
@@ -49,7 +49,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
         f"<p class='small'>{len(found):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
         f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
-        f"{survey.cycles} cycles each. holokin {escape(__version__)}.</p>",
+        f"{survey.cycles} cycles each. holokin {escape(build())}.</p>",
         *_stale(cases, found),
         "<h2>By law</h2>",
         found._repr_html_(),
