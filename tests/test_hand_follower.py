@@ -46,7 +46,7 @@ def test_joints_keep_their_limits_and_rest_where_the_hand_does(name: str, dt: fl
         rates = np.abs(np.diff(Q, n=order, axis=0)) / dt**order
         assert (rates <= limit * (1 + 1e-6) + 1e-9 / dt**order).all(), (order, (rates / limit).max())
     assert (robot.beyond(Q).max(axis=1) <= 1e-9).all()
-    assert last is not None and last.settled
+    assert last is not None and last.resting
     assert last.q == pytest.approx(ik(wanted), abs=1e-6)
 
 

@@ -22,17 +22,17 @@ from .nearest_pose import Nearest
 LONGEST = 1.0
 """Longest period of a loop [s]: a longer one is in milliseconds."""
 
-SETTLED = 1e-9
+AT_REST = 1e-9
 """Distance and speed [joint units, and per second] at which the joints have come to rest."""
 
 
 @dataclass(frozen=True, eq=False)
-class Followed(NoTruthValue, Value, ask="`.settled`"):
+class Followed(NoTruthValue, Value, ask="`.resting`"):
     """What a call commands: joints q (n,), their rates dq and accelerations ddq, one period after the last call.
 
     nearest: the answer of `ik.nearest`, whose posture the joints go to; its status says what is wrong with a pose.
     behind: largest distance of a joint from there [joint units]. While it is not zero the joints go straight, and their
-    posture is near the leaf, not on it. settled: the joints rest where they belong.
+    posture is near the leaf, not on it. resting: the joints rest where they belong.
     """
 
     q: Vector
@@ -40,7 +40,7 @@ class Followed(NoTruthValue, Value, ask="`.settled`"):
     ddq: Vector
     nearest: Nearest
     behind: float
-    settled: bool
+    resting: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,8 @@ class HandFollower(Value):
             out.pass_to_input(state)
             here, speed = np.array(out.new_position), np.array(out.new_velocity)
             behind = float(np.abs(target - here).max())
-            settled = not found.moving and behind <= SETTLED and float(np.abs(speed).max()) <= SETTLED
-            return Followed(frozen(here), frozen(speed), frozen(np.array(out.new_acceleration)), found, behind, settled)
+            resting = not found.moving and behind <= AT_REST and float(np.abs(speed).max()) <= AT_REST
+            return Followed(frozen(here), frozen(speed), frozen(np.array(out.new_acceleration)), found, behind, resting)
 
         return follow
 
