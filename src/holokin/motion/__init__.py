@@ -4,6 +4,7 @@ from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller
 from .entering import approach
 from .following import follow
+from .hand_motion import Followed, HandFollower, hand_follower
 from .inverse_kinematics import InverseKinematics, inverse
 from .leaf import leaf_value, move_to_leaf
 from .nearest_pose import Nearest
@@ -25,6 +26,8 @@ __all__ = [
     "Controller",
     "Directions",
     "Drift",
+    "Followed",
+    "HandFollower",
     "InverseKinematics",
     "InverseStatus",
     "JointLoad",
@@ -47,6 +50,7 @@ __all__ = [
     "controller",
     "drift",
     "follow",
+    "hand_follower",
     "has_leaf",
     "inverse",
     "leaf_value",
