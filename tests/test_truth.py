@@ -16,8 +16,8 @@ from holokin.types import NoTruthValue
 NO_QUESTION = {
     # what is asked about, and settings
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Coordinates", "Cost", "DHRow", "Directions",
-    "Expressions",
-    "FrameExpressions", "FrameStrategy", "HandFollower", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
+    "Expressions", "HandFollower",
+    "FrameExpressions", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant", "Polynomial",
     "PostureTask", "Push", "Recording", "Robot", "RowExpressions", "RowStrategy", "SelfMotion", "SelfMotions",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
