@@ -137,6 +137,15 @@ def test_no_value_of_any_control_is_taken_that_the_page_could_not_set(shown: Any
     lives(shown)
 
 
+@pytest.mark.parametrize("value", [-1.0, 0.5, 2.0])
+def test_a_number_between_ends_of_numpy_can_be_sent_on(value: float) -> None:
+    """A slider of a joint has its limits as ends, and an array's numbers are no message."""
+    from holokin.studios.incoming import between
+
+    found = between(value, np.float64(0.0), np.float64(1.0))
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(found)) == min(max(value, 0.0), 1.0)
+
+
 @pytest.mark.parametrize(("sent", "kept"), [(1e308, 10_000), (-7, 0), (2.6, 3), (12, 12), (2**63 - 1, 10_000)])
 def test_a_number_of_cycles_is_clamped_before_anyone_else_hears_of_it(shown: Any, sent: float, kept: int) -> None:
     cycles = shown.studio.page.panels.cycles

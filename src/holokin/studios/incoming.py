@@ -215,7 +215,7 @@ def between(value: Any, low: float | None, high: float | None) -> float:
     """A number within bounds, FAR where there are none. Raises: Refused: it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise Refused
-    return min(max(float(value), -FAR if low is None else low), FAR if high is None else high)
+    return float(min(max(float(value), -FAR if low is None else low), FAR if high is None else high))  # NumPy ends, too
 
 
 @singledispatch
