@@ -52,7 +52,7 @@ EXAMPLES = {
     "two_hands.py": "pseudo-inverse: 0.03074, 0.06097, 0.0907",
     "allocation.py": "pseudo-inverse: 0.03966, 0.07726, 0.1243 off",
     "weld_seam.py": "irb140: pseudo-inverse 0.09617, 0.1894, 0.2778 rad off",
-    "timed_program.py": "arm7: 2.120 s",
+    "timed_program.py": "arm7: 2.096 s",
     "elbow_up.py": "the elbow ends up to 114 mm aside",
     "ur_on_a_rail.py": "the rail is at [0.4   0.77  1.007 1.121 1.168] m",
     "drill_with_free_spin.py": "joints 3 and 7 held: [0. 0. 0. 0. 0. 0.] rad off",
