@@ -11,9 +11,11 @@ import contextlib
 import inspect
 import os
 import signal
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,12 @@ BAD: dict[str, Any] = {
     "-1": -1, "1e308": 1e308, "dict": {"a": 1}, "deep": [[[0.0]]],
 }  # fmt: skip
 """What an argument is replaced by; another robot's task comes as well."""
+
+QUICK = 53
+"""Of so many calls one is made with --quick."""
+
+MOST = 0.05
+"""Share of calls that may raise what is not holokin's: 3.5 % did when it was last counted, 270 of 7,766."""
 
 SECONDS = 5
 """Longest time of one call: longer ones are stopped and not counted."""
@@ -132,8 +140,8 @@ def bad_calls() -> Iterator[tuple[str, Callable[[], Any]]]:
                 yield f"{name}({spoilt.name}={kind})", lambda f=function, a=given, n=named: f(*a, **n)
 
 
-def campaign() -> tuple[int, list[tuple[str, str]]]:
-    """(bad calls, those that raised what is not holokin's: (call, error))."""
+def campaign(every: int = 1) -> tuple[int, list[tuple[str, str]]]:
+    """Of each so many-th call (bad calls, those that raised what is not holokin's: (call, error))."""
 
     def stop(*_told: Any) -> None:
         raise _TooLongError
@@ -144,7 +152,7 @@ def campaign() -> tuple[int, list[tuple[str, str]]]:
         warnings.simplefilter("ignore")
         os.chdir(folder)
         try:
-            for name, call in bad_calls():
+            for name, call in islice(bad_calls(), 0, None, every):
                 count += 1
                 signal.alarm(SECONDS)
                 try:
@@ -160,8 +168,14 @@ def campaign() -> tuple[int, list[tuple[str, str]]]:
     return count, faults
 
 
-if __name__ == "__main__":
-    total, found = campaign()
+def main() -> int:
+    """Prints what raised; 1 where more than `MOST` of the calls did."""
+    total, found = campaign(QUICK if "--quick" in sys.argv else 1)
     for call, error in found:
         print(f"{call}: {' '.join(error.split())[:120]}")
     print(f"{total} bad calls, {len(found)} raised errors that are not holokin's")
+    return int(len(found) > MOST * total)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
