@@ -16,7 +16,7 @@ from ..symbolic import SX, atan2, cross, dot, norm_2, vertcat
 from ..task import Task
 from ..types import ArrayLike, Vector, numbers
 from .arm_geometry import find_arm
-from .base import Constraint, least
+from .base import Constraint, least, nothing_jumps
 
 
 @made
@@ -74,7 +74,9 @@ def arm_angle(
 
     seen = _Seen(joints, conventional, V, R, tip)
     margin = least([distance for _, distance in seen.places])
-    return Constraint(f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places)
+    return Constraint(
+        f"arm angle ({definition})", 1, seen.angle, (True,), margin, places=seen.places, formulas=nothing_jumps
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +149,7 @@ def height(*joints: str | int) -> Constraint:
         return vertcat(*(_origin(task, k, joint)[2] for joint in joints))
 
     name = f"height of {', '.join(j if isinstance(j, str) else f'q[{j}]' for j in joints)}"
-    return Constraint(name, len(joints), expression, (False,) * len(joints))
+    return Constraint(name, len(joints), expression, (False,) * len(joints), formulas=nothing_jumps)
 
 
 def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:

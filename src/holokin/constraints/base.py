@@ -12,7 +12,7 @@ import numpy as np
 from ..arguments import Made, made, typed
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
-from ..symbolic import SX, Transport, as_expression, fmin, jacobian, vertcat, wrapped, written
+from ..symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
 from ..task import Task
 from ..types import Array, ArrayLike, Value, finite, frozen, whole
 from .implicit import Implicit
@@ -30,6 +30,7 @@ class Constraint(Made, Value):
     the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
     same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
     `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
+    `formulas` gives those parts of g that may jump, as what a user wrote; without it all of g is looked at.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Constraint(Made, Value):
     transport: Transport | None = None
     places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
     implicit: Implicit | None = None
+    formulas: Callable[[Task, Kinematics, SX], list[Formula]] | None = None
 
     @typed
     def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
@@ -103,7 +105,7 @@ def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
             raise ShapeError("the matrix of a linear constraint", (len(A), task.n), A.shape, f"the joints are {joints}")
         return SX(A) @ q
 
-    return Constraint(name, len(A), expression, (False,) * len(A))
+    return Constraint(name, len(A), expression, (False,) * len(A), formulas=nothing_jumps)
 
 
 @made
@@ -122,7 +124,7 @@ def lock(*joints: str | int, name: str = "lock") -> Constraint:
     def expression(task: Task, _k: Kinematics, q: SX) -> SX:
         return vertcat(*(q[task.robot.joint_index(joint)] for joint in joints))
 
-    return Constraint(name, len(joints), expression, (False,) * len(joints))
+    return Constraint(name, len(joints), expression, (False,) * len(joints), formulas=nothing_jumps)
 
 
 @made
@@ -138,6 +140,7 @@ def stack(*constraints: Constraint) -> Constraint:
         _least_margin(constraints),
         places=_places(constraints),
         implicit=joined(constraints, lambda _task, _k, values: vertcat(*values)),
+        formulas=formulas_of(constraints),
     )
 
 
@@ -171,7 +174,7 @@ def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> C
     name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
     return Constraint(
         name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints),
-        implicit=joined(constraints, sum_of),
+        implicit=joined(constraints, sum_of), formulas=formulas_of(constraints),
     )  # fmt: skip
 
 
@@ -202,6 +205,11 @@ def tilted(
     def slopes(task: Task, k: Kinematics, q: SX) -> SX:
         return constraint.slopes(task, k, q) - jacobian(tilt(task, k), q)
 
+    def of_pose(task: Task, k: Kinematics) -> Formula:
+        at = (chart or task).value_expression(k)
+        x = symbol("x", at.shape[0])
+        return Formula(written(f"the tilt of {constraint.name}", rho, x), x, at, constraint.angular)
+
     looped = constraint.looped and tilted(constraint.looped, rho, chart=chart, name=name)
     return Constraint(
         name or f"tilted {constraint.name}",
@@ -214,6 +222,7 @@ def tilted(
         constraint.transport,
         constraint.places,
         joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
+        formulas_of([constraint], lambda task, k, _q: [of_pose(task, k)]),
     )
 
 
@@ -224,6 +233,25 @@ def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinemati
 
 def _places(constraints: Sequence[Constraint]) -> tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...]:
     return tuple(place for c in constraints for place in c.places)
+
+
+def nothing_jumps(_task: Task, _k: Kinematics, _q: SX) -> list[Formula]:
+    """The formulas of a constraint that the library writes down, and that is continuous wherever it is defined."""
+    return []
+
+
+def formulas_of(
+    constraints: Sequence[Constraint], more: Callable[[Task, Kinematics, SX], list[Formula]] = nothing_jumps
+) -> Callable[[Task, Kinematics, SX], list[Formula]]:
+    """The formulas of several constraints, and more of them: `Constraint.formulas` of what they make together."""
+
+    def formulas(task: Task, k: Kinematics, q: SX) -> list[Formula]:
+        found = more(task, k, q)
+        for c in constraints:
+            found += [Formula(c.expand(task, k, q), q, q, c.angular)] if c.formulas is None else c.formulas(task, k, q)
+        return found
+
+    return formulas
 
 
 def least(margins: Sequence[Callable[[Task, Kinematics, SX], SX]]) -> Callable[[Task, Kinematics, SX], SX]:

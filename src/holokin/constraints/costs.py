@@ -12,7 +12,7 @@ from ..arguments import Made, made
 from ..errors import ArgumentError, ShapeError
 from ..frames import TipFrame
 from ..robot import Kinematics, link_jacobian, potential_expression
-from ..symbolic import SX, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
+from ..symbolic import SX, Formula, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
 from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
 from ..task import Task
 from ..task_kinds import FrameTask
@@ -75,9 +75,13 @@ def stationary(
         a, _ = split(task)
         return factorise(task.jacobian_expression(k, q)[:, a]).rcond()
 
+    def formulas(task: Task, k: Kinematics, q: SX) -> list[Formula]:
+        slope = jacobian(U.smooth(task, k, q), q).T if U.smooth is not None else gradient(task, k, q)
+        return [Formula(slope, q, q, (False,) * task.n)]
+
     return Constraint(
         label, rows, expression, (False,) * rows, margin if free is not None else None,
-        implicit=_null_space_implicit(U, gradient, split, rows, free is not None),
+        implicit=_null_space_implicit(U, gradient, split, rows, free is not None), formulas=formulas,
     )  # fmt: skip
 
 

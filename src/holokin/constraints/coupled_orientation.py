@@ -11,7 +11,7 @@ from ..robot import Kinematics
 from ..symbolic import SX
 from ..task import Task
 from ..types import ArrayLike
-from .base import Constraint, as_gain
+from .base import Constraint, as_gain, nothing_jumps
 
 
 @made
@@ -43,4 +43,6 @@ def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = 
     def margin(_task: Task, k: Kinematics, _q: SX) -> SX:
         return angles.margin(k.rotation)
 
-    return Constraint(f"coupled ({orientation})", len(chosen), expression, (True,) * len(chosen), margin)
+    return Constraint(
+        f"coupled ({orientation})", len(chosen), expression, (True,) * len(chosen), margin, formulas=nothing_jumps
+    )

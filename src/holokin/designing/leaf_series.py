@@ -13,7 +13,7 @@ import numpy as np
 
 from ..analysis import Deviation
 from ..arguments import made
-from ..constraints import Constraint
+from ..constraints import Constraint, formulas_of
 from ..errors import ArgumentError, posture_text
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic
@@ -83,7 +83,8 @@ def along_leaves(task: Task, base: Constraint, series: Series, *, name: str = "n
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
         return series(series.coordinates.chart.value_expression(k), base.expand(bound, k, q))
 
-    return holonomic(task, Constraint(name, base.rows, expression, base.angular, base.margin), name=name)
+    constraint = Constraint(name, base.rows, expression, base.angular, base.margin, formulas=formulas_of([base]))
+    return holonomic(task, constraint, name=name)
 
 
 @dataclass(frozen=True, eq=False)

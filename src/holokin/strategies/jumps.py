@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SingularityError
-from ..symbolic import SX, Function, jacobian, switches, vertcat
+from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
 from ..types import Array, Matrix, Value, Vector, kept
 from .base import Strategy
 from .kinds import HolonomicStrategy
@@ -71,8 +71,10 @@ def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
     if strategy.transport is not None or strategy.looped is not strategy:
         return (), SX(0, 1), SX(0, 1)
     if isinstance(strategy, HolonomicStrategy):
-        g = strategy.constraint_expression
-        found = [switches(g[i], e.q, angle=flag) for i, flag in enumerate(strategy.constraint.angular)]
+        c, k = strategy.constraint, e.kinematics
+        whole = Formula(strategy.constraint_expression, e.q, e.q, c.angular)
+        formulas = [whole] if c.formulas is None else c.formulas(strategy.task, k, e.q)
+        found = [one for formula in formulas for one in switches_of(formula)]
     else:
         found = [switches(e.planes, e.q, reflected=True)]
     words = tuple(word for one in found for word in one.words)

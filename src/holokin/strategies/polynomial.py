@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from ..arguments import made
-from ..constraints import Constraint
+from ..constraints import Constraint, nothing_jumps
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
@@ -80,7 +80,11 @@ def fitted(
         return SX(Z.T) @ (q - SX(q0)) + SX(coefficients.T) @ terms
 
     constraint = Constraint(
-        name or f"fitted {strategy.name}", task.n - task.m, expression, (False,) * (task.n - task.m)
+        name or f"fitted {strategy.name}",
+        task.n - task.m,
+        expression,
+        (False,) * (task.n - task.m),
+        formulas=nothing_jumps,
     )
     return holonomic(task, constraint)
 

@@ -34,7 +34,7 @@ from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
-from .switching import switches
+from .switching import Formula, switches, switches_of
 from .taylor import TaylorModel
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "Enclosure",
     "Evaluator",
     "Factorisation",
+    "Formula",
     "Function",
     "NearestPoint",
     "Solution",
@@ -84,6 +85,7 @@ __all__ = [
     "substitute",
     "sumsqr",
     "switches",
+    "switches_of",
     "symbol",
     "transport",
     "vec",

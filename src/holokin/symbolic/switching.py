@@ -27,6 +27,29 @@ class Switches:
     state: ca.SX
 
 
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An expression (k,) of variables (m,) of its own, which are `at` (m,), an expression of q. angular: of which rows
+    the values are angles."""
+
+    expression: ca.SX
+    variables: ca.SX
+    at: ca.SX
+    angular: tuple[bool, ...]
+
+
+def switches_of(formula: Formula) -> list[Switches]:
+    """The switches of a formula's rows, as expressions of q."""
+    found = []
+    for i, flag in enumerate(formula.angular):
+        one = switches(formula.expression[i], formula.variables, angle=flag)
+        if one.words:
+            gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
+            one = Switches(one.words, gap, state)
+        found.append(one)
+    return found
+
+
 def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: bool = False) -> Switches:
     """The switches of an expression of q. What is a kink at most, as of fabs, fmin and fmax, is none.
 
