@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from holokin.base.types import Array
 from holokin.export import Exported
-from holokin.types import Array
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from holokin.types import Matrix
+from holokin.base.types import Matrix
 
 REAL = r"[+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 

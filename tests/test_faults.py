@@ -20,8 +20,8 @@ from benchmarks.kills import deadly, hidden, state
 import holokin as hk
 from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, write_job
 from forked import forked, start
+from holokin.base.files import aside, replacing
 from holokin.errors import WriteError
-from holokin.files import aside, replacing
 from holokin.output.folder import check_folder, renewed
 from sketches import SKETCHED
 
@@ -169,7 +169,7 @@ def test_two_processes_do_not_clear_each_others_unfinished_files(tmp_path: Path)
     with aside(tmp_path) as mine:
         (mine / "half").write_text("a half")
         subprocess.run(
-            [sys.executable, "-c", f"from holokin.files import *; clear(Path({str(tmp_path)!r}))"], check=True
+            [sys.executable, "-c", f"from holokin.base.files import *; clear(Path({str(tmp_path)!r}))"], check=True
         )
         assert (mine / "half").read_text() == "a half"
     assert os.listdir(tmp_path) == []
@@ -265,7 +265,7 @@ def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(
     one = start("run", file, "--out", out, before=lambda: setattr(os, "rename", slow))
     os.close(gap[1])  # so that the end of that process would be heard
     assert os.read(gap[0], 3) == b"gap"
-    monkeypatch.setattr("holokin.files.PATIENCE", 0.2)
+    monkeypatch.setattr("holokin.base.files.PATIENCE", 0.2)
     try:
         other = holokin("run", file, "--out", out)
     finally:

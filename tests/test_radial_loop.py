@@ -16,6 +16,7 @@ import holokin as hk
 from chains import chain
 from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
+from holokin.base.types import Array
 from holokin.codegen import inverse_kernel, native, transport
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
@@ -26,7 +27,6 @@ from holokin.motion.branch import extended_jacobian
 from holokin.motion.leaf import leaf_step
 from holokin.motion.rays import rays_from
 from holokin.strategies import pfaffian
-from holokin.types import Array
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 

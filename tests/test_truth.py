@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin.base.types import NoTruthValue
 from holokin.errors import AmbiguousTruthError
-from holokin.types import NoTruthValue
 
 NO_QUESTION = {
     # what is asked about, and settings

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import check
+from .base.arguments import check
 from .errors import ArgumentError
 from .robot import Robot
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Literal, overload
 
 from . import motion
-from .arguments import typed
+from .base.arguments import typed
+from .base.types import ArrayLike
 from .errors import ArgumentError
 from .proof import Certificate, follow_certified
 from .strategies import Strategy
 from .synchronized_paths import AnyPath
 from .trajectory import Trajectory
-from .types import ArrayLike
 
 
 @overload

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import typed
+from .base.arguments import typed
+from .base.types import ArrayLike, Matrix, Vector, finite
 from .errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
 from .representations import ORIENTATIONS, UP
@@ -16,7 +17,6 @@ from .symbolic import SX, norm_2
 from .symbolic.geometry import frame_about, log_s2
 from .task import Task, chosen_rows
 from .task_kinds import FrameTask, stack
-from .types import ArrayLike, Matrix, Vector, finite
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": UP}
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from .base.progress import progress
 from .errors import ArgumentError
 from .outcome import show
-from .progress import progress
 
 
 def check_certificate(

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from .base.tolerances import TOLERANCES
+from .base.types import Array, Indices, Matrix, Vector
 from .errors import ArgumentError, StartError
 from .path import Samples
 from .synchronized_paths import AnyPath, paths_of
 from .task import Task
-from .tolerances import TOLERANCES
 from .trajectory import Measures, Status, Trajectory
-from .types import Array, Indices, Matrix, Vector
 from .ways import rotation_vector
 
 BLOCK = 1024

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from .base.files import writing
+from .base.progress import progress
 from .errors import ArgumentError
-from .files import writing
 from .outcome import show, show_rich
-from .progress import progress
 
 if TYPE_CHECKING:
     from .surveys import Progress

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
 
-from .arguments import typed
+from .base.arguments import typed
+from .base.progress import progress
 from .errors import ArgumentError
 from .path import Path
-from .progress import progress
 from .robot import Robot
 from .strategies import Strategy
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arguments import typed
+from .base.arguments import typed
+from .base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
 from .errors import ArgumentError, OpenPathError, ShapeError
 from .path import Path, Samples, Segment, as_point, corners_of, line_segment
-from .types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
 
 ALIKE = 1e-12
 """Share of the whole time within which two segments end together."""

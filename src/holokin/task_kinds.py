@@ -14,14 +14,14 @@ from typing import final
 
 import numpy as np
 
-from .arguments import check, typed
+from .base.arguments import check, typed
+from .base.types import Matrix, Vector, finite
 from .errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
 from .frames import Frame, TipFrame
 from .representations import ORIENTATIONS, UP, Representation, representation
 from .robot import Kinematics, Robot
 from .symbolic import SX, fmin, jacobian, vertcat
 from .task import Task
-from .types import Matrix, Vector, finite
 
 
 @final

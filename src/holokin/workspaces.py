@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import typed
-from .errors import ArgumentError, ShapeError
-from .path import as_point
-from .types import (
+from .base.arguments import typed
+from .base.types import (
     Array,
     ArrayLike,
     Flags,
@@ -28,6 +26,8 @@ from .types import (
     tool_pose,
     whole,
 )
+from .errors import ArgumentError, ShapeError
+from .path import as_point
 
 TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))
 """The rotation of a tool whose z axis is -z of the base and whose x axis is x of the base."""

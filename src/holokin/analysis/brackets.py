@@ -11,13 +11,13 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, kept
 from ..errors import ArgumentError
 from ..strategies import Brackets, Expressions, FrameStrategy, Strategy
 from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..task import Task
-from ..types import Array, ArrayLike, Matrix, kept
 
 Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""

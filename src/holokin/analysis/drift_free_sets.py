@@ -7,10 +7,10 @@ from typing import cast
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Value, Vector
 from ..errors import ArgumentError
 from ..strategies import Strategy, correction, self_motion, unit_null
-from ..types import ArrayLike, Value, Vector
 from .brackets import curvature, curvature_function, pairs
 
 

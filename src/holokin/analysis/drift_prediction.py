@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector
 from ..errors import OpenPathError
 from ..path import Path
 from ..sampling import make_plan
 from ..strategies import Strategy
-from ..types import Array, ArrayLike, Matrix, Value, Vector
 from .brackets import curvature
 from .transport import transport
 

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Matrix, Vector, whole
 from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
 from ..strategies import HolonomicStrategy, Jump, Strategy, jumps_of, may_jump
 from ..symbolic import (
@@ -22,8 +24,6 @@ from ..symbolic import (
     symbol,
     written,
 )
-from ..tolerances import TOLERANCES
-from ..types import Array, Matrix, Vector, whole
 from .brackets import curvature_function, pairs
 from .region import Region
 from .search import Scan, examine, maximised, merged, scan

@@ -11,13 +11,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, whole
 from ..errors import NotHolonomicError
 from ..robot import Robot
 from ..strategies import Strategy
 from ..symbolic import Function, jacobian, runge_kutta, symbol
 from ..symbolic.null_space import null_space
-from ..types import ArrayLike, Matrix, Value, Vector, frozen, whole
 from .frobenius import involutivity, involutivity_at
 from .region import around
 from .transport import STEPS, transport, way

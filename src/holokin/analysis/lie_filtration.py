@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategies import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
-from ..types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from .roundoff import COPIES, is_shown, noise, nudged, spread
 from .search import HIDDEN
 

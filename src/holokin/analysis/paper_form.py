@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Value, Vector
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.null_space import null_space
-from ..types import ArrayLike, Matrix, Value, Vector
 from .leaf_functions import leaf_function
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Value, Vector, finite, whole
 from ..errors import ArgumentError, ShapeError, posture_text
-from ..types import ArrayLike, Matrix, Value, Vector, finite, whole
 from ..workspaces import sobol
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Value, Vector, whole
 from ..errors import ArgumentError
 from ..strategies import Strategy, radial, self_motion
 from ..symbolic.null_space import null_space
-from ..types import ArrayLike, Matrix, Value, Vector, whole
 from .brackets import curvature, curvature_function, pairs
 from .region import Ball
 from .transport import transport

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Array, Matrix
+from ..base.types import Array, Matrix
 
 COPIES = 16
 """Copies of a posture that are compared: their mean is known to a quarter of their scatter."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..types import Array, Flags, Indices, Matrix, Vector
+from ..base.types import Array, Flags, Indices, Matrix, Vector
 from .region import Region
 from .roundoff import is_shown, measured, noise
 

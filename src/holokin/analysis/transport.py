@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..strategies import Strategy, checked_rate
 from ..symbolic import runge_kutta
-from ..types import Matrix, Vector
 
 STEPS = 32
 """Runge-Kutta steps of one transport: on segments of 0.5 m and 0.5 rad the error is about 1e-8 rad."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import NoTruthValue, Value, Vector
 from ..errors import posture_text
 from ..strategies import Jump
-from ..types import NoTruthValue, Value, Vector
 from .region import Region
 
 

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.types import Array, Indices, Matrix, Vector
 from ..robot import Robot
-from ..types import Array, Indices, Matrix, Vector
 
 NOISE_STEPS = 12.0
 """Anchors are this many noise levels apart or more, so that noise adds no length."""

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..analysis.brackets import pairs
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, NoTruthValue
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..frame_tasks import pose
 from ..motion import as_control_law
@@ -22,7 +23,6 @@ from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy
 from ..task import Task, of_one_tool
-from ..types import ArrayLike, NoTruthValue
 from .history import ask_history
 from .judge import Repeatability
 from .planes import looked_at, plane_name

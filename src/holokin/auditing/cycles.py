@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import RecordingError
 from ..recording import Recording
 from ..robot import Robot
-from ..types import Array, Indices, Matrix, Vector
 from .arcs import BLOCK, NOISE_STEPS, ToolMotion, ToolPath, tool_path
 from .period import Period, find_period, repeating
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..motion import ControlLaw, Step
 from ..path import Path
-from ..types import Matrix, Vector
 from .questions import ALIKE, Answer, AuditSetup, largest
 
 PLACES = 5

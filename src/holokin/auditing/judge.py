@@ -7,8 +7,8 @@ from enum import Enum
 
 import numpy as np
 
+from ..base.types import Array, Matrix, NoTruthValue, Vector
 from ..task import Task
-from ..types import Array, Matrix, NoTruthValue, Vector
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..frame_tasks import pose, position
 from ..recording import Recording
 from ..robot import Robot
-from ..types import Indices, Matrix, Vector
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles

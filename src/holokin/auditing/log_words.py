@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Vector
+from ..base.types import Vector
 from .cycles import Cycles
 from .judge import Distance
 from .trend import DriftTrend

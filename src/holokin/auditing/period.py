@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Matrix
+from ..base.types import Matrix
 from .arcs import ToolMotion, ToolPath, tool_path
 
 CLOSE = 0.05

@@ -13,12 +13,12 @@ import numpy as np
 
 from ..analysis.brackets import pairs
 from ..analysis.drift_free_sets import self_motion
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import ControlLaw, simulate
 from ..path import Path
 from ..task import Task
 from ..trajectory import Trajectory, whole_turns
-from ..types import Matrix, Vector
 from .judge import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Array, Matrix, Vector
+from ..base.types import Array, Matrix, Vector
 from .visits import Visits
 
 CONFIDENCE = 0.99

@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from ..types import Matrix, NoTruthValue, Vector
+from ..base.types import Matrix, NoTruthValue, Vector
 from .scatter import (
     ALIKE,
     CONFIDENCE,

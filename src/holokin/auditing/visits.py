@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Vector
 from ..symbolic.null_space import null_space
-from ..types import Array, Matrix, Vector
 
 MOST_GAIN = 3.0
 """Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import not_negative, number
 from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length, with_capsules
 from ..robot.capsules import SLENDER
 from ..task import Task
-from ..types import not_negative, number
 from .joints import limit_findings, singular_findings
 from .motions import Motion, motion_of
 from .pairs import Pairs, pairs_of

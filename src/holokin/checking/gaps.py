@@ -10,10 +10,10 @@ from typing import Any, final
 
 import numpy as np
 
+from ..base.types import Array, Indices, Matrix, Value, Vector, frozen
 from ..robot import Capsule, LinkShape, Robot, Shape
 from ..robot.geometry import coal_package, lowest
 from ..robot.numeric import Frames, placed
-from ..types import Array, Indices, Matrix, Value, Vector, frozen
 
 FLOOR = "floor"
 """The name of the floor in findings."""

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Flags, Vector
 from ..robot import Robot
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Flags, Vector
 from .motions import Motion
 from .report import Finding, FindingKind
 

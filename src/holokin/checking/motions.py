@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError, NotFiniteError
 from ..motion import TimedTrajectory
 from ..recording import Recording
 from ..robot import Robot
 from ..trajectory import Trajectory
-from ..types import Matrix, Value, Vector
 from .report import FindingKind
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)

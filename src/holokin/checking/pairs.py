@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Matrix, Value, Vector
 from ..errors import UnknownNameError
 from ..robot import Capsule, LinkShape, Robot
 from ..robot.numeric import joint_frames
-from ..types import Matrix, Value, Vector
 from .gaps import Gap, floor_gap, link_gap, links_of
 from .report import LeftOut, Unseen
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
-from ..files import replacing
-from ..types import NoTruthValue
+from ..base.arguments import typed
+from ..base.files import replacing
+from ..base.types import NoTruthValue
 
 MOST_TOLD = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""

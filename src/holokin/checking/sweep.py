@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Indices, Matrix, Value, Vector
 from ..robot import Robot
 from ..robot.numeric import joint_frames
-from ..types import Indices, Matrix, Value, Vector
 from .gaps import Gap
 
 ACCURACY = 1e-3

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Array, Vector
+from ..base.types import Array, Vector
 from .emit import SCALAR, prelude
 from .kernel import LONG
 from .native import library

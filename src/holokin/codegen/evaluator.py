@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Array
 from ..errors import NativeError
-from ..types import Array
 from .emit import SCALAR, prelude
 from .kernel import LARGEST, LONG
 from .later import later

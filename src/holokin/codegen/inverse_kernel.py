@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Indices, Matrix, Vector
+from ..base.types import Indices, Matrix, Vector
 from .emit import SCALAR, prelude
 from .evaluator import bound_call
 from .kernel import LONG

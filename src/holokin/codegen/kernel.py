@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import ROTATION, Array, Indices, whole
 from ..errors import NativeError
-from ..types import ROTATION, Array, Indices, whole
 from .emit import LANES, SCALAR, prelude
 from .native import extension, library
 from .program import Program, Shapes

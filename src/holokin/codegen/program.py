@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..types import Array
+from ..base.types import Array
 from .transport import Transport
 
 Shapes = Sequence[tuple[int, ...]]

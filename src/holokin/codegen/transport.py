@@ -12,7 +12,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from ..types import Vector
+from ..base.types import Vector
 from .emit import emit, prelude
 
 SHARES, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, Vector, numbers
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Kinematics
 from ..symbolic import SX, atan2, cross, dot, norm_2, vertcat
 from ..task import Task
-from ..types import ArrayLike, Vector, numbers
 from .arm_geometry import find_arm
 from .base import Constraint, least, nothing_jumps
 

@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..arguments import Made, made, typed
+from ..base.arguments import Made, made, typed
+from ..base.types import Array, ArrayLike, Value, finite, frozen, whole
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
 from ..task import Task
-from ..types import Array, ArrayLike, Value, finite, frozen, whole
 from .implicit import Implicit
 
 Levels = TypeVar("Levels", SX, Array)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import Made, made
+from ..base.arguments import Made, made
+from ..base.types import ArrayLike, Value, Vector, finite, frozen
 from ..errors import ArgumentError, ShapeError
 from ..frames import TipFrame
 from ..robot import Kinematics, link_jacobian, potential_expression
@@ -16,7 +17,6 @@ from ..symbolic import SX, Formula, directional, factorise, jacobian, log, norm_
 from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
 from ..task import Task
 from ..task_kinds import FrameTask
-from ..types import ArrayLike, Value, Vector, finite, frozen
 from .base import Constraint
 from .implicit import Implicit
 

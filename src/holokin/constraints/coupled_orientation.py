@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike
 from ..errors import ArgumentError
 from ..representations import three_angles
 from ..robot import Kinematics
 from ..symbolic import SX
 from ..task import Task
-from ..types import ArrayLike
 from .base import Constraint, as_gain, nothing_jumps
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..base.types import Value, Vector
 from ..robot import Kinematics
 from ..symbolic import SX
 from ..task import Task
-from ..types import Value, Vector
 
 
 @dataclass(frozen=True, eq=False)

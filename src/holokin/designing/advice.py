@@ -8,9 +8,9 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from ..base.types import Flags, NoTruthValue, Value, Vector
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..types import Flags, NoTruthValue, Value, Vector
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
 from .tips import Chain

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..types import Array, Matrix, Value, Vector
+from ..base.types import Array, Matrix, Value, Vector
 from .bfgs import Cost, descend
 from .coordinates import monomials_up_to
 from .objectives import Costs, Slopes

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 
 FIRST = 0.1
 """Length of the first step."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix, Value, Vector
 from ..constraints import (
     Constraint,
     arm_angle,
@@ -25,7 +26,6 @@ from ..constraints import (
 from ..errors import NoArmError, NotFiniteError
 from ..strategies import HolonomicStrategy, holonomic
 from ..task import Task
-from ..types import Matrix, Value, Vector
 from .starts import locked_joints
 
 TURNED = 1e-3

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.files import write_csv
+from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen
 from ..errors import brief
-from ..files import write_csv
-from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen
 from ..workspaces import Workspace
 
 FAR_TURN = np.pi / 2

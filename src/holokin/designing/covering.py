@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..motion import InverseStatus, inverse, leaf_value
 from ..motion.leaf import leaf_step
 from ..motion.reach import nearest_postures
-from ..progress import progress
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
 from ..task import Task, of_one_tool
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Indices, Matrix, Vector
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage, PoseStatus, Reach
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..constraints import Constraint, linear, tilted
 from ..errors import OutOfReachError, PathError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import Array, Flags, Matrix, Value, Vector
 from .best_section import Limits, Search
 from .coordinates import Coordinates, Polynomial, monomials_up_to
 from .law_metrics import SectionMetrics, measured, reached

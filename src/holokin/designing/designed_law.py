@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, not_negative, whole
 from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..task import Task, of_one_tool
-from ..types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, not_negative, whole
 from ..workspaces import Workspace
 from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits

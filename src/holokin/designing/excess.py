@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..strategies.self_motions import SelfMotions
-from ..types import Array, Flags, Matrix, Value, Vector
 from .advice import CLOSE, EASY, EQUAL
 from .coordinates import Coordinates
 from .lower_bound import least_slopes

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import OutOfReachError
 from ..motion import inverse
 from ..motion.solutions import InverseStatus
 from ..strategies import HolonomicStrategy
-from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..workspaces import Workspace
 from .coordinates import Coordinates, chart_of, coordinates_of
 from .objectives import Costs, Objective, as_objective, costs_of

@@ -12,14 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from ..analysis import Deviation
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import Array, Matrix, Value, Vector
 from ..constraints import Constraint, formulas_of
 from ..errors import ArgumentError, posture_text
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ..task import Task
-from ..types import Array, Matrix, Value, Vector
 from .bfgs import Cost, descend
 from .coordinates import Coordinates, monomials, monomials_up_to
 from .section import TiltedLeaves

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
 from ..ways import straight
 
 FIRST = 0.35

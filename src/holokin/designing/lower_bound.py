@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Matrix, Value, Vector
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
-from ..tolerances import TOLERANCES
-from ..types import Array, Matrix, Value, Vector
 from .coordinates import Coordinates
 from .objectives import POWER, Costs
 from .pose_postures import STARTS, Cost, PosePostures, postures_at_poses

@@ -23,14 +23,14 @@ import numpy as np
 
 from ..analysis import Ball, Deviation, Region
 from ..analysis.repeatable_distance import distance_to_repeatable
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, Value, Vector, frozen, whole
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
 from ..task import Task, of_one_tool
-from ..types import Matrix, Value, Vector, frozen, whole
 from ..workspaces import Cylinder, Sphere, sobol
 from .coordinates import chart_of, coordinates_of
 from .leaf_series import SampledSeries, along_leaves, series_over

@@ -14,10 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arguments import check
+from ..base.arguments import check
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Robot
-from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
 
 POWER = 24
 """Exponent of the smooth greatest value, (mean a^p)^(1/p): of 256 numbers one of which stands out it is 21 % too low,

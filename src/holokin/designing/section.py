@@ -16,11 +16,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Value, Vector
 from ..errors import SingularityError, SingularityKind
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, dot, gradient, symbol, vec
-from ..types import Array, Matrix, Value, Vector
 from .coordinates import Coordinates, Terms, values_and_slopes
 from .objectives import Slopes
 

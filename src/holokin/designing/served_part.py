@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from ..types import Array
+from ..base.types import Array
 from ..workspaces import PoseRange
 
 HALVINGS = 7

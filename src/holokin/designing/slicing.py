@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Flags, Indices, Value, Vector, whole
 from ..strategies import HolonomicStrategy
-from ..types import Array, ArrayLike, Flags, Indices, Value, Vector, whole
 from ..workspaces import PoseRange, pose_cloud
 from .covered import Coverage
 from .covering import coverage

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..frame_tasks import pose, position
 from ..motion.reach import nearest_postures
 from ..robot import Robot
 from ..task import Task
-from ..types import Flags, Matrix, Vector
 
 POSTURES = 2000
 """Postures looked at for a start: among so many random ones of seven joints some are far from singular."""

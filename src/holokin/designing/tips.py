@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Value
 from ..errors import ArgumentError, RobotFileError
 from ..robot import Robot, is_model, load, model_links, model_root
-from ..types import Value
 
 WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
 """Parts of names that links for tools have, the plainest first."""

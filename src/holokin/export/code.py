@@ -13,6 +13,8 @@ from unicodedata import category
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import ROTATION, Vector
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
 from ..frames import poses_expression
@@ -24,8 +26,6 @@ from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import ROTATION, Vector
 
 SINGULAR_FLOAT, REPRESENTATION_FLOAT = 2e-3, 5e-3
 """rcond, and distance from a representation's singularity, below which single precision is called singular: at

@@ -11,10 +11,10 @@ from datetime import datetime
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import whole
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from ..types import whole
 from .program import Program, Targets, Wiring, header, program_name, targets
 
 NAME, SHORT = 36, 8

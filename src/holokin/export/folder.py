@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.files import alone, aside, replace_files, uninterrupted, writing
+from ..base.types import ArrayLike, number, whole
 from ..errors import ArgumentError
-from ..files import alone, aside, replace_files, uninterrupted, writing
 from ..motion.branch import enclosed_change, extended_jacobian
 from ..strategies import HolonomicStrategy, Strategy
-from ..types import ArrayLike, number, whole
 from ..version import __version__
 from .code import Source, header, library, line, text, wrapper
 from .vectors import selftest, vectors, vectors_header

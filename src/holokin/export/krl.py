@@ -6,7 +6,7 @@ E6AXIS, PTP_SPLINE, SPTP, TIME_BLOCK; names of at most 24 characters.
 
 from __future__ import annotations
 
-from ..arguments import typed
+from ..base.arguments import typed
 from ..motion import TimedTrajectory
 from .program import Program, Wiring, header, program_name, targets
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import check, typed
+from ..base.arguments import check, typed
+from ..base.files import replacing, writing
+from ..base.types import Indices, Matrix, Value, Vector, number, positive
 from ..errors import ArgumentError, ExportError, UnknownNameError
-from ..files import replacing, writing
 from ..motion import TimedTrajectory
 from ..robot import FARTHEST
-from ..types import Indices, Matrix, Value, Vector, number, positive
 from ..version import __version__
 
 Entry = str | float

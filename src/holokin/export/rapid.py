@@ -6,7 +6,7 @@ jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers of at 
 
 from __future__ import annotations
 
-from ..arguments import typed
+from ..base.arguments import typed
 from ..motion import TimedTrajectory
 from .program import Program, Wiring, header, program_name, targets
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.files import writing
+from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError
-from ..files import writing
 from ..motion import TimedTrajectory
-from ..types import Indices, positive
 from .program import Program, Wiring, chosen, deviation, header
 
 NANO = 10**9

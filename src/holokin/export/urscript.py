@@ -5,10 +5,10 @@ Grammar: Universal Robots, "The URScript Programming Language" (version 5): move
 
 from __future__ import annotations
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Vector
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from ..types import Vector
 from .program import Program, Wiring, header, program_name, targets
 
 STEPS = (0.002, 0.008)

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, HolokinError
 from ..motion.branch import extended_jacobian
 from ..motion.leaf import leaf_follower, leaf_step, straight_way, tool_at
 from ..motion.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
 
 REACH = 0.5

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from ..analysis import MOST_JOINTS
+from ..base.types import Vector
 from ..errors import (
     BranchError,
     HolokinError,
@@ -23,7 +24,6 @@ from ..motion import move_to_leaf
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
-from ..types import Vector
 from .read import dotted
 from .robot_tables import robot_of_job
 from .schema import Job

@@ -8,13 +8,13 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from ..base.types import Matrix, Value, Vector
 from ..designing import Reach, coverage, coverage_slices, posture_reach
 from ..errors import JobError
 from ..output.result import StrategyResult
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..types import Matrix, Value, Vector
 from ..workspaces import PoseRange, Workspace, workspace
 from .build import naming
 from .schema import Job, WorkspaceTable

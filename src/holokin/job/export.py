@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
+from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategies import Strategy
-from ..types import Vector
 from .build import build_begin, build_strategy, build_tasks, naming
 from .schema import Job
 

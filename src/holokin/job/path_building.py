@@ -7,6 +7,8 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, BranchError, JobError, PathError, SingularityError, posture_text
 from ..motion import approach
 from ..path import (
@@ -27,8 +29,6 @@ from ..strategies import Strategy
 from ..symbolic import Function, parse, symbol
 from ..synchronized_paths import AnyPath
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
 from ..ways import rotation_vector
 from .path_tables import PathTable
 from .schema import Job

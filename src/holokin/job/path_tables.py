@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ..base.types import Matrix
 from ..robot import FARTHEST
-from ..types import Matrix
 from .robot_tables import MOST_PARTS, FrameTable, Names, Three
 from .table import Formula, Length, Number, Positive, Table
 

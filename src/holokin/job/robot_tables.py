@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
+from ..base.types import Matrix
 from ..path import frame_pose
 from ..robot import Robot, assembled, beside, coordinates, load, with_limits
-from ..types import Matrix
 from .table import Length, Number, Numbers, Table
 
 MOST_PARTS = 32

@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..analysis import around, involutivity
+from ..base.types import Vector
 from ..errors import (
     ArgumentError,
     EmptyRegionError,
@@ -33,7 +34,6 @@ from ..symbolic import Function
 from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..trajectory import Status, Trajectory
-from ..types import Vector
 from .build import (
     build_begin,
     build_strategy,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
+from ..base.types import Vector
 from ..errors import ArgumentError, JobError
 from ..synchronized_paths import AnyPath, synchronized
 from ..task import Task
 from ..task_kinds import parts_of
-from ..types import Vector
 from .path_building import build_path
 from .schema import Job
 

@@ -12,13 +12,13 @@ from pydantic import AfterValidator, Field, model_validator
 
 from .. import constraints, strategies
 from ..analysis import ball, ball_postures
+from ..base.types import Vector, finite
 from ..constraints import Constraint
 from ..designing import Coordinates, Polynomial, chart_of
 from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..task import Task
-from ..types import Vector, finite
 from .table import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100

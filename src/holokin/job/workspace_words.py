@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix
 from ..errors import ArgumentError, HolokinError
 from ..recording import read_workspace
 from ..symbolic.geometry import rotation_from_rpy
-from ..types import Matrix
 from ..workspaces import Workspace, workspace
 from .covering import build_workspace
 from .read import read_workspace_table

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.files import aside, replacing, writing
 from ..errors import JobError
-from ..files import aside, replacing, writing
 
 
 def toml(value: Any) -> str:

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Vector, finite, number
 from ..errors import ArgumentError, ShapeError
 from ..motion.leaf import leaf_value
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy
-from ..types import ArrayLike, Matrix, Vector, finite, number
 from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints
 
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, Vector
 from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
 from ..strategies import HolonomicStrategy
-from ..types import Matrix, Vector
 from .leaf_tasks import mink_task, pink_task
 from .model_joints import extra, mujoco_joints, pinocchio_joints
 

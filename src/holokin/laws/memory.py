@@ -6,14 +6,14 @@ from functools import cache
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, Matrix, Vector, finite, frozen
 from ..constraints import Cost
 from ..motion.control_law import ControlLaw, Step
 from ..strategies import check_exact, check_regular, geometric_stiffness, gradient_and_stiffness
 from ..symbolic import SX, Function, factorise, runge_kutta, symbol, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector, finite, frozen
 
 
 @made

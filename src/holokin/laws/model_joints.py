@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Indices, Value, Vector
 from ..errors import ArgumentError, MissingExtraError, UnknownNameError
 from ..symbolic import wrapped
-from ..types import Indices, Value, Vector
 
 _CURE = "name the model's joint with one degree of freedom for each of the robot's: joints=[...]"
 

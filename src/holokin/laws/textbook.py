@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, Matrix, Vector, finite, frozen, not_negative, numbers
 from ..constraints import Constraint, Cost
 from ..errors import InfeasibleError, ShapeError
 from ..motion.control_law import ControlLaw, Step, Symbols, compiled, feedback
@@ -16,7 +17,6 @@ from ..strategies import Strategy, holonomic
 from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, least_norm, vec, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..task import Task
-from ..types import ArrayLike, Matrix, Vector, finite, frozen, not_negative, numbers
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""

@@ -18,11 +18,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Matrix, Vector, kept
 from ..errors import NativeError
 from ..strategies import HolonomicStrategy, RowExpressions
 from ..symbolic import SX, Enclosure, Function, jacobian, short, vertcat
-from ..tolerances import TOLERANCES
-from ..types import Array, Matrix, Vector, kept
 
 THICKNESS = 0.125
 """Radius of a tube over half its length: thick enough for the bend of usual paths, thin enough to enclose little."""

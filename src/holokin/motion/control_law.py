@@ -14,13 +14,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..arguments import Made, typed
+from ..base.arguments import Made, typed
+from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, check_regular
 from ..symbolic import SX, Function, Solution, symbol, vertcat
 from ..task import Task
-from ..types import Matrix, Value, Vector
 
 Step = Callable[[Vector, Matrix, Vector, float], Vector]
 """(q, pose, twist, dt) -> dq, one step of a run of a control law.

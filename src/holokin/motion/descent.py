@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 from . import edge as edges
 from .edge import Edge, Goal, Look
 

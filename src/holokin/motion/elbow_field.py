@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Matrix, Vector
 from ..constraints import Arm
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from ..strategies.self_motions import correction
 from ..symbolic import runge_kutta
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
 from .leaf import DONE, NEWTONS, leaf_step, leaf_value
 from .sphere_index import TangentField, angle_between
 

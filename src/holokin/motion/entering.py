@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, PathError, SingularityError
 from ..path import Path, line_segment
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import of_one_tool
-from ..tolerances import TOLERANCES
 from ..trajectory import Measures, Status, Trajectory
-from ..types import ArrayLike, Matrix, Vector, positive, whole
 from ..ways import straight
 from .following import follow
 from .leaf import leaf_value, move_to_leaf

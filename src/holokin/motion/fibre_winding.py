@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Flags, Matrix, Vector
 from ..strategies import SelfMotions
 from ..symbolic import wrapped
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, Flags, Matrix, Vector
 from ..ways import straight
 
 QUARTER = 0.25

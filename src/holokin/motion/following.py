@@ -7,7 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Vector, whole
 from ..errors import (
     ArgumentError,
     BranchError,
@@ -22,13 +25,10 @@ from ..errors import (
     TrackingError,
 )
 from ..errors.moving import KEPT
-from ..progress import progress
 from ..sampling import Plan, check_start, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
 from ..synchronized_paths import AnyPath
-from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Matrix, Vector, whole
 from .branch import branch_code
 from .leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from .native import NativeFollower

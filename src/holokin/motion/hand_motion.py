@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
 from ..errors import ArgumentError, MissingExtraError, ShapeError
-from ..types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
 from .inverse_kinematics import InverseKinematics
 from .nearest_pose import Nearest
 

@@ -8,14 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import check, typed
-from ..codegen import InverseKernel, engine, weak
-from ..constraints import custom
-from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
-from ..robot import start_posture
-from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
-from ..tolerances import TOLERANCES
-from ..types import (
+from ..base.arguments import check, typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import (
     ROTATION,
     Array,
     ArrayLike,
@@ -32,6 +27,11 @@ from ..types import (
     tool_pose,
     whole,
 )
+from ..codegen import InverseKernel, engine, weak
+from ..constraints import custom
+from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from .leaf import (
     REGULAR,
     Way,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..trajectory import Status, Trajectory
-from ..types import Matrix, Value, Vector
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

@@ -13,7 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..robot import start_posture
@@ -23,9 +25,7 @@ from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..task import Task
-from ..tolerances import TOLERANCES
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Matrix, Vector, finite, kept
 from ..ways import straight
 from .branch import Branch, branch_code
 from .native import NativeFollower

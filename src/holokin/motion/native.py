@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Matrix, Vector
 from ..codegen import FollowKernel
 from ..sampling import Plan
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
 
 
 class NativeFollower:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Matrix, NoTruthValue, Value, Vector, kept
 from ..codegen import LARGEST, EdgeKernel, enabled, tell
 from ..errors import ArgumentError, NativeError
 from ..strategies import HolonomicStrategy
-from ..types import Matrix, NoTruthValue, Value, Vector, kept
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
 from .leaf import TRIES, leaf_step

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..types import Flags, Indices, Matrix
+from ..base.types import Flags, Indices, Matrix
 
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
 """(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, positive, whole
 from ..constraints import find_arm
 from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..task import Task, of_one_tool
-from ..types import ArrayLike, Matrix, NoTruthValue, Value, Vector, positive, whole
 from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
 from .following import follow

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..errors import ArgumentError, ShapeError
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
 from ..task import Task, of_one_tool
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..workspaces import sobol
 from .leaf import check_levels, leaf_step
 from .newton import newton

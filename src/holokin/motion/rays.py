@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Vector
 from ..strategies import HolonomicStrategy
-from ..types import Vector
 
 LEAP = 0.1
 """Joint motion [joint unit] to an answer near by that Newton's method finds in one go."""

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
 from ..sampling import Plan
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError, OpenPathError
 from ..strategies import Strategy
 from ..synchronized_paths import AnyPath, paths_of
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from .following import follow
 
 

@@ -13,12 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
 from ..trajectory import whole_turns
-from ..types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from .following import by_leaf, follow
 
 NO_DRIFT = 1e-6

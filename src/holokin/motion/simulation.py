@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
-from ..progress import progress
 from ..sampling import Plan, check_start, make_plan, record
 from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..trajectory import Status, Trajectory
-from ..types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from .control_law import ControlLaw, Step, as_control_law
 
 

@@ -7,9 +7,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import JointLimitError
 from ..robot import Robot
-from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 
 
 class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Indices, Matrix, Vector
+from ..base.types import Indices, Matrix, Vector
 
 TURN = np.pi / 2
 """Angle [rad] that a direction may turn between two samples of an edge: half a turn could be either way."""

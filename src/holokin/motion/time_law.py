@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, MissingExtraError
-from ..types import Indices, Matrix, Value, Vector
 from .joint_curve import Stretch
 
 FINEST = 2_000

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
-from ..files import write_csv
+from ..base.arguments import typed
+from ..base.files import write_csv
+from ..base.types import Matrix, Value, Vector
 from ..trajectory import Trajectory
-from ..types import Matrix, Value, Vector
 
 NOTHING = 1e-6
 """Peak of a rate [joint units / s, s^2, s^3] that a table shows as 0: round-off, up to jerks at 1 kHz."""

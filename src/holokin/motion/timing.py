@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Vector, numbers, positive, whole
 from ..errors import ArgumentError
 from ..robot import Robot
 from ..trajectory import Trajectory
-from ..types import ArrayLike, Matrix, Vector, numbers, positive, whole
 from .joint_curve import Stretch, joint_curve
 from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal
 from .timed import RATES, Limits, Slowdown, TimedTrajectory

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Vector, kept
 from ..codegen import VelocityRules
 from ..errors import TrackingError
 from ..sampling import Plan
 from ..strategies import Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
-from ..tolerances import TOLERANCES
-from ..types import Vector, kept
 from .native import NativeFollower
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 
-from ..arguments import typed
-from ..types import ArrayLike, NoTruthValue, Vector, numbers, positive
+from ..base.arguments import typed
+from ..base.types import ArrayLike, NoTruthValue, Vector, numbers, positive
 
 STARVED = 0.5
 """Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""

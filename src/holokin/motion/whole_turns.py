@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Flags, Matrix, Vector
 from ..strategies import HolonomicStrategy
-from ..tolerances import TOLERANCES
-from ..types import Flags, Matrix, Vector
 
 SAME = 1e-8
 """Change of pose and of level, over 1 + its size, that counts as round-off: an answer is right to 1e-10 of a joint, and

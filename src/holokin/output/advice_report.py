@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Vector
 from ..designing import Advice, Law
 from ..errors import brief
-from ..types import Vector
 from .coverage_plots import CAUSES, coverage_cloud
 from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
 from .panels import Actor, draw_panel, stage_of

@@ -9,10 +9,10 @@ from typing import final
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
 from ..robot.capsules import between
 from ..robot.numeric import Frames, joint_frames, placed
-from ..types import Matrix, Vector
 from .palette import AXES, GREY
 from .solids import Block, Rod, Solid, tint
 

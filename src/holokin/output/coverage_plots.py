@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix
 from ..designing import Coverage, PoseStatus, Slice
-from ..types import Matrix
 from .palette import BLACK, INK, ORANGE, PURPLE, VERMILLION, YELLOW
 from .words import on_figure
 

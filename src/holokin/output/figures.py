@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Vector
 from ..trajectory import Status, Trajectory
-from ..types import Vector
 from .coverage_plots import coverage_figure
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
 from .panels import Actor, Curve, Stage, draw_panel, stage_of

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files import writing
+from ..base.files import writing
 
 MOST_BYTES = 3_000_000
 """Size of a film."""

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 
+from ..base.files import alone, aside, clear, put, restore, uninterrupted, writing
 from ..errors import ArgumentError, WriteError
-from ..files import alone, aside, clear, put, restore, uninterrupted, writing
 
 FACTS = "result.json"
 """The file by which a folder is known as holokin's; it names the files that holokin wrote."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..auditing import LogAudit, LogVerdict
-from ..files import replacing
+from ..base.files import replacing
 from .figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
 from .panels import Actor, Curve, draw_panel, stage_of

@@ -8,9 +8,9 @@ from typing import Any, Literal, final
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..robot import LinkShape, Robot
 from ..robot.numeric import Frames
-from ..types import Matrix, Vector
 from .bodies import Piece, pieces_of, posed, solids_at, standing, thickness, tool_frames, triad, wire
 from .palette import GREY
 from .scene import (

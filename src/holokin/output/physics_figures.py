@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..errors import HolokinError
 from ..physics import PhysicalRun, make_plant
 from ..physics.plant import mujoco_module
 from ..robot import servo
 from ..strategies import HolonomicStrategy
-from ..types import Matrix, Vector
 from .palette import BLUE, GREY, INK, LOOP, PALE, color_of, law_colors, rgb
 from .panels import Actor, Curve, draw_panel, stage_of
 from .plots import NAMED, write_figure

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..auditing import LogAudit, LogVerdict, audit_recording
+from ..base.files import writing
+from ..base.types import Matrix
 from ..errors import HolokinError, brief
-from ..files import writing
 from ..motion import has_leaf
 from ..physics import PhysicalRun
 from ..recording import read_recording
 from ..robot import Robot, servo, to_mjcf
-from ..types import Matrix
 from .folder import FACTS, renewed
 from .palette import BAD, GOOD, WARNING
 from .physics_figures import apart_figure, push_figure, write_frames

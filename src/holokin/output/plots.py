@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.files import replacing
+from ..base.types import Indices, Vector
 from ..errors import ArgumentError
-from ..files import replacing
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
-from ..types import Indices, Vector
 from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
 from .words import on_figure
 

@@ -6,8 +6,8 @@ import json
 from pathlib import Path as FilePath
 from typing import Any
 
+from ..base.files import writing
 from ..errors import brief
-from ..files import writing
 from ..proof import Certificate
 from .folder import FACTS, renewed
 from .palette import BAD, GOOD, WARNING

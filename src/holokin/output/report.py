@@ -10,8 +10,8 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from ..base.files import writing
 from ..errors import posture_text
-from ..files import writing
 from ..motion import TimedTrajectory
 from .check_section import check_section
 from .figures import figures

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..analysis import Verdict
+from ..base.types import NoTruthValue, Vector
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
 from ..robot import LinkShape, Robot
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
-from ..types import NoTruthValue, Vector
 
 METRICS: dict[str, str] = {
     "defect": "curvature near the start, its largest (defect): joint error of a small loop over its area",

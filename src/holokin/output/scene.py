@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..types import Matrix
+from ..base.types import Matrix
 from .bodies import cloud
 from .palette import INK
 from .solids import Layer, Pixels, Solid, Window, drawn, over, tint

@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 from .palette import rgb
 
 Pixels = NDArray[Any]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Vector
 from ..errors import brief
 from ..robot import Robot
 from ..trajectory import Status, Trajectory
-from ..types import Vector
 from .result import JobResult, StrategyResult
 
 ALIKE = 1e-8

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.types import Array, Flags, Matrix, Vector
 from ..errors import ArgumentError
-from ..types import Array, Flags, Matrix, Vector
 from .path import Path, Samples
 from .segments import Segment, cubic_segment, turn_between
 from .waypoints import Poses

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Vector, finite, not_negative, positive, whole
 from ..errors import ArgumentError
-from ..types import ArrayLike, Matrix, Vector, finite, not_negative, positive, whole
 from .path import CLOSED, CORNER, Path
 from .segments import Segment, cubic_segment, line_segment, turn_between
 

@@ -13,10 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
-from ..errors import ArgumentError, OpenPathError
-from ..robot.composing import pose_matrix
-from ..types import (
+from ..base.arguments import typed
+from ..base.types import (
     Array,
     ArrayLike,
     Indices,
@@ -31,6 +29,8 @@ from ..types import (
     tool_pose,
     whole,
 )
+from ..errors import ArgumentError, OpenPathError
+from ..robot.composing import pose_matrix
 from ..ways import rotation_matrix
 from .segments import Segment, derivatives, positions
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..types import Array, Matrix, Value, Vector, frozen
+from ..base.types import Array, Matrix, Value, Vector, frozen
 from ..ways import rotation_matrix, rotation_vector
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))

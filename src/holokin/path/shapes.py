@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, finite, numbers
 from ..errors import ArgumentError
-from ..types import ArrayLike, finite, numbers
 from .path import Path, as_point
 from .segments import arc_segment, line_segment, turn_between
 from .waypoints import Waypoints, as_poses

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError
-from ..types import Array, ArrayLike, Matrix, Vector, finite, positive
 from .curves import cubics, evenly, of_segments, within
 from .path import CLOSED, LARGEST, Path
 from .segments import Segment, turn_between

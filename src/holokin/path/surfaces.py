@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, positive, whole
 from ..errors import ArgumentError
-from ..types import Array, ArrayLike, Matrix, Value, Vector, finite, positive, whole
 from .curves import evenly
 from .path import LARGEST, Path, as_point, join
 from .segments import line_segment

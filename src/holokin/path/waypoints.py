@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector, check_rotation, finite, numbers, right_last_row
 from ..errors import ShapeError
-from ..types import Array, ArrayLike, Matrix, Value, Vector, check_rotation, finite, numbers, right_last_row
 from .path import as_point
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from ..robot import DENSITY, Robot, Servo, knows_masses, to_mjcf
-from ..types import Indices, positive
 
 
 @dataclass(frozen=True, eq=False)

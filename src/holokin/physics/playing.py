@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..base.types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..motion import Controller, LoopWatch, StepStatus, controller
 from ..motion.simulation import steps_between
 from ..path import Path
-from ..progress import progress
 from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
 from ..sampling import check_start
 from ..strategies import Strategy
 from ..task import of_one_tool
-from ..types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from .plant import Plant, make_plant, mujoco_module
 from .run import PhysicalRun
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import typed
-from ..files import replacing
+from ..base.arguments import typed
+from ..base.files import replacing
+from ..base.types import Array, Matrix, NoTruthValue, Value, Vector
 from ..motion import has_leaf
 from ..strategies import Strategy
-from ..types import Array, Matrix, NoTruthValue, Value, Vector
 
 CALM = 0.3
 """Seconds before a push whose mean is called no deflection: noise averages out."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Vector, some
+from ..base.types import Vector, some
 from .certificate import Anchors, Covered
 from .pathway import Pathway
 from .posebox import PoseRegion

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Array, Vector
 from ..symbolic.intervals import Interval
-from ..types import Array, Vector
 
 UNIT = 2.0**-53
 """The relative error of a rounding."""

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
-from ..files import replacing
+from ..base.arguments import typed
+from ..base.files import replacing
+from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
 from .binding import described
 from .equation import Equation
 from .lowering import lowered

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
 from ..motion.following import joint_rates
 from ..sampling import make_plan, record
 from ..strategies import Strategy
 from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
-from ..types import ArrayLike, Indices, Matrix, Vector, some, whole
 from .certificate import Certificate, Extent
 from .certifying import certify
 from .tube import centred

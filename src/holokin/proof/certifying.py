@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from ..synchronized_paths import AnyPath
-from ..types import ArrayLike, Vector, joined, whole
 from ..workspaces import Workspace
 from .anchors import anchored
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Indices, Matrix
+from ..base.types import Indices, Matrix
 
 COMPARED = 4096
 """Pairs of boxes that are compared without a further cut."""

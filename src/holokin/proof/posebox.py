@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
 from ..motion import inverse
 from ..motion.leaf import leaf_follower, leaf_step, newton, straight_way, tool_at
 from ..strategies import HolonomicStrategy
-from ..types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
 from .certificate import Boxes, Covered, Extent

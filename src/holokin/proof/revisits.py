@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..types import Flags, Indices, Matrix, Value, Vector, joined, some
+from ..base.types import Flags, Indices, Matrix, Value, Vector, joined, some
 from .anchors import distance_at, root_at
 from .bounds import UP
 from .certificate import Covered, Extent, Revisit

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.types import Array, Flags, Indices, Matrix, Vector, joined, some
 from ..symbolic.intervals import Interval
-from ..types import Array, Flags, Indices, Matrix, Vector, joined, some
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined

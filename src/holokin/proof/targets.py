@@ -12,10 +12,10 @@ from math import factorial
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..symbolic import SX, cos, sin, sumsqr, vertcat
 from ..symbolic.geometry import skew
-from ..types import Array, Matrix, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, Flags, Matrix, Value, Vector, joined, some
 from ..symbolic.intervals import PI, Interval, add, multiply, outward, point, subtract
-from ..types import Array, Flags, Matrix, Value, Vector, joined, some
 from .bounds import UNIT, UP, norm, product
 from .equation import Equation
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
 from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
 from ..sampling import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy
 from ..synchronized_paths import AnyPath
-from ..types import Matrix, Vector
 from .certificate import Extent
 
 PIECES = 100

@@ -12,9 +12,9 @@ from typing import TextIO
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..errors import RecordingError
 from ..robot import Robot
-from ..types import Matrix, Vector
 from .columns import Columns, column_named, columns_named, in_si
 from .log import Samples, joints_missing, listed, shown
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import check
+from ..base.arguments import check
+from ..base.types import Indices, Matrix, Value, Vector, frozen, numbers
 from ..errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
 from ..robot import Robot
-from ..types import Indices, Matrix, Value, Vector, frozen, numbers
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""

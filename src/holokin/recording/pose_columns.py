@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from ..errors import ArgumentError, RecordingError
-from ..types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from .csv_log import csv_pieces
 from .log import listed, shown
 from .reading import is_folder

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, check_rotation, finite
 from ..errors import ArgumentError
-from ..types import ArrayLike, check_rotation, finite
 from ..workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 from .pose_columns import Units, pose_rows
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
-from ..types import Matrix, Vector
 from .bag import read_bag
 from .columns import Columns
 from .csv_log import read_csv

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, HolokinError, MissingExtraError, RecordingError
 from ..path import Path, Segment, arc_segment, even_curve, line_segment
-from ..types import Matrix, Vector, positive
 from .log import shown
 from .reading import is_folder
 

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import RecordingError
 from ..path import Waypoints
-from ..types import Array, Indices, Matrix, Vector
 from .pose_columns import Units, pose_rows
 
 WIDE = np.deg2rad(170)

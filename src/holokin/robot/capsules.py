@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
-from ..types import ArrayLike, Matrix, Vector, finite, positive
 from .composing import pose_matrix
 from .geometry import Capsule, LinkShape, Shape
 from .model import Robot

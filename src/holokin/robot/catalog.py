@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..arguments import check, typed
+from ..base.arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
 from .descriptions import is_packaged

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
-from ..tolerances import TOLERANCES
-from ..types import Matrix, Vector
 from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .reroot import rerooted

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..arguments import check, typed
+from ..base.arguments import check, typed
+from ..base.types import ArrayLike, Matrix, Value, Vector, finite
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.geometry import rotation_from_rpy
-from ..types import ArrayLike, Matrix, Value, Vector, finite
 from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .units import check_radians, check_tool

@@ -8,10 +8,10 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from ..arguments import check, typed
+from ..base.arguments import check, typed
+from ..base.types import ArrayLike, Matrix, number, numbers
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.geometry import exact_rotation
-from ..types import ArrayLike, Matrix, number, numbers
 from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
 from .units import check_limits_of_hinges, check_link, check_radians
 

@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Value, Vector, positive
 from ..errors import ArgumentError
 from ..symbolic import Function, symbol
-from ..types import ArrayLike, Value, Vector, positive
 from .inertia import mass_matrix_expression
 from .links import weighed
 from .model import Robot

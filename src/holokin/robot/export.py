@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, numbers, positive
 from ..errors import ArgumentError
-from ..types import ArrayLike, Matrix, numbers, positive
 from .drives import Servo
 from .geometry import LinkShape
 from .links import DENSITY, drawn_links, knows_masses, merged, rest, size, weighed

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arguments import typed
-from ..types import Array, Matrix, Vector
+from ..base.arguments import typed
+from ..base.types import Array, Matrix, Vector
 from .model import Robot, Tip
 from .numeric import joint_frames, placed
 

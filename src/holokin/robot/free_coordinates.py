@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Vector, numbers
 from ..errors import ArgumentError, ShapeError
-from ..types import ArrayLike, Vector, numbers
 from .model import Coordinate, Robot
 
 

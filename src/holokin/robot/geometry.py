@@ -11,8 +11,8 @@ from typing import Any, final
 
 import numpy as np
 
+from ..base.types import Array, Indices, Matrix, Value, Vector, finite, not_negative, positive
 from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
-from ..types import Array, Indices, Matrix, Value, Vector, finite, not_negative, positive
 
 FLAT = 1e-4
 """Thickness [m] that a hull gets at least: one of points in a plane has none, and no hull."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..errors import MassError
 from ..symbolic import SX, dot
-from ..types import Matrix, Vector
 from .model import Body, Robot
 
 

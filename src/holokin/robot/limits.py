@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Vector, numbers
 from ..errors import ArgumentError, ShapeError
-from ..types import ArrayLike, Vector, numbers
 from .model import Robot
 
 FASTEST = 50.0

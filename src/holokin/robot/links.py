@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, positive
 from ..errors import ArgumentError
-from ..types import Matrix, positive
 from .capsules import chain_length, with_capsules
 from .geometry import Capsule, LinkShape
 from .model import Body, Joint, Robot

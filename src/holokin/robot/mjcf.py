@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from .chains import robot_of
 from .geometry import LinkShape, Unread

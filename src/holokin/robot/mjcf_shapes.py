@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, Unread
 
 

@@ -9,12 +9,12 @@ from math import isfinite
 
 import numpy as np
 
-from ..arguments import check, typed
+from ..base.arguments import check, typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.geometry import rotation_about
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
 from .geometry import LinkShape
 from .visuals import Visual
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Array, Matrix
+from ..base.types import Array, Matrix
 from .model import Robot
 from .tree import turn_matrix
 

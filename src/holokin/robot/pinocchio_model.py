@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix
 from ..errors import ArgumentError
-from ..types import Matrix
 from .chains import robot_of
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked

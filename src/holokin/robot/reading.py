@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..arguments import typed
+from ..base.arguments import typed
 from ..errors import ArgumentError
 from .descriptions import is_packaged, packaged_file
 from .mjcf import mjcf_tree

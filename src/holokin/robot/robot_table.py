@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Vector
 from ..errors import ArgumentError, HolokinError, RobotFileError, shown
-from ..types import Vector
 from .chains import robot_of
 from .composing import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
 from .dh import from_dh

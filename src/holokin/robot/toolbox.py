@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError
-from ..types import Matrix, Vector
 from .chains import robot_of
 from .model import Robot
 from .tree import Branch, Mass, Tree, checked

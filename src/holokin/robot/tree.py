@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Value, Vector
 from ..errors import RobotFileError, UnknownNameError
-from ..types import Array, Matrix, Value, Vector
 from .geometry import LinkShape
 from .model import FARTHEST, Coordinate
 from .visuals import Visual

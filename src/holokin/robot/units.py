@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
-from ..types import Array, ArrayLike, Matrix, Vector
 from .model import WOUND, Robot
 
 FAR = 100.0

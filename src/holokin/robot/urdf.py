@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import typed
+from ..base.arguments import typed
+from ..base.types import Matrix
 from ..errors import ArgumentError, RobotFileError
-from ..types import Matrix
 from .chains import robot_of
 from .geometry import LinkShape, Unread
 from .model import Robot

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Indices, Matrix, Value, Vector
 from ..errors import HolokinError
-from ..types import Indices, Matrix, Value, Vector
 from .geometry import Shape
 from .mjcf_shapes import shape_of as solid_of
 from .mjcf_shapes import transform

@@ -15,13 +15,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import Made
+from ..base.arguments import Made
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Matrix, Value, Vector, whole
 from .expressions import Expressions
 
 Field = Callable[[Task, Kinematics, SX], SX]

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, finite, frozen
 from ..constraints import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..symbolic import SX, Function, solve, symbol, written
 from ..task import Task
-from ..types import ArrayLike, finite, frozen
 from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
 
 

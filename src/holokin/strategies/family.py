@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, finite, frozen, whole
 from ..constraints import Constraint
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
 from ..task import Task
-from ..types import ArrayLike, finite, frozen, whole
 from .build import holonomic
 from .kinds import HolonomicStrategy
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Value, Vector, kept
 from ..errors import SingularityError
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
-from ..types import Array, Matrix, Value, Vector, kept
 from .base import Strategy
 from .kinds import HolonomicStrategy
 

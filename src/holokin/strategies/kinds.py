@@ -9,11 +9,11 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Vector
 from ..constraints import Constraint
 from ..errors import NotFiniteError, SingularityError, SingularityKind
 from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
-from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Vector
 from .base import FORMULA, Field, Strategy
 from .expressions import FrameExpressions, RowExpressions
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..robot import Robot
 from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
 from ..symbolic.null_space import null_space, null_space_expression
 from ..task import Task
-from ..types import Matrix, Vector
 from .self_motions import self_motion
 
 STEP = 0.05

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from ..arguments import made, typed
+from ..base.arguments import made, typed
 from ..constraints import Cost
 from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression

@@ -12,14 +12,14 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.types import ArrayLike, Matrix, finite, frozen, whole
 from ..constraints import Constraint, nothing_jumps
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
 from ..symbolic.null_space import null_space
 from ..task import Task
-from ..types import ArrayLike, Matrix, finite, frozen, whole
 from .base import Field
 from .build import holonomic
 from .kinds import HolonomicStrategy

@@ -12,7 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 
-from ..arguments import made
+from ..base.arguments import made
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Vector, frozen, whole
 from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import Kinematics, start_posture
@@ -31,8 +33,6 @@ from ..symbolic import (
     vertcat,
 )
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Vector, frozen, whole
 from .base import Strategy
 from .build import holonomic
 from .kinds import HolonomicStrategy

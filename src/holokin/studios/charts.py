@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Indices, Vector
 from ..output.palette import INK, PALE
-from ..types import Indices, Vector
 from .stage import Stage
 from .states import Snapshot
 from .texts import block, marks, plain, quiet, short_names, table

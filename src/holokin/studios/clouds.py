@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..designing import Coverage, coverage
 from ..errors import HolokinError
 from ..strategies import HolonomicStrategy
 from ..task import Task
-from ..types import Matrix, Vector
 from ..workspaces import Workspace, pose_cloud, workspace
 from .states import Cloud, CloudStatus
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Value, Vector, finite, tool_pose
 from ..errors import HolokinError
 from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
 from ..motion.inverse_kinematics import is_native, way_to
 from ..motion.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, Strategy
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import Array, ArrayLike, Value, Vector, finite, tool_pose
 from ..ways import StraightWay, straight
 from .laws import Law
 from .states import LawStatus

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..output.palette import BAD, GOOD, LOOP, rgb
 from ..robot import reach
-from ..types import Matrix, Vector
 from .loops import Loop, circle_loop, polygon_loop
 from .scene import pose_of, wxyz_of
 from .stage import Stage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 
 ROWS = 4096
 """Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..analysis import around, curvature, involutivity
+from ..base.types import Vector
 from ..strategies import Strategy
-from ..types import Vector
 from .states import Judgement
 
 RADIUS = 0.2

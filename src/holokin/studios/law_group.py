@@ -8,11 +8,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, whole
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..motion import move_to_leaf
 from ..robot import Robot
 from ..task import Task
-from ..types import Array, ArrayLike, Vector, finite, frozen, positive, whole
 from .following import Move, poses_of
 from .laws import Law
 from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..base.types import Value, Vector
 from ..constraints import arm_angle, find_arm, lock
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError, NoArmError
@@ -13,7 +14,6 @@ from ..job.strategies import KINDS, Fitted
 from ..motion import ControlLaw
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
 from ..task import Task
-from ..types import Value, Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Value, Vector, finite, positive
 from ..errors import ArgumentError
 from ..path import Path, arc, figure_eight, polyline
 from ..synchronized_paths import AnyPath, synchronized
 from ..task import Task
-from ..tolerances import TOLERANCES
-from ..types import ArrayLike, Matrix, Value, Vector, finite, positive
 
 SAMPLES = 500
 """Steps a cycle, as of `hk.drift`."""

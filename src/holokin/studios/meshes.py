@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Array, Indices, Matrix, Value
 from ..errors import MissingExtraError, RobotFileError, brief
 from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Robot, Shape, Surface
 from ..robot.links import THICKNESS, drawn_links
 from ..robot.numeric import Frames, joint_frames
-from ..types import Array, Indices, Matrix, Value
 
 SOLID = 200_000
 """Triangles of all links together that are drawn of one robot at most."""

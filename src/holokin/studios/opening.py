@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import ArrayLike, Matrix, Vector
 from ..designing import fitting_task, regular_starts
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
@@ -24,7 +25,6 @@ from ..strategies import moore_penrose
 from ..synchronized_paths import AnyPath
 from ..task import Task
 from ..task_kinds import stacked
-from ..types import ArrayLike, Matrix, Vector
 from .laws import Law, default_laws, redundant
 from .loops import Loop, circle_loop, entered
 from .session import Session

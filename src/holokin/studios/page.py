@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix
 from ..errors import HolokinError
 from ..output.palette import BAD, LOOP, law_colors
-from ..types import Matrix
 from .charts import Charts
 from .handles import Handles
 from .panels import Panels

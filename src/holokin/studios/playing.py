@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..base.types import Array, Vector, frozen
 from ..errors import HolokinError
-from ..types import Array, Vector, frozen
 from .following import Move
 from .loops import Loop
 from .runs import Run

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..base.types import Matrix, Vector, frozen
 from ..motion.leaf import leaf_value
 from ..strategies import HolonomicStrategy, SelfMotion
-from ..types import Matrix, Vector, frozen
 from .following import Follower, Move, follower
 from .history import History
 from .laws import Law

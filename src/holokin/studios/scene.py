@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import MissingExtraError
 from ..output.palette import AXES, GREY, LOOP, color_of, rgb
 from ..robot import Robot, Tip, reach
-from ..types import ArrayLike, Indices, Matrix, Vector
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
 OPACITY = 0.62

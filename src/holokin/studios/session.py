@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
-from ..types import ArrayLike, frozen, not_negative, positive, whole
 from ..workspaces import Workspace
 from .clouds import default_workspace
 from .law_group import LawGroup

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Vector
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError
 from ..motion.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk, straight_way, tool_at
@@ -13,7 +14,6 @@ from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector
 from ..task import Task
-from ..types import Vector
 from .laws import Law
 
 STEP = 0.02

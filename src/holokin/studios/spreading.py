@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Value, Vector
 from ..errors import ArgumentError, HolokinError
 from ..motion import path_spread
 from ..path import Path, polyline
 from ..task import of_one_tool
-from ..types import Array, Matrix, Value, Vector
 from .laws import Law
 from .states import LawStatus
 

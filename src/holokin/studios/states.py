@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Array, Flags, Indices, Matrix, Value, Vector
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)

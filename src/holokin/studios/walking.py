@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
 from ..motion import ControlLaw, approach, inverse, move_to_leaf
 from ..motion.following import build_native
@@ -17,7 +18,6 @@ from ..motion.velocity import native_velocity, velocity_stepper
 from ..path import Path
 from ..sampling import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
-from ..types import Array, Matrix, Vector
 from .following import limit_sentence, stopped
 from .laws import Law
 from .loops import Loop

@@ -10,9 +10,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from ..base.types import Vector
 from ..errors import HolokinError, brief
 from ..strategies import HolonomicStrategy
-from ..types import Vector
 from ..workspaces import Workspace
 from .clouds import covered, failed_cloud
 from .judging import judged, largest_curvature

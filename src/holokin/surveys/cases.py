@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Flags, Indices, Value
 from ..errors import ArgumentError, UnknownNameError
 from ..job.robot_tables import RobotTable
 from ..robot import catalogue
-from ..types import Flags, Indices, Value
 from .importing import source_of
 from .laws import Own
 from .tables import SurveyTable

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
 from ..output.page import html_table
 from ..trajectory import Status
-from ..types import Array, Flags, Indices, Value, Vector
 from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Field
 
 from .. import constraints
+from ..base.types import Vector
 from ..designing import locked_joints
 from ..errors import ArgumentError
 from ..job.strategies import KINDS, Fitted, Lock, Radial, StrategyTable
@@ -31,7 +32,6 @@ from ..laws.textbook import GAIN
 from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
 from ..task import Task
-from ..types import Vector
 from .importing import imported
 from .objects import given
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix, Vector
 from ..symbolic.geometry import frame_about
-from ..types import Matrix, Vector
 from .tables import LoopTable
 
 PLANES = {"xy": (0.0, 0.0, 1.0), "yz": (1.0, 0.0, 0.0), "xz": (0.0, -1.0, 0.0)}

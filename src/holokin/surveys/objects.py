@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.types import Matrix
 from ..errors import ArgumentError
 from ..path import Path
-from ..types import Matrix
 
 OBJECT = "given:"
 """Before the name of a robot that is an object."""

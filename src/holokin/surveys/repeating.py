@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..arguments import typed
+from ..base.arguments import typed
 from ..errors import ArgumentError
 from ..trajectory import Trajectory
 from .cases import Case, Cases

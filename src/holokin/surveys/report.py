@@ -7,8 +7,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from ..base.files import replacing
 from ..errors import HolokinError, SurveyError, brief
-from ..files import replacing
 from ..job.writing import table, toml
 from ..output.page import drawn, page
 from ..version import build

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.tolerances import TOLERANCES
+from ..base.types import Vector
 from ..designing import regular_starts
 from ..errors import (
     ArgumentError,
@@ -37,9 +39,7 @@ from ..robot import Robot, beside
 from ..robot.units import longest_reach
 from ..strategies import Strategy
 from ..task import Task
-from ..tolerances import TOLERANCES
 from ..trajectory import Status, Trajectory
-from ..types import Vector
 from .cases import Case, Cases, robot_table
 from .laws import Given, built, of_the_start, resolved
 from .loops import drawn

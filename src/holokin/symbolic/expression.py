@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.types import number
 from ..errors import ArgumentError, ExpressionError, brief, closest
-from ..types import number
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)

@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.types import Array, ArrayLike, numbers
 from ..codegen.evaluator import Doubt, Evaluator, weak
 from ..codegen.inverse_kernel import InverseKernel
 from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
@@ -20,7 +21,6 @@ from ..codegen.program import Port, program
 from ..codegen.source import body
 from ..codegen.transport import Transport
 from ..errors import NativeError, ShapeError
-from ..types import Array, ArrayLike, numbers
 from .linear import System
 
 NATIVE_FROM = 50_000

@@ -14,7 +14,7 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from ..types import Array, Matrix, Vector
+from ..base.types import Array, Matrix, Vector
 
 Angles = TypeVar("Angles", ca.SX, Array)
 

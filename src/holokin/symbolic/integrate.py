@@ -7,8 +7,8 @@ from typing import Any
 
 import casadi as ca
 
+from ..base.types import Vector
 from ..codegen.transport import Pieces, Transport
-from ..types import Vector
 from .calculus import gradient, staged
 
 

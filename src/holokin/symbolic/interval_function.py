@@ -13,8 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.types import Array, Flags, Vector
 from ..errors import ExpressionError
-from ..types import Array, Flags, Vector
 from . import intervals as iv
 from .intervals import Interval
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..types import Array, Flags
+from ..base.types import Array, Flags
 
 
 class Interval(NamedTuple):

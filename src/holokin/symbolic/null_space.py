@@ -14,7 +14,7 @@ from itertools import combinations
 import casadi as ca
 import numpy as np
 
-from ..types import Array, Matrix, Vector
+from ..base.types import Array, Matrix, Vector
 from .linear import factorise
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..types import Matrix, Vector
+from ..base.types import Matrix, Vector
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..types import Vector
+from ..base.types import Vector
 
 _KEPT = (0.0, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)

@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
+from ..errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
 
 Array = NDArray[np.float64]
 """A float64 array of any shape."""
