@@ -29,7 +29,7 @@ from holokin.errors import (
     TaskTooLargeError,
     UnknownNameError,
 )
-from holokin.task_kinds import FrameTask
+from holokin.tasks.task_kinds import FrameTask
 
 PLANAR = {
     "robot": '[robot]\nname = "planar-3r"\n',

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, urdf
 from holokin.errors import BranchError
-from holokin.representations import ORIENTATIONS
 from holokin.strategies import HolonomicStrategy
+from holokin.tasks.orientation_rows import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
 
 ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it

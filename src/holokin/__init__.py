@@ -33,7 +33,6 @@ from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, 
 from .errors import HolokinError
 from .export import export_c
 from .following import follow
-from .frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .laws import mink_task, pink_task
 from .motion import (
     ControlLaw,
@@ -93,8 +92,9 @@ from .robot import (
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .surveying import survey
 from .synchronized_paths import synchronized, through
-from .task import Task
-from .task_kinds import stacked
+from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from .tasks.task import Task
+from .tasks.task_kinds import stacked
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 from .workspaces import Workspace, workspace

@@ -51,10 +51,10 @@ def check(
     """
     from . import checking
     from .errors import ArgumentError
-    from .frame_tasks import pose
-    from .frame_tasks import position as position_of
     from .recording import read_recording
     from .robot import is_model, load, with_capsules
+    from .tasks.frame_tasks import pose
+    from .tasks.frame_tasks import position as position_of
 
     pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
     for pair, text in zip(pairs, ignore or [], strict=True):

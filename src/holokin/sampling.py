@@ -13,7 +13,7 @@ from .base.types import Array, Indices, Matrix, Vector
 from .errors import ArgumentError, StartError
 from .path import Samples
 from .synchronized_paths import AnyPath, paths_of
-from .task import Task
+from .tasks.task import Task
 from .trajectory import Measures, Status, Trajectory
 from .ways import rotation_vector
 

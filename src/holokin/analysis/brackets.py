@@ -17,7 +17,7 @@ from ..errors import ArgumentError
 from ..strategies import Brackets, Expressions, FrameStrategy, Strategy
 from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
-from ..task import Task
+from ..tasks.task import Task
 
 Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""

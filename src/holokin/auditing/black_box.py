@@ -16,13 +16,13 @@ from ..analysis.brackets import pairs
 from ..base.arguments import typed
 from ..base.types import ArrayLike, NoTruthValue
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
-from ..frame_tasks import pose
 from ..motion import as_control_law
 from ..motion.posture_search import spread
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy
-from ..task import Task, of_one_tool
+from ..tasks.frame_tasks import pose
+from ..tasks.task import Task, of_one_tool
 from .history import ask_history
 from .judge import Repeatability
 from .planes import looked_at, plane_name

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from ..base.types import Array, Matrix, NoTruthValue, Vector
-from ..task import Task
+from ..tasks.task import Task
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
-from ..frame_tasks import pose, position
 from ..recording import Recording
 from ..robot import Robot
+from ..tasks.frame_tasks import pose, position
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles

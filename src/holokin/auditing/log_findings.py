@@ -11,7 +11,7 @@ import numpy as np
 from ..base.types import Array, Matrix, NoTruthValue, Value, Vector
 from ..recording import Recording
 from ..robot import Robot
-from ..task import Task
+from ..tasks.task import Task
 from .cycles import Cycles
 from .judge import Distance, LogVerdict, first_limit
 from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words

@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.brackets import pairs
 from ..base.types import Array, Matrix, Vector
 from ..path import Path, polyline
-from ..task import Task
+from ..tasks.task import Task
 
 SIDES = {"m": 0.1, "rad": 0.2}
 """Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small

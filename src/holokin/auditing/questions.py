@@ -17,7 +17,7 @@ from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import ControlLaw, simulate
 from ..path import Path
-from ..task import Task
+from ..tasks.task import Task
 from ..trajectory import Trajectory, whole_turns
 from .judge import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides

@@ -12,7 +12,7 @@ from ..base.types import not_negative, number
 from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length, with_capsules
 from ..robot.capsules import SLENDER
-from ..task import Task
+from ..tasks.task import Task
 from .joints import limit_findings, singular_findings
 from .motions import Motion, motion_of
 from .pairs import Pairs, pairs_of

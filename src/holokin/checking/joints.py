@@ -9,7 +9,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Flags, Vector
 from ..robot import Robot
-from ..task import Task
+from ..tasks.task import Task
 from .motions import Motion
 from .report import Finding, FindingKind
 

@@ -14,7 +14,7 @@ from ..base.types import ArrayLike, Vector, numbers
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Kinematics
 from ..symbolic import SX, atan2, cross, dot, norm_2, vertcat
-from ..task import Task
+from ..tasks.task import Task
 from .arm_geometry import find_arm
 from .base import Constraint, least, nothing_jumps
 

@@ -14,7 +14,7 @@ from ..base.types import Matrix, Vector, finite
 from ..errors import ArgumentError, NoArmError
 from ..robot import Kinematics, Robot
 from ..symbolic import SX, Function, horzcat, symbol
-from ..task import Task
+from ..tasks.task import Task
 
 MEET = 1e-4
 """Distance [m] up to which axes meet: URDF files round right angles to 1.5708, a hundredth of a millimetre on 2 m."""

@@ -14,7 +14,7 @@ from ..base.types import Array, ArrayLike, Value, finite, frozen, whole
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
-from ..task import Task
+from ..tasks.task import Task
 from .implicit import Implicit
 
 Levels = TypeVar("Levels", SX, Array)

@@ -11,12 +11,12 @@ import numpy as np
 from ..base.arguments import Made, made
 from ..base.types import ArrayLike, Value, Vector, finite, frozen
 from ..errors import ArgumentError, ShapeError
-from ..frames import TipFrame
 from ..robot import Kinematics, link_jacobian, potential_expression
 from ..symbolic import SX, Formula, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
 from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
-from ..task import Task
-from ..task_kinds import FrameTask
+from ..tasks.frames import TipFrame
+from ..tasks.task import Task
+from ..tasks.task_kinds import FrameTask
 from .base import Constraint
 from .implicit import Implicit
 

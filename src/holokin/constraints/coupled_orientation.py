@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from ..base.arguments import made
 from ..base.types import ArrayLike
 from ..errors import ArgumentError
-from ..representations import three_angles
 from ..robot import Kinematics
 from ..symbolic import SX
-from ..task import Task
+from ..tasks.orientation_rows import three_angles
+from ..tasks.task import Task
 from .base import Constraint, as_gain, nothing_jumps
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..base.types import Value, Vector
 from ..robot import Kinematics
 from ..symbolic import SX
-from ..task import Task
+from ..tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)

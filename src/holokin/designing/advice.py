@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.types import Flags, NoTruthValue, Value, Vector
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..tasks.task import Task
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
 from .tips import Chain

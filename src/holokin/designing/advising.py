@@ -13,11 +13,11 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError, HolokinError, OutOfReachError
-from ..frame_tasks import pose, position
 from ..motion.reach import nearest_postures
 from ..robot import Robot, check_metres
 from ..strategies import moore_penrose, radial
-from ..task import Task
+from ..tasks.frame_tasks import pose, position
+from ..tasks.task import Task
 from ..workspaces import PoseRange, Workspace, pose_cloud
 from ..workspaces import workspace as pose_range
 from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, ranked

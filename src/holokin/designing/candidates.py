@@ -25,7 +25,7 @@ from ..constraints import (
 )
 from ..errors import NoArmError, NotFiniteError
 from ..strategies import HolonomicStrategy, holonomic
-from ..task import Task
+from ..tasks.task import Task
 from .starts import locked_joints
 
 TURNED = 1e-3

@@ -14,7 +14,7 @@ from ..motion.leaf import leaf_step
 from ..motion.reach import nearest_postures
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
-from ..task import Task, of_one_tool
+from ..tasks.task import Task, of_one_tool
 from ..workspaces import PoseRange, Workspace
 from .covered import Coverage, PoseStatus, Reach
 

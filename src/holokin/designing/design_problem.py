@@ -12,7 +12,7 @@ from ..errors import OutOfReachError, PathError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
-from ..task import Task
+from ..tasks.task import Task
 from .best_section import Limits, Search
 from .coordinates import Coordinates, Polynomial, monomials_up_to
 from .law_metrics import SectionMetrics, measured, reached

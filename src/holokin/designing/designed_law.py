@@ -13,7 +13,7 @@ from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
-from ..task import Task, of_one_tool
+from ..tasks.task import Task, of_one_tool
 from ..workspaces import Workspace
 from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits

@@ -19,7 +19,7 @@ from ..errors import ArgumentError, posture_text
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
-from ..task import Task
+from ..tasks.task import Task
 from .bfgs import Cost, descend
 from .coordinates import Coordinates, monomials, monomials_up_to
 from .section import TiltedLeaves

@@ -16,7 +16,7 @@ from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..motion.leaf import leaf_step
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function
-from ..task import Task
+from ..tasks.task import Task
 from ..ways import straight
 
 FIRST = 0.35

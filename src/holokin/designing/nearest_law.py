@@ -30,7 +30,7 @@ from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
-from ..task import Task, of_one_tool
+from ..tasks.task import Task, of_one_tool
 from ..workspaces import Cylinder, Sphere, sobol
 from .coordinates import chart_of, coordinates_of
 from .leaf_series import SampledSeries, along_leaves, series_over

@@ -16,7 +16,7 @@ import numpy as np
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..motion.posture_search import postures_from, spread
 from ..strategies.self_motions import SelfMotions, away
-from ..task import Task
+from ..tasks.task import Task
 
 STARTS = 64
 """Starts of Newton's method at each pose. A Panda and an iiwa 14 have 4 to 8 self-motions at a pose, and each of them

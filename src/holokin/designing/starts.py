@@ -6,10 +6,10 @@ import numpy as np
 
 from ..base.types import Flags, Matrix, Vector
 from ..errors import ArgumentError
-from ..frame_tasks import pose, position
 from ..motion.reach import nearest_postures
 from ..robot import Robot
-from ..task import Task
+from ..tasks.frame_tasks import pose, position
+from ..tasks.task import Task
 
 POSTURES = 2000
 """Postures looked at for a start: among so many random ones of seven joints some are far from singular."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..tasks.task import Task
 from .advice import REGULAR, ROOM
 from .candidates import Candidate
 from .coordinates import Coordinates

@@ -17,7 +17,6 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, Vector
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
-from ..frames import poses_expression
 from ..motion import has_leaf, leaf_value, step_function
 from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
@@ -25,7 +24,8 @@ from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
-from ..task import Task
+from ..tasks.frames import poses_expression
+from ..tasks.task import Task
 
 SINGULAR_FLOAT, REPRESENTATION_FLOAT = 2e-3, 5e-3
 """rcond, and distance from a representation's singularity, below which single precision is called singular: at

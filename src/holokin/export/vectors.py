@@ -15,7 +15,7 @@ from ..motion.branch import extended_jacobian
 from ..motion.leaf import leaf_follower, leaf_step, straight_way, tool_at
 from ..motion.rays import on_ray
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..tasks.task import Task
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
 
 REACH = 0.5

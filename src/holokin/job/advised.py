@@ -13,7 +13,7 @@ import numpy as np
 from ..designing import Advice, advise
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
-from ..task import Task
+from ..tasks.task import Task
 from ..workspaces import PoseRange, Workspace
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job

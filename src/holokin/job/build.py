@@ -23,7 +23,7 @@ from ..errors import (
 from ..motion import move_to_leaf
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
-from ..task import Task
+from ..tasks.task import Task
 from .read import dotted
 from .robot_tables import robot_of_job
 from .schema import Job

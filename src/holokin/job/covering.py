@@ -14,7 +14,7 @@ from ..errors import JobError
 from ..output.result import StrategyResult
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..tasks.task import Task
 from ..workspaces import PoseRange, Workspace, workspace
 from .build import naming
 from .schema import Job, WorkspaceTable

@@ -28,7 +28,7 @@ from ..recording import read_svg, read_waypoints
 from ..strategies import Strategy
 from ..symbolic import Function, parse, symbol
 from ..synchronized_paths import AnyPath
-from ..task import Task
+from ..tasks.task import Task
 from ..ways import rotation_vector
 from .path_tables import PathTable
 from .schema import Job

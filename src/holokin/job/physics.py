@@ -12,7 +12,7 @@ from ..output.physics_report import PhysicsResult, Played
 from ..physics import play
 from ..robot import knows_masses, servo, weighed
 from ..synchronized_paths import paths_of
-from ..task import of_one_tool
+from ..tasks.task import of_one_tool
 from .build import build_begin, build_strategy, build_tasks, naming
 from .path_building import build_entry
 from .physics_table import PhysicsTable

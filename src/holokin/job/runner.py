@@ -32,7 +32,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 from ..synchronized_paths import AnyPath
-from ..task import Task
+from ..tasks.task import Task
 from ..trajectory import Status, Trajectory
 from .build import (
     build_begin,

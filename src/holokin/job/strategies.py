@@ -18,7 +18,7 @@ from ..designing import Coordinates, Polynomial, chart_of
 from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
-from ..task import Task
+from ..tasks.task import Task
 from .table import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100

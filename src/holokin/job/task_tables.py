@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from ..base.types import Vector
-from ..frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from ..robot import Robot
-from ..task import Task
-from ..task_kinds import stacked
+from ..tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from ..tasks.task import Task
+from ..tasks.task_kinds import stacked
 from .robot_tables import MOST_PARTS, Three
 from .table import MOST_JOINTS, Formula, Table, column
 

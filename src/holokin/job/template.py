@@ -11,7 +11,7 @@ import numpy as np
 from ..designing import fitting_task, locked_joints, regular_starts
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..robot import load
-from ..task import Task
+from ..tasks.task import Task
 from .runner import packaged_jobs, run_job
 from .schema import Job
 from .writing import check_new, robot_name, toml, write_new

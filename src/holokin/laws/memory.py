@@ -13,7 +13,7 @@ from ..motion.control_law import ControlLaw, Step
 from ..strategies import check_exact, check_regular, geometric_stiffness, gradient_and_stiffness
 from ..symbolic import SX, Function, factorise, runge_kutta, symbol, vertcat
 from ..symbolic.null_space import null_space_expression
-from ..task import Task
+from ..tasks.task import Task
 
 
 @made

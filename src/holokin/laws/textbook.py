@@ -16,7 +16,7 @@ from ..motion.control_law import ControlLaw, Step, Symbols, compiled, feedback
 from ..strategies import Strategy, holonomic
 from ..symbolic import SX, NearestPoint, Solution, factorise, jacobian, least_norm, vec, vertcat
 from ..symbolic.null_space import null_space_expression
-from ..task import Task
+from ..tasks.task import Task
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""

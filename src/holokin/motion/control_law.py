@@ -20,7 +20,7 @@ from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, check_regular
 from ..symbolic import SX, Function, Solution, symbol, vertcat
-from ..task import Task
+from ..tasks.task import Task
 
 Step = Callable[[Vector, Matrix, Vector, float], Vector]
 """(q, pose, twist, dt) -> dq, one step of a run of a control law.

@@ -14,7 +14,7 @@ from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from ..strategies.self_motions import correction
 from ..symbolic import runge_kutta
-from ..task import Task
+from ..tasks.task import Task
 from .leaf import DONE, NEWTONS, leaf_step, leaf_value
 from .sphere_index import TangentField, angle_between
 

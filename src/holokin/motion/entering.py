@@ -10,7 +10,7 @@ from ..base.types import ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, PathError, SingularityError
 from ..path import Path, line_segment
 from ..strategies import HolonomicStrategy, Strategy
-from ..task import of_one_tool
+from ..tasks.task import of_one_tool
 from ..trajectory import Measures, Status, Trajectory
 from ..ways import straight
 from .following import follow

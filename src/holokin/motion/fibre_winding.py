@@ -17,7 +17,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Matrix, Vector
 from ..strategies import SelfMotions
 from ..symbolic import wrapped
-from ..task import Task
+from ..tasks.task import Task
 from ..ways import straight
 
 QUARTER = 0.25

@@ -24,7 +24,7 @@ from ..sampling import Plan
 from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
-from ..task import Task
+from ..tasks.task import Task
 from ..trajectory import Trajectory
 from ..ways import straight
 from .branch import Branch, branch_code

@@ -15,7 +15,7 @@ from ..constraints import find_arm
 from ..errors import ArgumentError, OpenPathError
 from ..path import Path
 from ..strategies import HolonomicStrategy
-from ..task import Task, of_one_tool
+from ..tasks.task import Task, of_one_tool
 from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
 from .following import follow

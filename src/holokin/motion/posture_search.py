@@ -14,7 +14,7 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
-from ..task import Task, of_one_tool
+from ..tasks.task import Task, of_one_tool
 from ..workspaces import sobol
 from .leaf import check_levels, leaf_step
 from .newton import newton

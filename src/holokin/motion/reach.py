@@ -11,7 +11,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
 from ..sampling import Plan
-from ..task import Task
+from ..tasks.task import Task
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

@@ -15,7 +15,7 @@ from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..sampling import Plan, check_start, make_plan, record
 from ..synchronized_paths import AnyPath
-from ..task import Task
+from ..tasks.task import Task
 from ..trajectory import Status, Trajectory
 from .control_law import ControlLaw, Step, as_control_law
 

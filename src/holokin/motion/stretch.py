@@ -21,9 +21,9 @@ from __future__ import annotations
 from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, kept
 from ..errors import NativeError
-from ..frames import poses_expression
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
+from ..tasks.frames import poses_expression
 from .branch import branch_code
 from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
 from .rays import rays_code

@@ -18,7 +18,7 @@ from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
 from ..sampling import check_start
 from ..strategies import Strategy
-from ..task import of_one_tool
+from ..tasks.task import of_one_tool
 from .plant import Plant, make_plant, mujoco_module
 from .run import PhysicalRun
 

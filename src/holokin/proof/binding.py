@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..frames import TipFrame
 from ..robot import Robot
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import operation_list
-from ..task_kinds import FrameTask
+from ..tasks.frames import TipFrame
+from ..tasks.task_kinds import FrameTask
 from .equation import Equation
 from .lowering import lowered
 from .targets import Family, PoseBox, Stretch, Stretches

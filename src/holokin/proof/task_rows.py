@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..errors import ArgumentError
-from ..representations import AxisDirection
 from ..symbolic import SX, vertcat
 from ..symbolic.geometry import frame_about
-from ..task import Task
-from ..task_kinds import FrameTask, parts_of
+from ..tasks.orientation_rows import AxisDirection
+from ..tasks.task import Task
+from ..tasks.task_kinds import FrameTask, parts_of
 
 
 def parts(task: Task) -> list[tuple[int, FrameTask]]:

@@ -21,7 +21,7 @@ from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
-from ..task import Task
+from ..tasks.task import Task
 from .expressions import Expressions
 
 Field = Callable[[Task, Kinematics, SX], SX]

@@ -12,7 +12,7 @@ from ..base.types import ArrayLike, finite, frozen
 from ..constraints import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..symbolic import SX, Function, solve, symbol, written
-from ..task import Task
+from ..tasks.task import Task
 from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
 
 

@@ -18,7 +18,7 @@ from ..constraints import Constraint
 from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
-from ..task import Task
+from ..tasks.task import Task
 from .build import holonomic
 from .kinds import HolonomicStrategy
 

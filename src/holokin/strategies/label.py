@@ -15,7 +15,7 @@ from ..base.types import Matrix, Vector
 from ..robot import Robot
 from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
 from ..symbolic.null_space import null_space, null_space_expression
-from ..task import Task
+from ..tasks.task import Task
 from .self_motions import self_motion
 
 STEP = 0.05

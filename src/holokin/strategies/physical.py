@@ -15,7 +15,7 @@ from ..errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
 from ..symbolic import SX, as_map, factorise, hessian, jacobian, symbol
 from ..symbolic.null_space import null_space_expression
-from ..task import Task
+from ..tasks.task import Task
 from .kinds import RowStrategy
 
 Force = Literal["pseudo-inverse", "stiffness"]

@@ -19,7 +19,7 @@ from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
 from ..symbolic.null_space import null_space
-from ..task import Task
+from ..tasks.task import Task
 from .base import Field
 from .build import holonomic
 from .kinds import HolonomicStrategy

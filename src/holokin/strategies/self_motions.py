@@ -16,7 +16,7 @@ from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, 
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..symbolic import wrapped
 from ..symbolic.null_space import null_vector
-from ..task import Task
+from ..tasks.task import Task
 
 CORRECTIONS = 2
 """Newton corrections of a step. A step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off."""

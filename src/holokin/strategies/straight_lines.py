@@ -32,7 +32,7 @@ from ..symbolic import (
     transport,
     vertcat,
 )
-from ..task import Task
+from ..tasks.task import Task
 from .base import Strategy
 from .build import holonomic
 from .kinds import HolonomicStrategy

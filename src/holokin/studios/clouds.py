@@ -10,7 +10,7 @@ from ..base.types import Matrix, Vector
 from ..designing import Coverage, coverage
 from ..errors import HolokinError
 from ..strategies import HolonomicStrategy
-from ..task import Task
+from ..tasks.task import Task
 from ..workspaces import Workspace, pose_cloud, workspace
 from .states import Cloud, CloudStatus
 

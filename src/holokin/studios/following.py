@@ -14,7 +14,7 @@ from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
 from ..motion.inverse_kinematics import is_native, way_to
 from ..motion.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, Strategy
-from ..task import Task
+from ..tasks.task import Task
 from ..ways import StraightWay, straight
 from .laws import Law
 from .states import LawStatus

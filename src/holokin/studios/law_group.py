@@ -12,7 +12,7 @@ from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, who
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..motion import move_to_leaf
 from ..robot import Robot
-from ..task import Task
+from ..tasks.task import Task
 from .following import Move, poses_of
 from .laws import Law
 from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of

@@ -13,7 +13,7 @@ from ..errors import ArgumentError, HolokinError, NoArmError
 from ..job.strategies import KINDS, Fitted
 from ..motion import ControlLaw
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
-from ..task import Task
+from ..tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ..base.types import ArrayLike, Matrix, Value, Vector, finite, positive
 from ..errors import ArgumentError
 from ..path import Path, arc, figure_eight, polyline
 from ..synchronized_paths import AnyPath, synchronized
-from ..task import Task
+from ..tasks.task import Task
 
 SAMPLES = 500
 """Steps a cycle, as of `hk.drift`."""

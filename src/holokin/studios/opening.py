@@ -14,7 +14,6 @@ from ..base.types import ArrayLike, Matrix, Vector
 from ..designing import fitting_task, regular_starts
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
-from ..frame_tasks import pose
 from ..job import Job, open_one_job, packaged_jobs
 from ..job.build import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
@@ -23,8 +22,9 @@ from ..path import Path
 from ..robot import Robot
 from ..strategies import moore_penrose
 from ..synchronized_paths import AnyPath
-from ..task import Task
-from ..task_kinds import stacked
+from ..tasks.frame_tasks import pose
+from ..tasks.task import Task
+from ..tasks.task_kinds import stacked
 from .laws import Law, default_laws, redundant
 from .loops import Loop, circle_loop, entered
 from .session import Session

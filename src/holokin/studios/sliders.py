@@ -13,7 +13,7 @@ from ..motion.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk,
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector
-from ..task import Task
+from ..tasks.task import Task
 from .laws import Law
 
 STEP = 0.02

@@ -11,7 +11,7 @@ from ..base.types import Array, Matrix, Value, Vector
 from ..errors import ArgumentError, HolokinError
 from ..motion import path_spread
 from ..path import Path, polyline
-from ..task import of_one_tool
+from ..tasks.task import of_one_tool
 from .laws import Law
 from .states import LawStatus
 

@@ -31,7 +31,7 @@ from ..laws import (
 from ..laws.textbook import GAIN
 from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
-from ..task import Task
+from ..tasks.task import Task
 from .importing import imported
 from .objects import given
 

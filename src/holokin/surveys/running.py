@@ -38,7 +38,7 @@ from ..path import Path
 from ..robot import Robot, beside
 from ..robot.units import longest_reach
 from ..strategies import Strategy
-from ..task import Task
+from ..tasks.task import Task
 from ..trajectory import Status, Trajectory
 from .cases import Case, Cases, robot_table
 from .laws import Given, built, of_the_start, resolved

@@ -14,13 +14,13 @@ from typing import final
 
 import numpy as np
 
-from .base.arguments import check, typed
-from .base.types import Matrix, Vector, finite
-from .errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ..base.arguments import check, typed
+from ..base.types import Matrix, Vector, finite
+from ..errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ..robot import Kinematics, Robot
+from ..symbolic import SX, fmin, jacobian, vertcat
 from .frames import Frame, TipFrame
-from .representations import ORIENTATIONS, UP, Representation, representation
-from .robot import Kinematics, Robot
-from .symbolic import SX, fmin, jacobian, vertcat
+from .orientation_rows import ORIENTATIONS, UP, Representation, representation
 from .task import Task
 
 

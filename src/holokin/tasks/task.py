@@ -13,14 +13,14 @@ from typing import Self
 
 import numpy as np
 
-from .base.arguments import check, typed
-from .base.tolerances import TOLERANCES
-from .base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
-from .errors import ArgumentError, SingularityError, SingularityKind, UnknownNameError, shown
+from ..base.arguments import check, typed
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
+from ..errors import ArgumentError, SingularityError, SingularityKind, UnknownNameError, shown
+from ..robot import Kinematics, Robot, doubtful_unit
+from ..symbolic import SX, Evaluator, Function, jacobian, symbol, vertcat
+from ..symbolic.null_space import minors, null_space
 from .frames import poses_expression
-from .robot import Kinematics, Robot, doubtful_unit
-from .symbolic import SX, Evaluator, Function, jacobian, symbol, vertcat
-from .symbolic.null_space import minors, null_space
 
 
 class Task(Value, ABC):

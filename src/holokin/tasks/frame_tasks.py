@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from .base.arguments import typed
-from .base.types import ArrayLike, Matrix, Vector, finite
-from .errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Matrix, Vector, finite
+from ..errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ..robot import Robot
+from ..symbolic import SX, norm_2
+from ..symbolic.geometry import frame_about, log_s2
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
-from .representations import ORIENTATIONS, UP
-from .robot import Robot
-from .symbolic import SX, norm_2
-from .symbolic.geometry import frame_about, log_s2
+from .orientation_rows import ORIENTATIONS, UP
 from .task import Task, chosen_rows
 from .task_kinds import FrameTask, stack
 

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from .base.arguments import Made
-from .base.types import Value
-from .errors import ShapeError
-from .robot import Kinematics, Robot, hessian_expression
-from .symbolic import SX, cross, densify, horzcat, jacobian, symbol, vertcat, written
+from ..base.arguments import Made
+from ..base.types import Value
+from ..errors import ShapeError
+from ..robot import Kinematics, Robot, hessian_expression
+from ..symbolic import SX, cross, densify, horzcat, jacobian, symbol, vertcat, written
 
 
 @dataclass(frozen=True, eq=False)
