@@ -15,7 +15,7 @@ from conftest import PANDA_START
 from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.motion import InverseStatus
-from holokin.workspaces import pose_cloud
+from holokin.path.workspaces import pose_cloud
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 

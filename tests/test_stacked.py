@@ -17,8 +17,8 @@ import holokin as hk
 from exported import STRICT
 from holokin.job import open_job, run_job, simulate_job
 from holokin.motion import InverseStatus
+from holokin.path.synchronized_paths import SynchronizedPaths
 from holokin.robot import Robot, to_urdf
-from holokin.synchronized_paths import SynchronizedPaths
 
 LEFT, RIGHT = "left_flange", "right_flange"
 Q0 = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])

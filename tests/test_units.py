@@ -25,9 +25,9 @@ from holokin.errors import (
 from holokin.job.advised import _workspace_keys
 from holokin.job.strategies import Fitted
 from holokin.job.workspace_words import parse_workspace
+from holokin.path.workspaces import pose_cloud
 from holokin.robot import doubtful_unit
 from holokin.robot.units import longest_reach
-from holokin.workspaces import pose_cloud
 
 BETWEEN = np.array([0.3, 0.9, 0.0])
 

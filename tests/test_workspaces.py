@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
-from holokin.workspaces import PoseCloud, pose_cloud
+from holokin.path.workspaces import PoseCloud, pose_cloud
 
 COUNT = 4096
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -65,6 +65,8 @@ from .path import (
     spline,
     with_leads,
 )
+from .path.synchronized_paths import synchronized, through
+from .path.workspaces import Workspace, workspace
 from .proof import Certificate, certify
 from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
@@ -91,13 +93,11 @@ from .robot import (
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .surveying import survey
-from .synchronized_paths import synchronized, through
 from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .tasks.task import Task
 from .tasks.task_kinds import stacked
 from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
-from .workspaces import Workspace, workspace
 
 __all__ = [
     "Advice",

@@ -8,9 +8,9 @@ from . import motion
 from .base.arguments import typed
 from .base.types import ArrayLike
 from .errors import ArgumentError
+from .path.synchronized_paths import AnyPath
 from .proof import Certificate, follow_certified
 from .strategies import Strategy
-from .synchronized_paths import AnyPath
 from .trajectory import Trajectory
 
 

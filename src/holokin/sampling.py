@@ -12,10 +12,10 @@ from .base.tolerances import TOLERANCES
 from .base.types import Array, Indices, Matrix, Vector
 from .errors import ArgumentError, StartError
 from .path import Samples
-from .synchronized_paths import AnyPath, paths_of
+from .path.straight_path import rotation_vector
+from .path.synchronized_paths import AnyPath, paths_of
 from .tasks.task import Task
 from .trajectory import Measures, Status, Trajectory
-from .ways import rotation_vector
 
 BLOCK = 1024
 """Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""

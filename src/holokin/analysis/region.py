@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite, whole
 from ..errors import ArgumentError, ShapeError, posture_text
-from ..workspaces import sobol
+from ..path.workspaces import sobol
 
 
 @dataclass(frozen=True, eq=False)

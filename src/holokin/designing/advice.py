@@ -9,9 +9,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from ..base.types import Flags, NoTruthValue, Value, Vector
+from ..path.workspaces import PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from ..workspaces import PoseRange, Workspace
 from .covered import Coverage
 from .tips import Chain
 

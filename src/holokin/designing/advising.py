@@ -14,12 +14,12 @@ from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError, HolokinError, OutOfReachError
 from ..motion.reach import nearest_postures
+from ..path.workspaces import PoseRange, Workspace, pose_cloud
+from ..path.workspaces import workspace as pose_range
 from ..robot import Robot, check_metres
 from ..strategies import moore_penrose, radial
 from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task
-from ..workspaces import PoseRange, Workspace, pose_cloud
-from ..workspaces import workspace as pose_range
 from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of

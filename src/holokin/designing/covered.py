@@ -14,7 +14,7 @@ from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen
 from ..errors import brief
-from ..workspaces import Workspace
+from ..path.workspaces import Workspace
 
 FAR_TURN = np.pi / 2
 """Turn [rad] from the tool at the start to the workspace's middle orientation from which on it is told: so far, wrists

@@ -12,10 +12,10 @@ from ..errors import ArgumentError, ShapeError
 from ..motion import InverseStatus, inverse, leaf_value
 from ..motion.leaf import leaf_step
 from ..motion.reach import nearest_postures
+from ..path.workspaces import PoseRange, Workspace
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
-from ..workspaces import PoseRange, Workspace
 from .covered import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024

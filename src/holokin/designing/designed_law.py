@@ -11,10 +11,10 @@ from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, not_negative, whole
 from ..constraints import Constraint
 from ..errors import ArgumentError
+from ..path.workspaces import Workspace
 from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
-from ..workspaces import Workspace
 from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached

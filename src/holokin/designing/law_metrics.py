@@ -11,8 +11,8 @@ from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import OutOfReachError
 from ..motion import inverse
 from ..motion.solutions import InverseStatus
+from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
-from ..workspaces import Workspace
 from .coordinates import Coordinates, chart_of, coordinates_of
 from .objectives import Costs, Objective, as_objective, costs_of
 from .section import TiltedLeaves

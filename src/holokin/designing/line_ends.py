@@ -14,10 +14,10 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..motion.leaf import leaf_step
+from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function
 from ..tasks.task import Task
-from ..ways import straight
 
 FIRST = 0.35
 """Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""

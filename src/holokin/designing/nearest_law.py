@@ -28,10 +28,10 @@ from ..base.types import Matrix, Value, Vector, frozen, whole
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
 from ..motion import inverse
+from ..path.workspaces import Cylinder, Sphere, sobol
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task, of_one_tool
-from ..workspaces import Cylinder, Sphere, sobol
 from .coordinates import chart_of, coordinates_of
 from .leaf_series import SampledSeries, along_leaves, series_over
 from .objectives import Objective, length_of

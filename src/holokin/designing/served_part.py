@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from ..base.types import Array
-from ..workspaces import PoseRange
+from ..path.workspaces import PoseRange
 
 HALVINGS = 7
 """Halvings of the share that is looked for: it is right to 1 %."""

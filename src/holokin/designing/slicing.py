@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Indices, Value, Vector, whole
+from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
-from ..workspaces import PoseRange, pose_cloud
 from .covered import Coverage
 from .covering import coverage
 

@@ -13,8 +13,8 @@ import numpy as np
 from ..designing import Advice, advise
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
+from ..path.workspaces import PoseRange, Workspace
 from ..tasks.task import Task
-from ..workspaces import PoseRange, Workspace
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job
 from .workspace_words import parse_workspace

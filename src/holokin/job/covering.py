@@ -12,10 +12,10 @@ from ..base.types import Matrix, Value, Vector
 from ..designing import Reach, coverage, coverage_slices, posture_reach
 from ..errors import JobError
 from ..output.result import StrategyResult
+from ..path.workspaces import PoseRange, Workspace, workspace
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from ..workspaces import PoseRange, Workspace, workspace
 from .build import naming
 from .schema import Job, WorkspaceTable
 

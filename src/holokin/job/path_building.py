@@ -24,12 +24,12 @@ from ..path import (
     spline,
     with_leads,
 )
+from ..path.straight_path import rotation_vector
+from ..path.synchronized_paths import AnyPath
 from ..recording import read_svg, read_waypoints
 from ..strategies import Strategy
 from ..symbolic import Function, parse, symbol
-from ..synchronized_paths import AnyPath
 from ..tasks.task import Task
-from ..ways import rotation_vector
 from .path_tables import PathTable
 from .schema import Job
 

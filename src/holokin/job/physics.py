@@ -9,9 +9,9 @@ from typing import Any
 from ..errors import HolokinError
 from ..motion import drift
 from ..output.physics_report import PhysicsResult, Played
+from ..path.synchronized_paths import paths_of
 from ..physics import play
 from ..robot import knows_masses, servo, weighed
-from ..synchronized_paths import paths_of
 from ..tasks.task import of_one_tool
 from .build import build_begin, build_strategy, build_tasks, naming
 from .path_building import build_entry

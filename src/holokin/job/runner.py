@@ -28,10 +28,10 @@ from ..errors import (
 from ..errors.moving import KEPT
 from ..motion import follow
 from ..output.result import Check, JobResult, NotRun, StrategyResult
+from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
-from ..synchronized_paths import AnyPath
 from ..tasks.task import Task
 from ..trajectory import Status, Trajectory
 from .build import (

@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 
 from ..base.types import Vector
 from ..errors import ArgumentError, JobError
-from ..synchronized_paths import AnyPath, synchronized
+from ..path.synchronized_paths import AnyPath, synchronized
 from ..tasks.task import Task
 from ..tasks.task_kinds import parts_of
 from .path_building import build_path

@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Flags, Indices, Matrix, Value, Vector, frozen, kept
+from ..path.straight_path import StraightWay, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
-from ..ways import StraightWay, rotation_vector
 from .branch import turning
 from .leaf import Pose, Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton, straight_way, tool_at
 from .rays import on_ray

@@ -9,10 +9,10 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, PathError, SingularityError
 from ..path import Path, line_segment
+from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from ..trajectory import Measures, Status, Trajectory
-from ..ways import straight
 from .following import follow
 from .leaf import leaf_value, move_to_leaf
 from .posture_search import all_postures

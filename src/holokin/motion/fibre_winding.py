@@ -15,10 +15,10 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Matrix, Vector
+from ..path.straight_path import straight
 from ..strategies import SelfMotions
 from ..symbolic import wrapped
 from ..tasks.task import Task
-from ..ways import straight
 
 QUARTER = 0.25
 """Turns of the self-motion from one sample to the next: half a turn could be either way."""

@@ -25,9 +25,9 @@ from ..errors import (
     TrackingError,
 )
 from ..errors.moving import KEPT
+from ..path.synchronized_paths import AnyPath
 from ..sampling import Plan, check_start, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
-from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from .branch import branch_code
 from .leaf import jump_problem, leaf_step, leaf_stepper, native_leaf

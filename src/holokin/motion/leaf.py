@@ -18,6 +18,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
+from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND
 from ..sampling import Plan
@@ -26,7 +27,6 @@ from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
 from ..trajectory import Trajectory
-from ..ways import straight
 from .branch import Branch, branch_code
 from .native import NativeFollower
 from .rays import SHORTEST, keeps_turns

@@ -10,12 +10,12 @@ from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..errors import ArgumentError, ShapeError
+from ..path.workspaces import sobol
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
 from ..tasks.task import Task, of_one_tool
-from ..workspaces import sobol
 from .leaf import check_levels, leaf_step
 from .newton import newton
 from .whole_turns import free_hinges, turned

@@ -9,8 +9,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError, OpenPathError
+from ..path.synchronized_paths import AnyPath, paths_of
 from ..strategies import Strategy
-from ..synchronized_paths import AnyPath, paths_of
 from ..trajectory import Trajectory
 from .following import follow
 

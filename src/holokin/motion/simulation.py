@@ -13,8 +13,8 @@ from ..base.arguments import typed
 from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
+from ..path.synchronized_paths import AnyPath
 from ..sampling import Plan, check_start, make_plan, record
-from ..synchronized_paths import AnyPath
 from ..tasks.task import Task
 from ..trajectory import Status, Trajectory
 from .control_law import ControlLaw, Step, as_control_law

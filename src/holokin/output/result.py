@@ -15,8 +15,8 @@ from ..base.types import NoTruthValue, Vector
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
+from ..path.synchronized_paths import AnyPath
 from ..robot import LinkShape, Robot
-from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 
 METRICS: dict[str, str] = {

@@ -2,9 +2,9 @@
 
 from .curves import even_curve
 from .editing import blended, passes, with_leads
+from .lines_and_arcs import arc, circle, line, polyline
 from .path import Path, Samples, as_point, corners_of, frame_pose, join
 from .segments import Segment, arc_segment, line_segment
-from .shapes import arc, circle, line, polyline
 from .splines import path_of, spline
 from .surfaces import figure_eight, raster, spiral
 from .waypoints import Waypoints

@@ -31,8 +31,8 @@ from ..base.types import (
 )
 from ..errors import ArgumentError, OpenPathError
 from ..robot.composing import pose_matrix
-from ..ways import rotation_matrix
 from .segments import Segment, derivatives, positions
+from .straight_path import rotation_matrix
 
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector, frozen
-from ..ways import rotation_matrix, rotation_vector
+from .straight_path import rotation_matrix, rotation_vector
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))
 """Gauss-Legendre points on [-1, 1]: exact for the area of a cubic, and 1e-15 of the length of the segments of a spline,

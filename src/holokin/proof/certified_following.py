@@ -8,9 +8,9 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
 from ..motion.following import joint_rates
+from ..path.synchronized_paths import AnyPath
 from ..sampling import make_plan, record
 from ..strategies import Strategy
-from ..synchronized_paths import AnyPath
 from ..trajectory import Status, Trajectory
 from .certificate import Certificate, Extent
 from .certifying import certify

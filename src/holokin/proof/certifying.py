@@ -10,11 +10,11 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
+from ..path.synchronized_paths import AnyPath
+from ..path.workspaces import Workspace
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from ..synchronized_paths import AnyPath
-from ..workspaces import Workspace
 from .anchors import anchored
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
 from .equation import Equation

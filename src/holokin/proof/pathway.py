@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
+from ..path.synchronized_paths import AnyPath
 from ..sampling import make_plan
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval
-from ..synchronized_paths import AnyPath
 from .bounds import UP, norm
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation

@@ -11,8 +11,8 @@ from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, som
 from ..errors import ArgumentError, HolokinError
 from ..motion import inverse
 from ..motion.leaf import leaf_follower, leaf_step, newton, straight_way, tool_at
+from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
-from ..workspaces import Box, PoseRange, Workspace
 from .bounds import UP
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation

@@ -7,9 +7,9 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
 from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
+from ..path.synchronized_paths import AnyPath
 from ..sampling import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy
-from ..synchronized_paths import AnyPath
 from .certificate import Extent
 
 PIECES = 100

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, check_rotation, finite
 from ..errors import ArgumentError
-from ..workspaces import TOOL_DOWN, PoseCloud, pose_cloud
+from ..path.workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 from .pose_columns import Units, pose_rows
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..designing import Coverage, coverage
 from ..errors import HolokinError
+from ..path.workspaces import Workspace, pose_cloud, workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from ..workspaces import Workspace, pose_cloud, workspace
 from .states import Cloud, CloudStatus
 
 PIECE = 32

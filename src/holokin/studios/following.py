@@ -13,9 +13,9 @@ from ..errors import HolokinError
 from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
 from ..motion.inverse_kinematics import is_native, way_to
 from ..motion.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
+from ..path.straight_path import StraightWay, straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task
-from ..ways import StraightWay, straight
 from .laws import Law
 from .states import LawStatus
 

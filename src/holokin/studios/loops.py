@@ -12,7 +12,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite, positive
 from ..errors import ArgumentError
 from ..path import Path, arc, figure_eight, polyline
-from ..synchronized_paths import AnyPath, synchronized
+from ..path.synchronized_paths import AnyPath, synchronized
 from ..tasks.task import Task
 
 SAMPLES = 500

@@ -19,9 +19,9 @@ from ..job.build import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
 from ..motion import drift, follow
 from ..path import Path
+from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
 from ..strategies import moore_penrose
-from ..synchronized_paths import AnyPath
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task
 from ..tasks.task_kinds import stacked

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
-from ..workspaces import Workspace
+from ..path.workspaces import Workspace
 from .clouds import default_workspace
 from .law_group import LawGroup
 from .laws import Law, rebuilt

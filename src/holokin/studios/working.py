@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 from ..base.types import Vector
 from ..errors import HolokinError, brief
+from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
-from ..workspaces import Workspace
 from .clouds import covered, failed_cloud
 from .judging import judged, largest_curvature
 from .loops import Loop

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .base.arguments import typed
-from .base.types import (
+from ..base.arguments import typed
+from ..base.types import (
     Array,
     ArrayLike,
     Flags,
@@ -26,7 +26,7 @@ from .base.types import (
     tool_pose,
     whole,
 )
-from .errors import ArgumentError, ShapeError
+from ..errors import ArgumentError, ShapeError
 from .path import as_point
 
 TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))

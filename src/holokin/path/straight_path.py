@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .base.types import Array, Indices, Value, Vector
+from ..base.types import Array, Indices, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)

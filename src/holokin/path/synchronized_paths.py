@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .base.arguments import typed
-from .base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
-from .errors import ArgumentError, OpenPathError, ShapeError
-from .path import Path, Samples, Segment, as_point, corners_of, line_segment
+from ..base.arguments import typed
+from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
+from ..errors import ArgumentError, OpenPathError, ShapeError
+from .path import Path, Samples, as_point, corners_of
+from .segments import Segment, line_segment
 
 ALIKE = 1e-12
 """Share of the whole time within which two segments end together."""
