@@ -23,7 +23,7 @@ from holokin.errors import (
     UnknownNameError,
 )
 from holokin.motion import as_control_law
-from holokin.trajectory import Status
+from holokin.motion.trajectory import Status
 
 
 @pytest.fixture(scope="module")

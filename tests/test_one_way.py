@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from holokin.job import open_job, run_job
+from holokin.motion.trajectory import Status
 from holokin.output.report import write_report
 from holokin.output.result import JobResult
 from holokin.output.table import print_result, row
-from holokin.trajectory import Status
 
 JOB = """
 title = "a path"

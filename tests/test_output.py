@@ -16,13 +16,13 @@ from holokin.analysis import curvature
 from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
 from holokin.job.strategies import MoorePenrose
+from holokin.motion.trajectory import Status
 from holokin.output.animate import ways_frames
 from holokin.output.figures import figures, robot_figure
 from holokin.output.report import write_report
 from holokin.output.result import JobResult
 from holokin.output.table import columns, remarks, row
 from holokin.output.words import away, largest, speed_warning, stopped, ways_end
-from holokin.trajectory import Status
 from short_jobs import shortened
 
 

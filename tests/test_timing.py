@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START
 from holokin.errors import ArgumentError, MissingExtraError, ShapeError
 from holokin.motion import TimedTrajectory
-from holokin.trajectory import Trajectory
+from holokin.motion.trajectory import Trajectory
 
 ACCELERATION, JERK = 10.0, 500.0
 KEPT = 1e-9

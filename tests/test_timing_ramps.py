@@ -8,7 +8,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, PPR_START
 from holokin.motion import TimedTrajectory
-from holokin.trajectory import Trajectory
+from holokin.motion.trajectory import Trajectory
 
 SEEDS = range(6)
 PROFILES = ("trapezoidal", "time-optimal")

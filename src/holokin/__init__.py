@@ -48,6 +48,7 @@ from .motion import (
     retime,
     simulate,
 )
+from .motion.trajectory import Status, Trajectory
 from .path import (
     Path,
     Waypoints,
@@ -96,7 +97,6 @@ from .surveying import survey
 from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .tasks.task import Task
 from .tasks.task_kinds import stacked
-from .trajectory import Status, Trajectory
 from .version import __version__ as __version__
 
 __all__ = [

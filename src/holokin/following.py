@@ -8,10 +8,10 @@ from . import motion
 from .base.arguments import typed
 from .base.types import ArrayLike
 from .errors import ArgumentError
+from .motion.trajectory import Trajectory
 from .path.synchronized_paths import AnyPath
 from .proof import Certificate, follow_certified
 from .strategies import Strategy
-from .trajectory import Trajectory
 
 
 @overload

@@ -16,9 +16,9 @@ from ..analysis.drift_free_sets import self_motion
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import ControlLaw, simulate
+from ..motion.trajectory import Trajectory, whole_turns
 from ..path import Path
 from ..tasks.task import Task
-from ..trajectory import Trajectory, whole_turns
 from .judge import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
 

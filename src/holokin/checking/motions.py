@@ -10,9 +10,9 @@ import numpy as np
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError, NotFiniteError
 from ..motion import TimedTrajectory
+from ..motion.trajectory import Trajectory
 from ..recording import Recording
 from ..robot import Robot
-from ..trajectory import Trajectory
 from .report import FindingKind
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)

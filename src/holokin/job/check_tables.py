@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from ..checking import CheckReport, check
 from ..motion import TimedTrajectory
+from ..motion.trajectory import Trajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
 from ..tasks.task import Task
-from ..trajectory import Trajectory
 from .robot_tables import FrameTable
 from .table import Length, Positive, Table
 

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from ..export import Wiring
 from ..motion import TimedTrajectory, retime
 from ..motion.joint_curve import joint_curve
+from ..motion.trajectory import Trajectory
 from ..robot import Robot
-from ..trajectory import Trajectory
 from .table import Few, Length, Positive, Table
 
 Limit = Positive | Annotated[list[Positive], Few]

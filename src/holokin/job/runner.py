@@ -27,13 +27,13 @@ from ..errors import (
 )
 from ..errors.moving import KEPT
 from ..motion import follow
+from ..motion.trajectory import Status, Trajectory
 from ..output.result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 from ..tasks.task import Task
-from ..trajectory import Status, Trajectory
 from .build import (
     build_begin,
     build_strategy,

@@ -12,11 +12,11 @@ from ..path import Path, line_segment
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
-from ..trajectory import Measures, Status, Trajectory
 from .following import follow
 from .leaf import leaf_value, move_to_leaf
 from .posture_search import all_postures
 from .reach import nearest_postures
+from .trajectory import Measures, Status, Trajectory
 
 WAYS = ("joints", "tool")
 

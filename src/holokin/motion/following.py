@@ -26,13 +26,13 @@ from ..errors import (
 )
 from ..errors.moving import KEPT
 from ..path.synchronized_paths import AnyPath
-from ..sampling import Plan, check_start, make_plan, record
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
-from ..trajectory import Status, Trajectory
 from .branch import branch_code
 from .leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from .native import NativeFollower
 from .reach import out_of_reach
+from .sampling import Plan, check_start, make_plan, record
+from .trajectory import Status, Trajectory
 from .velocity import native_velocity, path_rate, velocity_stepper
 
 METHODS = ("velocity", "leaf")

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
-from ..trajectory import Status, Trajectory
+from .trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

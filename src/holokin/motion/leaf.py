@@ -21,15 +21,15 @@ from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFin
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND
-from ..sampling import Plan
 from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
-from ..trajectory import Trajectory
 from .branch import Branch, branch_code
 from .native import NativeFollower
 from .rays import SHORTEST, keeps_turns
+from .sampling import Plan
+from .trajectory import Trajectory
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""

@@ -11,8 +11,8 @@ from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError, OpenPathError
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..strategies import Strategy
-from ..trajectory import Trajectory
 from .following import follow
+from .trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
-from ..trajectory import whole_turns
 from .following import by_leaf, follow
+from .trajectory import whole_turns
 
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""

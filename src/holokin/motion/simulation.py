@@ -14,10 +14,10 @@ from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..path.synchronized_paths import AnyPath
-from ..sampling import Plan, check_start, make_plan, record
 from ..tasks.task import Task
-from ..trajectory import Status, Trajectory
 from .control_law import ControlLaw, Step, as_control_law
+from .sampling import Plan, check_start, make_plan, record
+from .trajectory import Status, Trajectory
 
 
 @typed

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.types import Matrix, Value, Vector
-from ..trajectory import Trajectory
+from .trajectory import Trajectory
 
 NOTHING = 1e-6
 """Peak of a rate [joint units / s, s^2, s^3] that a table shows as 0: round-off, up to jerks at 1 kHz."""

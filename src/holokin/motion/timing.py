@@ -11,10 +11,10 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Vector, numbers, positive, whole
 from ..errors import ArgumentError
 from ..robot import Robot
-from ..trajectory import Trajectory
 from .joint_curve import Stretch, joint_curve
 from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal
 from .timed import RATES, Limits, Slowdown, TimedTrajectory
+from .trajectory import Trajectory
 from .trapezoid import fastest_trapezoid
 
 PROFILES = ("time-optimal", "trapezoidal", "quintic")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Vector
-from ..trajectory import Status, Trajectory
+from ..motion.trajectory import Status, Trajectory
 from .bodies import solids_at, standing, triad
 from .figures import tool_points
 from .film import ending, write_film

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Vector
-from ..trajectory import Status, Trajectory
+from ..motion.trajectory import Status, Trajectory
 from .coverage_plots import coverage_figure
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
 from .panels import Actor, Curve, Stage, draw_panel, stage_of

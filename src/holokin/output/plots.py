@@ -14,8 +14,8 @@ import numpy as np
 from ..base.files import replacing
 from ..base.types import Indices, Vector
 from ..errors import ArgumentError
+from ..motion.trajectory import Status, Trajectory
 from ..robot import Robot
-from ..trajectory import Status, Trajectory
 from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
 from .words import on_figure
 

@@ -15,9 +15,9 @@ from ..base.types import NoTruthValue, Vector
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
+from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath
 from ..robot import LinkShape, Robot
-from ..trajectory import Status, Trajectory
 
 METRICS: dict[str, str] = {
     "defect": "curvature near the start, its largest (defect): joint error of a small loop over its area",

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..base.types import Vector
 from ..errors import brief
+from ..motion.trajectory import Status, Trajectory
 from ..robot import Robot
-from ..trajectory import Status, Trajectory
 from .result import JobResult, StrategyResult
 
 ALIKE = 1e-8

@@ -8,10 +8,10 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
 from ..motion.following import joint_rates
+from ..motion.sampling import make_plan, record
+from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath
-from ..sampling import make_plan, record
 from ..strategies import Strategy
-from ..trajectory import Status, Trajectory
 from .certificate import Certificate, Extent
 from .certifying import certify
 from .tube import centred

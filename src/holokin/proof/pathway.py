@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
+from ..motion.sampling import make_plan
 from ..path.synchronized_paths import AnyPath
-from ..sampling import make_plan
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval
 from .bounds import UP, norm

@@ -21,10 +21,10 @@ from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
 from ..errors import ArgumentError, ShapeError
+from ..motion.trajectory import Status
 from ..output.palette import law_colors
 from ..output.scene import best_view
 from ..robot import Robot
-from ..trajectory import Status
 from .door import HERE, Door
 from .scene import FOV, Scene, silent_viser, viser_package
 from .session import Session

@@ -13,10 +13,10 @@ from ..motion import ControlLaw, approach, inverse, move_to_leaf
 from ..motion.following import build_native
 from ..motion.leaf import Way, leaf_follower, leaf_value, native_leaf
 from ..motion.native import NativeFollower
+from ..motion.sampling import Plan, check_start, make_plan
 from ..motion.simulation import step_targets
 from ..motion.velocity import native_velocity, velocity_stepper
 from ..path import Path
-from ..sampling import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .following import limit_sentence, stopped
 from .laws import Law

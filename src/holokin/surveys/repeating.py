@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..base.arguments import typed
 from ..errors import ArgumentError
-from ..trajectory import Trajectory
+from ..motion.trajectory import Trajectory
 from .cases import Case, Cases
 from .running import repeat_case
 from .store import Store

@@ -34,12 +34,12 @@ from ..job.strategies import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..motion.following import build_native
+from ..motion.trajectory import Status, Trajectory
 from ..path import Path
 from ..robot import Robot, beside
 from ..robot.units import longest_reach
 from ..strategies import Strategy
 from ..tasks.task import Task
-from ..trajectory import Status, Trajectory
 from .cases import Case, Cases, robot_table
 from .laws import Given, built, of_the_start, resolved
 from .loops import drawn

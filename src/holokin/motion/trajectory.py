@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from .base.arguments import typed
-from .base.files import write_csv
-from .base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
-from .errors import ArgumentError
+from ..base.arguments import typed
+from ..base.files import write_csv
+from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
+from ..errors import ArgumentError
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from .base.tolerances import TOLERANCES
-from .base.types import Array, Indices, Matrix, Vector
-from .errors import ArgumentError, StartError
-from .path import Samples
-from .path.straight_path import rotation_vector
-from .path.synchronized_paths import AnyPath, paths_of
-from .tasks.task import Task
+from ..base.tolerances import TOLERANCES
+from ..base.types import Array, Indices, Matrix, Vector
+from ..errors import ArgumentError, StartError
+from ..path import Samples
+from ..path.straight_path import rotation_vector
+from ..path.synchronized_paths import AnyPath, paths_of
+from ..tasks.task import Task
 from .trajectory import Measures, Status, Trajectory
 
 BLOCK = 1024
