@@ -25,7 +25,7 @@ import holokin as hk
 from holokin.codegen import compiler, native
 from holokin.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
-from holokin.motion.leaf import leaf_step
+from holokin.inverse_kinematics.leaf import leaf_step
 
 STEPS = 3000
 PANDA = np.array([0.0, -0.3, 0.2, -2.0, 0.1, 1.8, 0.7])

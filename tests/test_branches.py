@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.codegen import enabled
 from holokin.errors import BranchError, HolokinError, PathError
-from holokin.motion.branch import lay_tube
+from holokin.inverse_kinematics.branch import lay_tube
 from holokin.strategies import Strategy
 
 ENGINES = [pytest.param(500, id="machine"), pytest.param(6000, id="native")]

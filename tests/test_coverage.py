@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.designing import PoseStatus, coverage_slices, posture_reach
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
-from holokin.motion.reach import nearest_postures
+from holokin.inverse_kinematics.reach import nearest_postures
 from holokin.strategies import HolonomicStrategy
 
 LINKS = (0.5, 0.4, 0.3)

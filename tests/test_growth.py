@@ -14,9 +14,9 @@ from chains import chain, shared_bend
 from conftest import PANDA_START, urdf
 from holokin.codegen import LARGEST, native
 from holokin.errors import SingularityError
+from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.motion import following
 from holokin.motion.control_step import StepStatus
-from holokin.motion.leaf import leaf_step
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
 

@@ -14,7 +14,7 @@ from conftest import PANDA_START
 from holokin.codegen import code_file, enabled
 from holokin.codegen.native import library
 from holokin.errors import BranchError, SingularityError
-from holokin.motion.stretch import along
+from holokin.inverse_kinematics.stretch import along
 from holokin.strategies import HolonomicStrategy
 
 pytestmark = pytest.mark.skipif(not enabled(), reason="no compiler")

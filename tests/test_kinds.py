@@ -13,8 +13,8 @@ import pytest
 import holokin as hk
 from conftest import PPR_START
 from holokin.errors import ArgumentError
-from holokin.motion.branch import extended_jacobian
-from holokin.motion.leaf import leaf_step
+from holokin.inverse_kinematics.branch import extended_jacobian
+from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.motion.velocity import path_rate
 from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, fitted, pfaffian
 

@@ -22,9 +22,9 @@ from holokin.errors import (
     ShapeError,
     SingularityError,
 )
+from holokin.inverse_kinematics.leaf import leaf_step
+from holokin.inverse_kinematics.native_follower import NativeFollower
 from holokin.motion import following
-from holokin.motion.leaf import leaf_step
-from holokin.motion.native import NativeFollower
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, PPR_START, R3_START
+from holokin.inverse_kinematics.nearest_pose import LEAST
 from holokin.motion import InverseStatus
-from holokin.motion.nearest_pose import LEAST
 
 REACHED, CLAMPED = InverseStatus.REACHED, InverseStatus.CLAMPED
 

@@ -21,11 +21,11 @@ from holokin.codegen import inverse_kernel, native, transport
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
 from holokin.export.building import check
+from holokin.inverse_kinematics.branch import extended_jacobian
+from holokin.inverse_kinematics.leaf import leaf_step
+from holokin.inverse_kinematics.rays import rays_from
 from holokin.job import open_job, run_job
 from holokin.motion import control_step
-from holokin.motion.branch import extended_jacobian
-from holokin.motion.leaf import leaf_step
-from holokin.motion.rays import rays_from
 from holokin.strategies import pfaffian
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")

@@ -13,7 +13,7 @@ import pytest
 import holokin as hk
 from holokin.codegen import kernel, native
 from holokin.errors import BranchError, JointLimitError, LimitReachedError, OutOfReachError
-from holokin.motion import leaf
+from holokin.inverse_kinematics import leaf
 from holokin.surveys import running, survey_of
 from holokin.surveys.cases import Cases
 from holokin.symbolic import Function

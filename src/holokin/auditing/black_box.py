@@ -16,8 +16,8 @@ from ..analysis.brackets import pairs
 from ..base.arguments import typed
 from ..base.types import ArrayLike, NoTruthValue
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
+from ..inverse_kinematics.posture_search import spread
 from ..motion import as_control_law
-from ..motion.posture_search import spread
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy

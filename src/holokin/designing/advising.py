@@ -13,7 +13,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError, HolokinError, OutOfReachError
-from ..motion.reach import nearest_postures
+from ..inverse_kinematics.reach import nearest_postures
 from ..path.workspaces import PoseRange, Workspace, pose_cloud
 from ..path.workspaces import workspace as pose_range
 from ..robot import Robot, check_metres

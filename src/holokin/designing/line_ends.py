@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ..motion.leaf import leaf_step
+from ..inverse_kinematics.leaf import leaf_step
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ..motion.posture_search import postures_from, spread
+from ..inverse_kinematics.posture_search import postures_from, spread
 from ..strategies.self_motions import SelfMotions, away
 from ..tasks.task import Task
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
 from ..errors import SingularityError, SingularityKind
-from ..motion.leaf import leaf_step
+from ..inverse_kinematics.leaf import leaf_step
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, dot, gradient, symbol, vec
 from .coordinates import Coordinates, Terms, values_and_slopes

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Flags, Matrix, Vector
 from ..errors import ArgumentError
-from ..motion.reach import nearest_postures
+from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
 from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task

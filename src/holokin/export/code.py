@@ -17,11 +17,11 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, Vector
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
+from ..inverse_kinematics.branch import branch_code, extended_jacobian
+from ..inverse_kinematics.leaf import ALMOST, DONE, NEWTONS, leaf_step
+from ..inverse_kinematics.rays import rays_code
 from ..motion import has_leaf, leaf_value, step_function
-from ..motion.branch import branch_code, extended_jacobian
 from ..motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
-from ..motion.leaf import ALMOST, DONE, NEWTONS, leaf_step
-from ..motion.rays import rays_code
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tasks.frames import poses_expression

@@ -13,7 +13,7 @@ from ..base.arguments import typed
 from ..base.files import alone, aside, replace_files, uninterrupted, writing
 from ..base.types import ArrayLike, number, whole
 from ..errors import ArgumentError
-from ..motion.branch import enclosed_change, extended_jacobian
+from ..inverse_kinematics.branch import enclosed_change, extended_jacobian
 from ..strategies import HolonomicStrategy, Strategy
 from ..version import __version__
 from .code import Source, header, library, line, text, wrapper

@@ -11,9 +11,9 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, HolokinError
-from ..motion.branch import extended_jacobian
-from ..motion.leaf import leaf_follower, leaf_step, straight_way, tool_at
-from ..motion.rays import on_ray
+from ..inverse_kinematics.branch import extended_jacobian
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_way, tool_at
+from ..inverse_kinematics.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text

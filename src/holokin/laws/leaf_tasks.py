@@ -15,7 +15,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Vector, finite, number
 from ..errors import ArgumentError, ShapeError
-from ..motion.leaf import leaf_value
+from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy
 from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints

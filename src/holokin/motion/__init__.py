@@ -1,19 +1,19 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
+from ..inverse_kinematics.inverse_function import InverseKinematics, inverse
+from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
+from ..inverse_kinematics.nearest_pose import Nearest
+from ..inverse_kinematics.posture_search import Postures, all_postures
+from ..inverse_kinematics.solutions import InverseStatus, Solutions
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller
 from .entering import approach
 from .following import follow
 from .hand_motion import Followed, HandFollower, hand_follower
-from .inverse_kinematics import InverseKinematics, inverse
-from .leaf import leaf_value, move_to_leaf
-from .nearest_pose import Nearest
 from .obstructions import Directions, Obstruction, Witness, obstruction
-from .posture_search import Postures, all_postures
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate
-from .solutions import InverseStatus, Solutions
 from .step_expression import has_leaf
 from .step_expression import step_function as step_function
 from .timed import JointLoad, Limits, Slowdown, TimedTrajectory

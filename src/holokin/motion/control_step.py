@@ -25,11 +25,11 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, frozen, number, right_last_row
 from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
+from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
 from ..strategies import Strategy
 from ..symbolic import Function
 from .control_law import ControlLaw, Step
-from .leaf import leaf_value
 from .step_expression import has_leaf, step_function
 
 LONGEST_STEP = 10.0

@@ -11,11 +11,11 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..constraints import Arm
 from ..errors import ArgumentError, SingularityError, SingularityKind
+from ..inverse_kinematics.leaf import DONE, NEWTONS, leaf_step, leaf_value
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from ..strategies.self_motions import correction
 from ..symbolic import runge_kutta
 from ..tasks.task import Task
-from .leaf import DONE, NEWTONS, leaf_step, leaf_value
 from .sphere_index import TangentField, angle_between
 
 NEAR = 0.3

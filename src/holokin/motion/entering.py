@@ -8,14 +8,14 @@ from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, PathError, SingularityError
+from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
+from ..inverse_kinematics.posture_search import all_postures
+from ..inverse_kinematics.reach import nearest_postures
 from ..path import Path, line_segment
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from .following import follow
-from .leaf import leaf_value, move_to_leaf
-from .posture_search import all_postures
-from .reach import nearest_postures
 from .trajectory import Measures, Status, Trajectory
 
 WAYS = ("joints", "tool")

@@ -25,12 +25,12 @@ from ..errors import (
     TrackingError,
 )
 from ..errors.moving import KEPT
+from ..inverse_kinematics.branch import branch_code
+from ..inverse_kinematics.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
+from ..inverse_kinematics.native_follower import NativeFollower
+from ..inverse_kinematics.reach import out_of_reach
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
-from .branch import branch_code
-from .leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
-from .native import NativeFollower
-from .reach import out_of_reach
 from .sampling import Plan, check_start, make_plan, record
 from .trajectory import Status, Trajectory
 from .velocity import native_velocity, path_rate, velocity_stepper

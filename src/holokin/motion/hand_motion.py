@@ -16,8 +16,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
 from ..errors import ArgumentError, MissingExtraError, ShapeError
-from .inverse_kinematics import InverseKinematics
-from .nearest_pose import Nearest
+from ..inverse_kinematics.inverse_function import InverseKinematics
+from ..inverse_kinematics.nearest_pose import Nearest
 
 LONGEST = 1.0
 """Longest period of a loop [s]: a longer one is in milliseconds."""

@@ -10,9 +10,9 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Vector, kept
 from ..codegen import VelocityRules
 from ..errors import TrackingError
+from ..inverse_kinematics.native_follower import NativeFollower
 from ..strategies import Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
-from .native import NativeFollower
 from .sampling import Plan
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
-from ..motion.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
+from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
 from ..motion.sampling import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..base.types import Matrix, Vector, frozen
-from ..motion.leaf import leaf_value
+from ..inverse_kinematics.leaf import leaf_value
 from ..strategies import HolonomicStrategy, SelfMotion
 from .following import Follower, Move, follower
 from .history import History

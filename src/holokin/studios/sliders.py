@@ -9,7 +9,7 @@ import numpy as np
 from ..base.types import Vector
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError
-from ..motion.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk, straight_way, tool_at
+from ..inverse_kinematics.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk, straight_way, tool_at
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector

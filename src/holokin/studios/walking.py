@@ -9,10 +9,10 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
+from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_value, native_leaf
+from ..inverse_kinematics.native_follower import NativeFollower
 from ..motion import ControlLaw, approach, inverse, move_to_leaf
 from ..motion.following import build_native
-from ..motion.leaf import Way, leaf_follower, leaf_value, native_leaf
-from ..motion.native import NativeFollower
 from ..motion.sampling import Plan, check_start, make_plan
 from ..motion.simulation import step_targets
 from ..motion.velocity import native_velocity, velocity_stepper

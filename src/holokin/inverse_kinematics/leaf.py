@@ -18,6 +18,8 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
+from ..motion.sampling import Plan
+from ..motion.trajectory import Trajectory
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND
@@ -26,10 +28,8 @@ from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
 from .branch import Branch, branch_code
-from .native import NativeFollower
+from .native_follower import NativeFollower
 from .rays import SHORTEST, keeps_turns
-from .sampling import Plan
-from .trajectory import Trajectory
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""

@@ -10,8 +10,8 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
+from ..motion.sampling import Plan
 from ..tasks.task import Task
-from .sampling import Plan
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

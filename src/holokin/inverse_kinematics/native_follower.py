@@ -10,7 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..codegen import FollowKernel
-from .sampling import Plan
+from ..motion.sampling import Plan
 
 
 class NativeFollower:
