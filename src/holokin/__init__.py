@@ -26,13 +26,11 @@ from . import (
 )
 from .analysis import Verdict, around, curvature, involutivity
 from .auditing import audit, audit_recording
-from .browsing import studio
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
-from .following import follow
 from .laws import mink_task, pink_task
 from .motion import (
     ControlLaw,
@@ -69,6 +67,7 @@ from .path import (
 from .path.synchronized_paths import synchronized, through
 from .path.workspaces import Workspace, workspace
 from .proof import Certificate, certify
+from .proof.following import follow
 from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
     Part,
@@ -93,7 +92,8 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .surveying import survey
+from .studios.open_studio import studio
+from .surveys.survey_call import survey
 from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .tasks.task import Task
 from .tasks.task_kinds import stacked

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .base.arguments import check
-from .errors import ArgumentError
-from .robot import Robot
+from ..base.arguments import check
+from ..errors import ArgumentError
+from ..robot import Robot
 
 if TYPE_CHECKING:
-    from .studios import Studio
+    from .server import Studio
 
 
 def studio(
@@ -52,8 +52,8 @@ def studio(
     check("wait", bool, wait)
     if not callable(tell):
         raise ArgumentError("tell", tell, "give a function of one text")
-    from .studios import Session
-    from .studios.server import serve
+    from .server import serve
+    from .session import Session
 
     if what is not None and not isinstance(what, str | Path | Robot | Session):
         raise ArgumentError("what the studio shows", what, "give a job, a robot, a file of one, or a studios.Session")

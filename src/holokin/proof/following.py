@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Literal, overload
 
-from . import motion
-from .base.arguments import typed
-from .base.types import ArrayLike
-from .errors import ArgumentError
-from .motion.trajectory import Trajectory
-from .path.synchronized_paths import AnyPath
-from .proof import Certificate, follow_certified
-from .strategies import Strategy
+from .. import motion
+from ..base.arguments import typed
+from ..base.types import ArrayLike
+from ..errors import ArgumentError
+from ..motion.trajectory import Trajectory
+from ..path.synchronized_paths import AnyPath
+from ..strategies import Strategy
+from .certificate import Certificate
+from .certified_following import follow_certified
 
 
 @overload

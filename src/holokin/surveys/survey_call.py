@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
 
-from .base.arguments import typed
-from .base.progress import progress
-from .errors import ArgumentError
-from .path import Path
-from .robot import Robot
-from .strategies import Strategy
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..errors import ArgumentError
+from ..path import Path
+from ..robot import Robot
+from ..strategies import Strategy
 
 if TYPE_CHECKING:
-    from .surveys import Findings
+    from .findings import Findings
 
 Kind = Mapping[str, Any]
 
@@ -62,8 +62,11 @@ def survey(
     Raises:
         JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.
     """
-    from .surveys import Findings, Store, run_survey, survey_of
-    from .surveys.objects import OBJECT
+    from .findings import Findings
+    from .objects import OBJECT
+    from .reading import survey_of
+    from .store import Store
+    from .surveying import run_survey
 
     objects: dict[str, Any] = {}
     names: list[str] = []
