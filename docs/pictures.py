@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
+from holokin.analysis.elbow_field import LeafField, sphere_of
+from holokin.analysis.sphere_index import spread
 from holokin.job import open_job, run_job
-from holokin.motion.elbow_field import LeafField, sphere_of
-from holokin.motion.sphere_index import spread
 from holokin.output.animate import cycles_frames, shown_laws
 from holokin.output.coverage_plots import coverage_figure
 from holokin.output.figures import cycles_figure, robot_figure, ways_figure

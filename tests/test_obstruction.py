@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.analysis.sphere_index import TangentField, area, icosphere, poles, turn
 from holokin.errors import ArgumentError, OpenPathError
 from holokin.motion import Directions, obstruction
-from holokin.motion.sphere_index import TangentField, area, icosphere, poles, turn
 
 IIWA = np.array([0.1, 0.6, 0.3, -1.4, 0.2, 1.1, 0.0])
 SHOULDER = np.array([0.0, 0.0, 0.36])

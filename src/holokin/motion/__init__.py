@@ -1,5 +1,6 @@
 """Uses of strategies: following paths, drift and why a path drifts, spread."""
 
+from ..analysis.obstructions import Directions, Obstruction, Witness, obstruction
 from ..inverse_kinematics.inverse_function import InverseKinematics, inverse
 from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
 from ..inverse_kinematics.nearest_pose import Nearest
@@ -10,7 +11,6 @@ from .control_step import Controller, StepStatus, controller
 from .entering import approach
 from .following import follow
 from .hand_motion import Followed, HandFollower, hand_follower
-from .obstructions import Directions, Obstruction, Witness, obstruction
 from .repetition import Drift, Spread, drift, path_spread
 from .shrink import Cause, Winding, winding
 from .simulation import simulate

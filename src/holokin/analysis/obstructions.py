@@ -13,12 +13,12 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, positive, whole
 from ..constraints import find_arm
 from ..errors import ArgumentError, OpenPathError
+from ..motion.following import follow
 from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .elbow_field import ElbowField, FreeField, LeafField, ToolSphere, sphere_of
 from .fibre_winding import QUARTER, self_motions, turns
-from .following import follow
 from .sphere_index import TURN, Pole, poles, spread, turn
 
 FINEST = 4
