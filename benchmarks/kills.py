@@ -89,7 +89,7 @@ def whole(folder: Path) -> str:
 
 
 def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
-    code = f"{setup}from holokin.cli import main; main()"
+    code = f"{setup}from holokin.commands.main import main; main()"
     return subprocess.Popen(
         [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import cli
+from holokin.commands import main as cli
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
@@ -161,7 +161,7 @@ def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def shell(*arguments: object) -> Outcome:
     """The command line, in a process of its own."""
-    command = [sys.executable, "-m", "holokin.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "holokin.commands.main", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return Outcome(done.returncode, done.stdout, done.stderr)
 

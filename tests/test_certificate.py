@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import holokin as hk
-from holokin.cli import app
+from holokin.commands.main import app
 from holokin.errors import ArgumentError, CertificateError, ExpressionError, NotCertifiedError, StartError
 from holokin.proof import Certificate, Extent, follow_certified
 from holokin.proof.binding import unlike

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("sketched")
 def command(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
     """The command line in a process of its own, for what comes at the end of one."""
     setup = f"{SKETCHED}import sys; sys.argv[1:] = {[str(a) for a in arguments]!r}\n"
-    code = f"{setup}from holokin.cli import main; main()"
+    code = f"{setup}from holokin.commands.main import main; main()"
     return subprocess.run([sys.executable, "-c", code], text=True, timeout=120, check=False, **options)  # type: ignore[call-overload]
 
 

@@ -13,13 +13,13 @@ from scipy.interpolate import CubicSpline
 
 import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START
-from holokin import cli
 from holokin.auditing import LogVerdict
 from holokin.auditing.arcs import noise_level
 from holokin.auditing.crossings import crossings
 from holokin.auditing.cycles import find_cycles
 from holokin.auditing.judge import first_limit, to_pose
 from holokin.auditing.trend import Trend
+from holokin.commands import main as cli
 from holokin.errors import ArgumentError, RecordingError
 
 PANDA = hk.load("panda")

@@ -14,10 +14,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin import cli
 from holokin.auditing import LogAudit, LogVerdict, Repeatability
 from holokin.auditing.trend import DriftTrend, Trend, judge
 from holokin.auditing.visits import Visits, encoder_noise, spare_axes
+from holokin.commands import main as cli
 
 PANDA = hk.load("panda")
 POSE = hk.pose(PANDA)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import SOUND
-from holokin.cli import app
+from holokin.commands.main import app
 from holokin.errors import JobError, JointLimitError, MissingExtraError
 from holokin.proof import Certificate, Extent
 

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import holokin as hk
-from holokin.cli import app
+from holokin.commands.main import app
 from holokin.errors import OpenPathError
 from holokin.proof import Certificate, Extent
 from holokin.proof.pathway import Pathway

@@ -220,7 +220,7 @@ def test_what_cannot_be_served_is_refused_with_a_cure(arguments: dict[str, Any],
 
 
 def test_a_bad_job_gets_the_same_sentence_as_from_run(tmp_path: Path) -> None:
-    from holokin.cli import app
+    from holokin.commands.main import app
 
     file = tmp_path / "bad.toml"
     file.write_text('title = "bad"\n[robot]\nname = "panda"\n[task]\nkind = "pos"\n')

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .export.program import LANGUAGES
+from ..export.program import LANGUAGES
 from .outcome import show
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
@@ -36,8 +36,8 @@ def export_c(
 
     Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
     """
-    from .export import check as build_and_run
-    from .job import export_job, open_one_job
+    from ..export import check as build_and_run
+    from ..job import export_job, open_one_job
 
     written = export_job(*open_one_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
     for file in written.files:
@@ -61,7 +61,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         speed: Annotated[float | None, typer.Option(help="The most of the path's own speed; 1 keeps it.")] = None,
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
     ) -> None:
-        from .job import open_one_job, program_of_job
+        from ..job import open_one_job, program_of_job
 
         given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": speed, "dt": dt}
         changes = {key: value for key, value in given.items() if value is not None}

@@ -49,12 +49,12 @@ def check(
 
     Exits 0 when nothing is found, 1 when something is, 2 on bad input.
     """
-    from . import checking
-    from .errors import ArgumentError
-    from .recording import read_recording
-    from .robot import is_model, load, with_capsules
-    from .tasks.frame_tasks import pose
-    from .tasks.frame_tasks import position as position_of
+    from .. import checking
+    from ..errors import ArgumentError
+    from ..recording import read_recording
+    from ..robot import is_model, load, with_capsules
+    from ..tasks.frame_tasks import pose
+    from ..tasks.frame_tasks import position as position_of
 
     pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
     for pair, text in zip(pairs, ignore or [], strict=True):

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .base.progress import progress
-from .errors import ArgumentError
+from ..base.progress import progress
+from ..errors import ArgumentError
 from .outcome import show
 
 
@@ -27,11 +27,11 @@ def check_certificate(
     the task are written down anew from its model, and compared, and so are the limits.
     Exits 0 when it holds, 1 when it is rejected, 2 on bad input.
     """
-    from .proof.recheck import recheck
+    from ..proof.recheck import recheck
 
     model = None
     if robot is not None:
-        from .robot import load
+        from ..robot import load
 
         model = load(robot, tip=tip, base=base)
     elif tip is not None or base is not None:

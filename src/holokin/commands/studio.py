@@ -31,8 +31,8 @@ def studio(
     Every law has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input, as of
     `holokin run`. Needs the extra "studio".
     """
-    from .studios import DEFAULT, open_session
-    from .studios.open_studio import studio as open_page
+    from ..studios import DEFAULT, open_session
+    from ..studios.open_studio import studio as open_page
 
     session = open_session(what or DEFAULT, tip=tip, base=base)
     open_page(session, port=port, host=host, browser=not no_browser, tell=show)

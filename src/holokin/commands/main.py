@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .errors import ArgumentError
-from .exporting import OneJob, exporting
-from .inspecting import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
+from ..errors import ArgumentError
+from ..version import build
+from .check import Columns, Degrees, Log, RobotName, TimeColumn, TipName, Topic, check
+from .check_certificate import check_certificate
+from .export import OneJob, exporting
 from .outcome import Ending, finish, prepare_streams, show, show_rich
-from .proving import check_certificate
-from .showing import studio
-from .simulating import simulating
-from .survey_commands import surveying
-from .version import build
+from .simulate import simulating
+from .studio import studio
+from .survey import surveying
 
 if TYPE_CHECKING:
-    from .job import Job
+    from ..job import Job
 
 
 class _EscapedError(Exception):
@@ -64,7 +64,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from .codegen import engine
+        from ..codegen import engine
 
         show(f"holokin {build()}, {engine()}")
         raise typer.Exit
@@ -99,11 +99,11 @@ def run(
     others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
     cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
-    from .job import run_job
-    from .output.animate import animate as draw
-    from .output.folder import check_folder
-    from .output.report import write_report
-    from .output.table import print_result
+    from ..job import run_job
+    from ..output.animate import animate as draw
+    from ..output.folder import check_folder
+    from ..output.report import write_report
+    from ..output.table import print_result
 
     code = 0
     opened = _opened(jobs)
@@ -127,7 +127,7 @@ def run(
 
 def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
     """(short name, job, file) of each job, once. Raises: ArgumentError when two would write one folder."""
-    from .job import expand, open_job
+    from ..job import expand, open_job
 
     found: dict[str, tuple[str, Job, Path]] = {}
     for name, job, file in map(open_job, expand(names)):
@@ -145,7 +145,7 @@ def jobs(
     ] = False,
 ) -> None:
     """List the packaged jobs, or what a job file may hold."""
-    from .job import KINDS, PAPER, keys_of, open_job, packaged_jobs
+    from ..job import KINDS, PAPER, keys_of, open_job, packaged_jobs
 
     if kinds:
         for kind, model in KINDS.items():
@@ -172,7 +172,7 @@ def new(
     base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
 ) -> None:
     """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
-    from .job import new_job, new_job_for
+    from ..job import new_job, new_job_for
 
     if robot is not None and template is not None:
         raise ArgumentError("--robot beside --from", template, "give one of them")
@@ -197,7 +197,7 @@ def robots(
 
     The reach is the largest distance of the (first) tip from the base's origin within the joint limits, as computed.
     """
-    from .robot import catalogue, load, model_tips, reach
+    from ..robot import catalogue, load, model_tips, reach
 
     if model is not None:
         for tip, joints in model_tips(model).items():
@@ -229,11 +229,11 @@ def audit(
     Exits 0 when they are in all that the log tests, 1 when they are not, 2 when the log does not decide, and on
     bad input.
     """
-    from .auditing import audit_recording
-    from .output.log_report import log_figure, print_log_audit, save_log_audit
-    from .output.plots import write_figure
-    from .recording import read_recording
-    from .robot import is_model, load
+    from ..auditing import audit_recording
+    from ..output.log_report import log_figure, print_log_audit, save_log_audit
+    from ..output.plots import write_figure
+    from ..recording import read_recording
+    from ..robot import is_model, load
 
     arm = load(robot, tip=tip if is_model(robot) else None)
     found = audit_recording(
@@ -270,9 +270,9 @@ def advise(
     Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a picture.
     Exits 0 when that is done, 2 on bad input.
     """
-    from .job.advised import advise_command
-    from .output.advice_report import advice_figure, print_advice
-    from .output.plots import write_figure
+    from ..job.advised import advise_command
+    from ..output.advice_report import advice_figure, print_advice
+    from ..output.plots import write_figure
 
     with _ending.telling() as say:
         task = "position" if position else None
@@ -300,9 +300,9 @@ def certify(
     Writes OUT/<job>-proof/<strategy>-certificate.json. Exits 0 when all of it is proven of every
     strategy with leaves, 1 when not, 2 on bad input.
     """
-    from .job import certify_job, open_one_job
-    from .output.folder import check_folder
-    from .output.proof_report import print_certificates, write_certificates
+    from ..job import certify_job, open_one_job
+    from ..output.folder import check_folder
+    from ..output.proof_report import print_certificates, write_certificates
 
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .base.files import writing
-from .base.progress import progress
-from .errors import ArgumentError
+from ..base.files import writing
+from ..base.progress import progress
+from ..errors import ArgumentError
 from .outcome import show, show_rich
 
 if TYPE_CHECKING:
-    from .surveys import Progress
+    from ..surveys import Progress
 
 RUN = "run"
 MINUTE = 60.0
@@ -55,7 +55,7 @@ def run_one(
 
     Exits 0 when every case has a row, 2 on bad input.
     """
-    from .surveys import Store, read_survey, run_survey
+    from ..surveys import Store, read_survey, run_survey
 
     survey = read_survey(file)
     out = out or Path("out") / f"{file.stem}.sqlite"
@@ -103,7 +103,7 @@ def report_one(
     out: Annotated[Path | None, typer.Option(help="The page; by default beside the results, as .html.")] = None,
 ) -> None:
     """Write a page of a survey's results: how often each law drifts, meets a limit, and the worst cases."""
-    from .surveys import Findings, Store, write_survey_report
+    from ..surveys import Findings, Store, write_survey_report
 
     with Store.opened(results, None) as store:
         survey, folder, found = store.content(), store.folder(), Findings.of(store.rows())
@@ -119,8 +119,8 @@ def case_one(
     results: Results, case: Annotated[str, typer.Argument(metavar="ID", help="The id of a case, or its number.")]
 ) -> None:
     """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
-    from .surveys import Store, repeated
-    from .surveys.repeating import case_of
+    from ..surveys import Store, repeated
+    from ..surveys.repeating import case_of
 
     with Store.opened(results, None) as store:
         cases, found = case_of(store, case)

@@ -17,7 +17,7 @@ from typing import Any
 
 import typer
 
-from .errors import HolokinError, UnknownNameError, WriteError
+from ..errors import HolokinError, UnknownNameError, WriteError
 
 BAD_INPUT, UNEXPECTED, STOPPED = 2, 3, 130
 """Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; Ctrl-C."""

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from .errors import ArgumentError
-from .exporting import OneJob
+from ..errors import ArgumentError
+from ..version import build
+from .export import OneJob
 from .outcome import Telling, show, show_rich
-from .version import build
 
 
 def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Callable[..., None]:
@@ -36,9 +36,9 @@ def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Cal
         Writes logs, figures and the model to OUT/<job>-physics/. Exits 0 when every run ends and the log of every
         strategy with leaves repeats, 1 when one does not, 2 on bad input.
         """
-        from .job import open_one_job, simulate_job
-        from .output.folder import check_folder
-        from .output.physics_report import FOLDER, print_physics, write_physics
+        from ..job import open_one_job, simulate_job
+        from ..output.folder import check_folder
+        from ..output.physics_report import FOLDER, print_physics, write_physics
 
         name, opened, file = open_one_job(job)
         check_folder(out, FOLDER.format(name))
