@@ -1,6 +1,6 @@
 """Every error of the library: each takes the facts, writes the sentence and names the cure."""
 
-from .base import (
+from .holokin_error import (
     LONGEST,
     LONGEST_NAME,
     LONGEST_PART,
@@ -12,7 +12,7 @@ from .base import (
     posture_text,
     shown,
 )
-from .given import (
+from .input_errors import (
     ArgumentError,
     CertificateError,
     ConstraintRowsError,
@@ -29,13 +29,7 @@ from .given import (
     TaskTooLargeError,
     UnknownNameError,
 )
-from .judging import (
-    AmbiguousTruthError,
-    EmptyRegionError,
-    NotHolonomicError,
-    RoundOffError,
-)
-from .moving import (
+from .motion_errors import (
     BranchError,
     ControllerError,
     InfeasibleError,
@@ -53,7 +47,13 @@ from .moving import (
     StartError,
     TrackingError,
 )
-from .system import (
+from .question_errors import (
+    AmbiguousTruthError,
+    EmptyRegionError,
+    NotHolonomicError,
+    RoundOffError,
+)
+from .system_errors import (
     ExportError,
     MissingExtraError,
     NativeError,

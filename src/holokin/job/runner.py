@@ -25,7 +25,7 @@ from ..errors import (
     SingularityError,
     UnknownNameError,
 )
-from ..errors.moving import KEPT
+from ..errors.motion_errors import KEPT
 from ..motion import follow
 from ..motion.trajectory import Status, Trajectory
 from ..output.result import Check, JobResult, NotRun, StrategyResult

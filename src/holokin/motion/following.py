@@ -24,7 +24,7 @@ from ..errors import (
     SingularityKind,
     TrackingError,
 )
-from ..errors.moving import KEPT
+from ..errors.motion_errors import KEPT
 from ..inverse_kinematics.branch import branch_code
 from ..inverse_kinematics.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower

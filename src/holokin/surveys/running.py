@@ -26,7 +26,7 @@ from ..errors import (
     PathError,
     SingularityError,
 )
-from ..errors.moving import KEPT
+from ..errors.motion_errors import KEPT
 from ..job import Job
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths

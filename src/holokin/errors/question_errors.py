@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .base import HolokinError, posture_text
+from .holokin_error import HolokinError, posture_text
 
 
 class NotHolonomicError(HolokinError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .base import LONGEST, HolokinError, brief, closest, shown
+from .holokin_error import LONGEST, HolokinError, brief, closest, shown
 
 
 class UnknownNameError(HolokinError):

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import Any, ClassVar
 
-from .base import HolokinError, posture_text
+from .holokin_error import HolokinError, posture_text
 
 KEPT = "what was computed is in .trajectory"
 """The cure of a path that ends early, for who calls from Python."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from typing import ClassVar
 
-from .base import HolokinError, brief
+from .holokin_error import HolokinError, brief
 
 
 class NativeError(HolokinError):
