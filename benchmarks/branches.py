@@ -22,7 +22,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.codegen import compiler, native
+from holokin.codegen import compiler
+from holokin.codegen import native_library as native
 from holokin.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
 from holokin.inverse_kinematics.leaf import leaf_step

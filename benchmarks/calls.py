@@ -16,9 +16,9 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.growth import START, environment
+from holokin.codegen.background import idle
 from holokin.codegen.evaluator import HEAVY
-from holokin.codegen.later import idle
-from holokin.codegen.native import library
+from holokin.codegen.native_library import library
 from holokin.codegen.source import step_source
 
 PLACES = 256

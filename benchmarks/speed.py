@@ -28,7 +28,7 @@ from benchmarks.growth import START, Growth, environment, growth, growth_page
 from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
 from holokin.analysis.brackets import curvature_function
-from holokin.codegen.native import engine
+from holokin.codegen.native_library import engine
 from holokin.motion import simulate
 
 DT = 0.001

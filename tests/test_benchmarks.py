@@ -16,9 +16,9 @@ from benchmarks.calls import Floor, in_turns, repeated
 import holokin as hk
 from conftest import PANDA_START
 from forked import child
-from holokin.codegen import native
+from holokin.codegen import native_library as native
+from holokin.codegen.background import idle
 from holokin.codegen.evaluator import HEAVY
-from holokin.codegen.later import idle
 
 ROOT = Path(__file__).parents[1]
 FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]

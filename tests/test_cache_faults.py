@@ -19,7 +19,8 @@ import pytest
 from conftest import Command
 from faults import MACHINE, NATIVE, built, check, forget, fresh, needs_compiler, sines
 from holokin.codegen import cache as cache_module
-from holokin.codegen import engine, native
+from holokin.codegen import engine
+from holokin.codegen import native_library as native
 
 __all__ = ["built", "fresh"]
 Patch = pytest.MonkeyPatch

@@ -11,7 +11,8 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.codegen import evaluator, native
+from holokin.codegen import evaluator
+from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError, SingularityError
 from holokin.symbolic import Evaluator, Function, symbol
 

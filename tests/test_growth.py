@@ -12,7 +12,8 @@ import pytest
 import holokin as hk
 from chains import chain, shared_bend
 from conftest import PANDA_START, urdf
-from holokin.codegen import LARGEST, native
+from holokin.codegen import LARGEST
+from holokin.codegen import native_library as native
 from holokin.errors import SingularityError
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.motion import following

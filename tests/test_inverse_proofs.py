@@ -12,7 +12,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START
 from holokin.codegen import code_file, enabled
-from holokin.codegen.native import library
+from holokin.codegen.native_library import library
 from holokin.errors import BranchError, SingularityError
 from holokin.inverse_kinematics.stretch import along
 from holokin.strategies import HolonomicStrategy

@@ -17,7 +17,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.codegen import evaluator, later, native, toolchain
+from holokin.codegen import background as later
+from holokin.codegen import evaluator, toolchain
+from holokin.codegen import native_library as native
 from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch

@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.codegen import native
+from holokin.codegen import native_library as native
 from holokin.errors import (
     LimitReachedError,
     OutOfReachError,

@@ -15,7 +15,8 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, Command
-from holokin.codegen import engine, native
+from holokin.codegen import engine
+from holokin.codegen import native_library as native
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import ArgumentError, NativeError, ShapeError
 from holokin.motion.control_step import StepStatus

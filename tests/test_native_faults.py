@@ -13,7 +13,8 @@ import pytest
 
 from conftest import Command
 from faults import MACHINE, NATIVE, X, built, check, fresh, needs_compiler
-from holokin.codegen import native, toolchain
+from holokin.codegen import native_library as native
+from holokin.codegen import toolchain
 from holokin.symbolic import Function, symbol
 
 __all__ = ["built", "fresh"]

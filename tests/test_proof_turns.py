@@ -15,8 +15,8 @@ from holokin.proof import certify, follow_certified
 from holokin.proof.certificate import Extent
 from holokin.robot import link_jacobian
 from holokin.symbolic import SX, Function, symbol
-from holokin.symbolic.geometry import log_s2, log_so3, one_formula
 from holokin.symbolic.null_space import every_minor, minors_expression
+from holokin.symbolic.rotations import log_s2, log_so3, one_formula
 from roots import near_panda, roots_are_where_they_should_be, start
 
 

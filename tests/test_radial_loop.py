@@ -17,7 +17,8 @@ from chains import chain
 from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
 from holokin.base.types import Array
-from holokin.codegen import inverse_kernel, native, transport
+from holokin.codegen import inverse_kernel, transport
+from holokin.codegen import native_library as native
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
 from holokin.export.building import check

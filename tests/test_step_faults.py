@@ -18,7 +18,8 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.codegen import kernel, native
+from holokin.codegen import kernel
+from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
 from holokin.motion.control_step import StepStatus
 from holokin.symbolic import Function, symbol

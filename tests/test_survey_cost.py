@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.codegen import kernel, native
+from holokin.codegen import kernel
+from holokin.codegen import native_library as native
 from holokin.errors import BranchError, JointLimitError, LimitReachedError, OutOfReachError
 from holokin.inverse_kinematics import leaf
 from holokin.surveys import running, survey_of

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from holokin.errors import ExpressionError, ShapeError
 from holokin.symbolic import Function, factorise, hessian, jacobian, parse, solve, symbol
-from holokin.symbolic.geometry import log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
+from holokin.symbolic.rotations import log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
 
 
 def exp_so3(w: ca.SX) -> ca.SX:

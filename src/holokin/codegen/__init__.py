@@ -12,7 +12,7 @@ from .emit import prelude as code_file
 from .evaluator import weak
 from .inverse_kernel import InverseKernel
 from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
-from .native import compiler, enabled, engine, tell
+from .native_library import compiler, enabled, engine, tell
 from .program import Port
 
 __all__ = [

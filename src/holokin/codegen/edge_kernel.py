@@ -11,7 +11,7 @@ import numpy as np
 from ..base.types import Array, Vector
 from .emit import SCALAR, prelude
 from .kernel import LONG
-from .native import library
+from .native_library import library
 from .source import source
 
 

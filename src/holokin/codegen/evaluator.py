@@ -22,10 +22,10 @@ import numpy as np
 
 from ..base.types import Array
 from ..errors import NativeError
+from .background import later
 from .emit import SCALAR, prelude
 from .kernel import LARGEST, LONG
-from .later import later
-from .native import enabled, extension, library, tell
+from .native_library import enabled, extension, library, tell
 from .program import Port, Program, Shapes
 from .source import body, source
 

@@ -14,7 +14,7 @@ from ..base.types import Indices, Matrix, Vector
 from .emit import SCALAR, prelude
 from .evaluator import bound_call
 from .kernel import LONG
-from .native import library
+from .native_library import library
 from .program import Program, Shapes
 from .source import body, source
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..base.types import ROTATION, Array, Indices, whole
 from ..errors import NativeError
 from .emit import LANES, SCALAR, prelude
-from .native import extension, library
+from .native_library import extension, library
 from .program import Program, Shapes
 from .source import body, source, step_source
 

@@ -11,7 +11,7 @@ from ..base.types import Matrix
 from ..errors import ArgumentError, HolokinError
 from ..path.workspaces import Workspace, workspace
 from ..recording import read_workspace
-from ..symbolic.geometry import rotation_from_rpy
+from ..symbolic.rotations import rotation_from_rpy
 from .covering import build_workspace
 from .read import read_workspace_table
 

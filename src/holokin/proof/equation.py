@@ -17,8 +17,8 @@ import numpy as np
 from ..base.types import Flags, Matrix, Value, Vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, jacobian, substitute, symbol, vertcat
-from ..symbolic.geometry import one_formula
 from ..symbolic.interval_function import IntervalFunction, operation_list
+from ..symbolic.rotations import one_formula
 from ..symbolic.separated import Separated
 from .targets import Family
 from .task_rows import reached_by, rows_of, target_of

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.types import Array, Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..symbolic import SX, cos, sin, sumsqr, vertcat
-from ..symbolic.geometry import skew
+from ..symbolic.rotations import skew
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ..errors import ArgumentError
 from ..symbolic import SX, vertcat
-from ..symbolic.geometry import frame_about
+from ..symbolic.rotations import frame_about
 from ..tasks.orientation_rows import AxisDirection
 from ..tasks.task import Task
 from ..tasks.task_kinds import FrameTask, parts_of

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite
 from ..errors import ArgumentError, UnknownNameError
-from ..symbolic.geometry import rotation_from_rpy
+from ..symbolic.rotations import rotation_from_rpy
 from .geometry import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .units import check_radians, check_tool

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, number, numbers
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
-from ..symbolic.geometry import exact_rotation
+from ..symbolic.rotations import exact_rotation
 from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
 from .units import check_limits_of_hinges, check_link, check_radians
 

@@ -8,7 +8,7 @@ keeps null vectors and det J J^T.
 from __future__ import annotations
 
 from ..symbolic import SX, cross, horzcat, n_nodes, sparsify, vertcat
-from ..symbolic.geometry import rotation_about
+from ..symbolic.rotations import rotation_about
 from .model import Joint, Robot, Tip
 
 Frames = dict[int, tuple[SX, SX]]

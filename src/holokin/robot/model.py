@@ -14,7 +14,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
-from ..symbolic.geometry import rotation_about
+from ..symbolic.rotations import rotation_about
 from .geometry import LinkShape
 from .visuals import Visual
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..symbolic.geometry import frame_about
+from ..symbolic.rotations import frame_about
 from .tables import LoopTable
 
 PLANES = {"xy": (0.0, 0.0, 1.0), "yz": (1.0, 0.0, 0.0), "xz": (0.0, -1.0, 0.0)}

@@ -29,11 +29,11 @@ from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pai
 from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol, written
 from .function import Evaluator, Function
-from .geometry import wrapped
 from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
 from .nature import other_operations
 from .qp import NearestPoint
+from .rotations import wrapped
 from .switching import Formula, switches, switches_of
 from .taylor import TaylorModel
 

@@ -16,7 +16,7 @@ from ..base.types import Array, ArrayLike, numbers
 from ..codegen.evaluator import Doubt, Evaluator, weak
 from ..codegen.inverse_kernel import InverseKernel
 from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
-from ..codegen.native import enabled, tell
+from ..codegen.native_library import enabled, tell
 from ..codegen.program import Port, program
 from ..codegen.source import body
 from ..codegen.transport import Transport

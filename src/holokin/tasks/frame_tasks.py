@@ -12,7 +12,7 @@ from ..base.types import ArrayLike, Matrix, Vector, finite
 from ..errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
 from ..robot import Robot
 from ..symbolic import SX, norm_2
-from ..symbolic.geometry import frame_about, log_s2
+from ..symbolic.rotations import frame_about, log_s2
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
 from .orientation_rows import ORIENTATIONS, UP
 from .task import Task, chosen_rows

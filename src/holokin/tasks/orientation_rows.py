@@ -16,7 +16,7 @@ import numpy as np
 from ..base.types import Matrix, Value, Vector
 from ..errors import UnknownNameError
 from ..symbolic import SX, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, vec, vertcat, wrapped
-from ..symbolic.geometry import frame_about, log_s2, log_so3, rpy_angles, skew, zyz_angles
+from ..symbolic.rotations import frame_about, log_s2, log_so3, rpy_angles, skew, zyz_angles
 
 ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector", "axis")
 
