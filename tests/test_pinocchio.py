@@ -15,7 +15,7 @@ import pytest
 import holokin as hk
 from conftest import urdf, urdf_files
 from holokin.errors import RobotFileError
-from holokin.robot import reading
+from holokin.robot import models_by_name as reading
 from holokin.robot import urdf as urdf_reading
 
 TOLERANCE = 1e-12

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector, frozen
 from ..robot import Capsule, LinkShape, Robot, Shape
-from ..robot.geometry import coal_package, lowest
+from ..robot.link_shapes import coal_package, lowest
 from ..robot.numeric import Frames, placed
 
 FLOOR = "floor"

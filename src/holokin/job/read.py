@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
-from ..robot.files import read_toml
+from ..robot.text_files import read_toml
 from .check_tables import ChecksTable, ObstacleTable
 from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable

@@ -30,7 +30,7 @@ from ..base.types import (
     whole,
 )
 from ..errors import ArgumentError, OpenPathError
-from ..robot.composing import pose_matrix
+from ..robot.composition import pose_matrix
 from .segments import Segment, derivatives, positions
 from .straight_path import rotation_matrix
 

@@ -3,25 +3,25 @@
 from .capsules import chain_length, obstacle, with_capsules, with_shape
 from .catalog import beside as beside
 from .catalog import catalogue, load
-from .composing import Part, compose, ordered, with_base_pose, with_tool
+from .composition import Part, compose, ordered, with_base_pose, with_tool
 from .dh import DHRow, from_dh
 from .drives import SERVOS, Servo, servo
-from .export import to_mjcf, to_urdf
 from .extent import reach
 from .free_coordinates import coordinates
-from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .inertia import mass_matrix_expression as mass_matrix_expression
 from .inertia import potential_expression as potential_expression
 from .limits import with_limits
 from .link_frames import link_jacobian as link_jacobian
+from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .links import DENSITY, weighed
 from .links import knows_masses as knows_masses
 from .mjcf import from_mjcf
 from .model import FARTHEST, Body, Coordinate, Joint, Kinematics, Robot, Tip
+from .model_texts import to_mjcf, to_urdf
+from .models_by_name import is_model as is_model
+from .models_by_name import model_links, model_tips
+from .models_by_name import model_root as model_root
 from .pinocchio_model import from_pinocchio
-from .reading import is_model as is_model
-from .reading import model_links, model_tips
-from .reading import model_root as model_root
 from .robot_table import assembled as assembled
 from .second_order import hessian_expression as hessian_expression
 from .toolbox import from_roboticstoolbox

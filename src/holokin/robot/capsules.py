@@ -10,8 +10,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
-from .composing import pose_matrix
-from .geometry import Capsule, LinkShape, Shape
+from .composition import pose_matrix
+from .link_shapes import Capsule, LinkShape, Shape
 from .model import Robot
 
 SLENDER = 20.0

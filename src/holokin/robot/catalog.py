@@ -12,10 +12,10 @@ from ..base.arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
 from .descriptions import is_packaged
-from .files import Refuse, read_toml
 from .model import Robot
-from .reading import MODELS, Arguments, is_model, read_tree
+from .models_by_name import MODELS, Arguments, is_model, read_tree
 from .robot_table import CHAIN, robot_of_table
+from .text_files import Refuse, read_toml
 
 _DEEPEST = 8
 """Files within files of robots put together; more are a file that holds itself."""

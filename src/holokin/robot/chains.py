@@ -10,7 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
-from .geometry import LinkShape
+from .link_shapes import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of

@@ -11,7 +11,7 @@ from ..base.arguments import typed
 from ..base.types import Matrix, positive
 from ..errors import ArgumentError
 from .capsules import chain_length, with_capsules
-from .geometry import Capsule, LinkShape
+from .link_shapes import Capsule, LinkShape
 from .model import Body, Joint, Robot
 from .tree import motion
 

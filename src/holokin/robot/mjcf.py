@@ -13,8 +13,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from .chains import robot_of
-from .geometry import LinkShape, Unread
 from .limits import JointValues, with_limits
+from .link_shapes import LinkShape, Unread
 from .mjcf_shapes import shapes_of, transform
 from .mjcf_sizes import check_sizes
 from .model import Robot

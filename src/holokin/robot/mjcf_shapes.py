@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from .geometry import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, Unread
+from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, Unread
 
 
 def shapes_of(

@@ -15,7 +15,7 @@ from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen,
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.rotations import rotation_about
-from .geometry import LinkShape
+from .link_shapes import LinkShape
 from .visuals import Visual
 
 FARTHEST = 1e6

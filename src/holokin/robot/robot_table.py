@@ -12,7 +12,7 @@ import numpy as np
 from ..base.types import Vector
 from ..errors import ArgumentError, HolokinError, RobotFileError, shown
 from .chains import robot_of
-from .composing import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
+from .composition import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
 from .dh import from_dh
 from .model import Robot
 from .tree import MOVING, Branch, Tree, checked

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
 from ..errors import RobotFileError, UnknownNameError
-from .geometry import LinkShape
+from .link_shapes import LinkShape
 from .model import FARTHEST, Coordinate
 from .visuals import Visual
 

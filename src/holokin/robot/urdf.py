@@ -15,7 +15,7 @@ from ..base.arguments import typed
 from ..base.types import Matrix
 from ..errors import ArgumentError, RobotFileError
 from .chains import robot_of
-from .geometry import LinkShape, Unread
+from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from .geometry import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
+from .link_shapes import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
 
 BROKEN = "its <collision> elements cannot be read"
 """Why nothing is known of the shapes of a URDF."""

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from ..errors import RobotFileError, brief
-from .files import read_whole
+from .text_files import read_whole
 
 LONGEST_URDF = 50_000_000
 """Bytes of a URDF: a hundred times those of a humanoid."""

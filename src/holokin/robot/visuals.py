@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.types import Indices, Matrix, Value, Vector
 from ..errors import HolokinError
-from .geometry import Shape
+from .link_shapes import Shape
 from .mjcf_shapes import shape_of as solid_of
 from .mjcf_shapes import transform
 from .urdf_shapes import Finder, shape_of

@@ -11,7 +11,7 @@ from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.rotations import rotation_from_rpy
-from .geometry import LinkShape
+from .link_shapes import LinkShape
 from .model import Body, Coordinate, Joint, Robot, Tip
 from .units import check_radians, check_tool
 from .visuals import Visual

@@ -8,7 +8,7 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, numbers, positive
 from ..errors import ArgumentError
 from .drives import Servo
-from .geometry import LinkShape
+from .link_shapes import LinkShape
 from .links import DENSITY, drawn_links, knows_masses, merged, rest, size, weighed
 from .model import FARTHEST, Body, Coordinate, Joint, Robot
 
