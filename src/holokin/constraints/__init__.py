@@ -2,10 +2,10 @@
 
 from .arm import arm_angle, height
 from .arm_geometry import Arm, find_arm
-from .base import Constraint, custom, linear, lock, stack, tilted, total
-from .base import as_gain as as_gain
-from .base import formulas_of as formulas_of
-from .base import nothing_jumps as nothing_jumps
+from .constraint import Constraint, custom, linear, lock, stack, tilted, total
+from .constraint import as_gain as as_gain
+from .constraint import formulas_of as formulas_of
+from .constraint import nothing_jumps as nothing_jumps
 from .costs import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
 from .coupled_orientation import coupled
 

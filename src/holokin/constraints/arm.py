@@ -16,7 +16,7 @@ from ..robot import Kinematics
 from ..symbolic import SX, atan2, cross, dot, norm_2, vertcat
 from ..tasks.task import Task
 from .arm_geometry import find_arm
-from .base import Constraint, least, nothing_jumps
+from .constraint import Constraint, least, nothing_jumps
 
 
 @made

@@ -17,7 +17,7 @@ from ..symbolic.null_space import every_minor, minors_expression, null_vector, n
 from ..tasks.frames import TipFrame
 from ..tasks.task import Task
 from ..tasks.task_kinds import FrameTask
-from .base import Constraint
+from .constraint import Constraint
 from .implicit import Implicit
 
 

@@ -11,7 +11,7 @@ from ..robot import Kinematics
 from ..symbolic import SX
 from ..tasks.orientation_rows import three_angles
 from ..tasks.task import Task
-from .base import Constraint, as_gain, nothing_jumps
+from .constraint import Constraint, as_gain, nothing_jumps
 
 
 @made

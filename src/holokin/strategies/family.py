@@ -19,8 +19,8 @@ from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
 from ..tasks.task import Task
-from .build import holonomic
-from .kinds import HolonomicStrategy
+from .right_inverses import holonomic
+from .strategy_kinds import HolonomicStrategy
 
 CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""

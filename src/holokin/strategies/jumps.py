@@ -17,8 +17,8 @@ import numpy as np
 from ..base.types import Array, Matrix, Value, Vector, kept
 from ..errors import SingularityError
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
-from .base import Strategy
-from .kinds import HolonomicStrategy
+from .strategy import Strategy
+from .strategy_kinds import HolonomicStrategy
 
 STEPS = 20
 """Newton steps to a place where a switch turns over."""

@@ -16,7 +16,7 @@ from ..robot import Kinematics, mass_matrix_expression
 from ..symbolic import SX, as_map, factorise, hessian, jacobian, symbol
 from ..symbolic.null_space import null_space_expression
 from ..tasks.task import Task
-from .kinds import RowStrategy
+from .strategy_kinds import RowStrategy
 
 Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""

@@ -20,9 +20,9 @@ from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task
-from .base import Field
-from .build import holonomic
-from .kinds import HolonomicStrategy
+from .right_inverses import holonomic
+from .strategy import Field
+from .strategy_kinds import HolonomicStrategy
 
 
 @made

@@ -13,7 +13,7 @@ from ..constraints import Constraint, as_gain
 from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..symbolic import SX, Function, solve, symbol, written
 from ..tasks.task import Task
-from .kinds import FrameStrategy, HolonomicStrategy, RowStrategy
+from .strategy_kinds import FrameStrategy, HolonomicStrategy, RowStrategy
 
 
 @made

@@ -33,10 +33,10 @@ from ..symbolic import (
     vertcat,
 )
 from ..tasks.task import Task
-from .base import Strategy
-from .build import holonomic
-from .kinds import HolonomicStrategy
-from .label import Label, label_of
+from .right_inverses import holonomic
+from .self_motion_label import Label, label_of
+from .strategy import Strategy
+from .strategy_kinds import HolonomicStrategy
 
 ARRIVED = 0.01
 """How far the integrated transport may miss the centre, as a share of the joints' way. Of 960 random postures of four

@@ -14,8 +14,8 @@ from ..base.types import ArrayLike, Matrix, Vector
 from ..constraints import Constraint
 from ..errors import NotFiniteError, SingularityError, SingularityKind
 from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
-from .base import FORMULA, Field, Strategy
-from .expressions import FrameExpressions, RowExpressions
+from .plane_expressions import FrameExpressions, RowExpressions
+from .strategy import FORMULA, Field, Strategy
 
 
 @final
