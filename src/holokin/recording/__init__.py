@@ -1,9 +1,9 @@
 """What files hold: joint motion in CSV, rosbag2 folders and MCAP; poses and waypoints in CSV; outlines in SVG."""
 
 from .csv_log import TIMES
+from .joint_files import SLACK, read_recording
 from .log import GAP, Recording
 from .pose_table import read_workspace
-from .reading import SLACK, read_recording
 from .svg_outlines import read_svg
 from .waypoint_table import read_waypoints
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HolokinError, MissingExtraError, RecordingError
 from ..robot import Robot
 from .log import Samples, joints_missing, listed, shown
-from .unpacking import MOST_MESSAGE, broken, check_folder, check_mcap, check_sqlite, unpacked
+from .unpacked_size import MOST_MESSAGE, broken, check_folder, check_mcap, check_sqlite, unpacked
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 

@@ -14,8 +14,8 @@ import numpy as np
 from ..base.types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from ..errors import ArgumentError, RecordingError
 from .csv_log import csv_pieces
+from .joint_files import is_folder
 from .log import listed, shown
-from .reading import is_folder
 
 POSITION = ("x", "y", "z")
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
