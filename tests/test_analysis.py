@@ -9,7 +9,7 @@ from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.analysis.transport import transport
+from holokin.analysis.straight_transport import transport
 from holokin.errors import ArgumentError, NotHolonomicError, OpenPathError
 from holokin.robot import hessian_expression
 from holokin.symbolic import Function, symbol

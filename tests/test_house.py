@@ -127,7 +127,7 @@ def test_analysis_and_motion_do_not_know_each_other() -> None:
 
 @pytest.mark.parametrize("package", sorted(p.parent for p in ROOT.glob("*/__init__.py")), ids=lambda p: p.name)
 def test_no_module_has_the_name_of_what_its_package_exports(package: Path) -> None:
-    """`import holokin.motion.following` must be the module, and `holokin.motion.follow` the function."""
+    """`import holokin.motion.follow_path` must be the module, and `holokin.motion.follow` the function."""
     exported = vars(importlib.import_module(f"holokin.{package.name}")).get("__all__", ())
     assert not {module.stem for module in package.glob("*.py")} & set(exported)
 

@@ -73,7 +73,7 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, l
 def test_native_code_and_the_virtual_machine_follow_alike(
     panda: hk.Robot, laws, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from holokin.motion import following
+    from holokin.motion import follow_path as following
 
     path, walks = loops(panda)[name], []
     for native in (True, False):

@@ -170,8 +170,8 @@ def test_native_steps_along_paths_are_those_of_the_virtual_machine(
             monkeypatch.setenv("HOLOKIN_NATIVE", native)
             for law in (hk.holonomic(hands, hk.lock(*THIRDS)), hk.moore_penrose(hands)):
                 with monkeypatch.context() as patch:
-                    patch.setattr("holokin.motion.following.NATIVE_FROM", 1)
-                    patch.setattr("holokin.motion.following.CACHED_FROM", 1)
+                    patch.setattr("holokin.motion.follow_path.NATIVE_FROM", 1)
+                    patch.setattr("holokin.motion.follow_path.CACHED_FROM", 1)
                     ends.append(hk.follow(law, path, Q0, samples=40).q)
         for a, b in zip(ends[:2], ends[2:], strict=True):
             assert np.abs(a - b).max() < 1e-12

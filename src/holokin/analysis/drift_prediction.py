@@ -18,7 +18,7 @@ from ..motion.sampling import make_plan
 from ..path import Path
 from ..strategies import Strategy
 from .brackets import curvature
-from .transport import transport
+from .straight_transport import transport
 
 SAMPLES = 400
 """Samples of a loop: the area of a circle is then right to 1e-9."""

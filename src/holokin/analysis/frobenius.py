@@ -25,8 +25,8 @@ from ..symbolic import (
     written,
 )
 from .brackets import curvature_function, pairs
+from .curvature_search import Scan, examine, maximised, merged, scan
 from .region import Region
-from .search import Scan, examine, maximised, merged, scan
 from .verdict import Evidence, Verdict
 
 THOROUGH = 65_536

@@ -20,7 +20,7 @@ from ..symbolic import Function, jacobian, runge_kutta, symbol
 from ..symbolic.null_space import null_space
 from .frobenius import involutivity, involutivity_at
 from .region import around
-from .transport import STEPS, transport, way
+from .straight_transport import STEPS, transport, way
 from .verdict import Verdict
 
 AGREE = 1e-6

@@ -13,8 +13,8 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from ..errors import ArgumentError, RoundOffError, SingularityError
 from ..strategies import Strategy
 from ..symbolic import SX, Function, horzcat, lie_bracket
+from .curvature_search import HIDDEN
 from .roundoff import COPIES, is_shown, noise, nudged, spread
-from .search import HIDDEN
 
 BESIDE = 1e-3
 """Distance [joint units] of the postures beside q: far enough that a bracket that vanishes at q alone, as the

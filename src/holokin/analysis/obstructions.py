@@ -13,7 +13,7 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, positive, whole
 from ..constraints import find_arm
 from ..errors import ArgumentError, OpenPathError
-from ..motion.following import follow
+from ..motion.follow_path import follow
 from ..path import Path
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool

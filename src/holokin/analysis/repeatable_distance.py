@@ -13,7 +13,7 @@ from ..strategies import Strategy, radial, self_motion
 from ..symbolic.null_space import null_space
 from .brackets import curvature, curvature_function, pairs
 from .region import Ball
-from .transport import transport
+from .straight_transport import transport
 
 POINTS = 120
 """Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""

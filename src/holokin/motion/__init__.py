@@ -6,19 +6,19 @@ from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
 from ..inverse_kinematics.nearest_pose import Nearest
 from ..inverse_kinematics.posture_search import Postures, all_postures
 from ..inverse_kinematics.solutions import InverseStatus, Solutions
+from .approach_path import approach
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller
-from .entering import approach
-from .following import follow
+from .drift_cause import Cause, Winding, winding
+from .follow_path import follow
 from .hand_motion import Followed, HandFollower, hand_follower
+from .loop_watch import LoopWatch
 from .repetition import Drift, Spread, drift, path_spread
-from .shrink import Cause, Winding, winding
+from .retiming import retime
 from .simulation import simulate
 from .step_expression import has_leaf
 from .step_expression import step_function as step_function
-from .timed import JointLoad, Limits, Slowdown, TimedTrajectory
-from .timing import retime
-from .watch import LoopWatch
+from .timed_trajectory import JointLoad, Limits, Slowdown, TimedTrajectory
 
 __all__ = [
     "Cause",

@@ -11,7 +11,7 @@ from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError, OpenPathError
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..strategies import Strategy
-from .following import follow
+from .follow_path import follow
 from .trajectory import Trajectory
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
-from ..motion.following import joint_rates
+from ..motion.follow_path import joint_rates
 from ..motion.sampling import make_plan, record
 from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath

@@ -12,10 +12,10 @@ from ..errors import HolokinError, JointLimitError
 from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_value, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..motion import ControlLaw, approach, inverse, move_to_leaf
-from ..motion.following import build_native
+from ..motion.follow_path import build_native
 from ..motion.sampling import Plan, check_start, make_plan
 from ..motion.simulation import step_targets
-from ..motion.velocity import native_velocity, velocity_stepper
+from ..motion.velocity_steps import native_velocity, velocity_stepper
 from ..path import Path
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .following import limit_sentence, stopped

@@ -33,7 +33,7 @@ from ..job.several_paths import build_paths
 from ..job.strategies import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
-from ..motion.following import build_native
+from ..motion.follow_path import build_native
 from ..motion.trajectory import Status, Trajectory
 from ..path import Path
 from ..robot import Robot, beside

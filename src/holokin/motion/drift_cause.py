@@ -18,7 +18,7 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
-from .following import by_leaf, follow
+from .follow_path import by_leaf, follow
 from .trajectory import whole_turns
 
 NO_DRIFT = 1e-6

@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..robot import Robot
 from .joint_curve import Stretch, joint_curve
 from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal
-from .timed import RATES, Limits, Slowdown, TimedTrajectory
+from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
 from .trajectory import Trajectory
 from .trapezoid import fastest_trapezoid
 

@@ -33,7 +33,7 @@ from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
 from .sampling import Plan, check_start, make_plan, record
 from .trajectory import Status, Trajectory
-from .velocity import native_velocity, path_rate, velocity_stepper
+from .velocity_steps import native_velocity, path_rate, velocity_stepper
 
 METHODS = ("velocity", "leaf")
 

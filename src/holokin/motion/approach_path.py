@@ -15,7 +15,7 @@ from ..path import Path, line_segment
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
-from .following import follow
+from .follow_path import follow
 from .trajectory import Measures, Status, Trajectory
 
 WAYS = ("joints", "tool")
