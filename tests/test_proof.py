@@ -12,10 +12,10 @@ from conftest import PANDA_START, PPR_START, R3_START
 from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
+from holokin.proof.box_proof import PoseRegion
+from holokin.proof.cell_search import covered
 from holokin.proof.certificate import Certificate, Covered, Extent
-from holokin.proof.pathway import Pathway
-from holokin.proof.posebox import PoseRegion
-from holokin.proof.search import covered
+from holokin.proof.path_proof import Pathway
 from holokin.symbolic.intervals import Interval
 from roots import near_panda, roots_are_where_they_should_be, start
 

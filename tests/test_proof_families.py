@@ -12,7 +12,7 @@ from conftest import PANDA_START
 from holokin import constraints as C
 from holokin.errors import ArgumentError
 from holokin.proof import certify, equation, follow_certified
-from holokin.proof.walking import walked
+from holokin.proof.path_postures import walked
 from roots import near_panda, roots_are_where_they_should_be
 
 HANDS = ("left_flange", "right_flange")

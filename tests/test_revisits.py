@@ -15,7 +15,7 @@ import holokin as hk
 from holokin.commands.main import app
 from holokin.errors import OpenPathError
 from holokin.proof import Certificate, Extent
-from holokin.proof.pathway import Pathway
+from holokin.proof.path_proof import Pathway
 from holokin.proof.revisits import ONCE, Parts, Revisits
 
 PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])

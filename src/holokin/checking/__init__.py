@@ -1,6 +1,6 @@
 """Checks of motions: limits, singularities, self-collision, the floor, obstacles."""
 
-from .checker import check
-from .report import CheckReport, Clearance, Finding, FindingKind, LeftOut, Unseen
+from .check_report import CheckReport, Clearance, Finding, FindingKind, LeftOut, Unseen
+from .motion_checks import check
 
 __all__ = ["CheckReport", "Clearance", "Finding", "FindingKind", "LeftOut", "Unseen", "check"]

@@ -11,8 +11,8 @@ from ..base.types import Matrix, Value, Vector
 from ..errors import UnknownNameError
 from ..robot import Capsule, LinkShape, Robot
 from ..robot.numeric import joint_frames
+from .check_report import LeftOut, Unseen
 from .gaps import Gap, floor_gap, link_gap, links_of
-from .report import LeftOut, Unseen
 
 POSTURES = 200
 """Random postures within the limits at which pairs are looked at, to find those that always touch."""

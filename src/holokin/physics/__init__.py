@@ -1,7 +1,7 @@
 """Robots on physics, by MuJoCo: servos, weight, noise, pushes. Extra `mujoco`."""
 
+from .mujoco_loop import Push, cycle_time, play
+from .physical_run import PhysicalRun
 from .plant import Plant, make_plant
-from .playing import Push, cycle_time, play
-from .run import PhysicalRun
 
 __all__ = ["PhysicalRun", "Plant", "Push", "cycle_time", "make_plant", "play"]

@@ -2,6 +2,6 @@
 
 from .certificate import Certificate, Extent
 from .certified_following import follow_certified
-from .certifying import certify
+from .certify_leaf import certify
 
 __all__ = ["Certificate", "Extent", "certify", "follow_certified"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.types import Vector, some
+from .box_proof import PoseRegion
+from .cell_search import Domain
 from .certificate import Anchors, Covered
-from .pathway import Pathway
-from .posebox import PoseRegion
-from .search import Domain
+from .path_proof import Pathway
 from .tube import Cells, centred, examined
 
 NEAR = 1e-6

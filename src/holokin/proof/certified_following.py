@@ -13,7 +13,7 @@ from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath
 from ..strategies import Strategy
 from .certificate import Certificate, Extent
-from .certifying import certify
+from .certify_leaf import certify
 from .tube import centred
 
 STATUS = {Extent.LIMIT: Status.LIMIT, Extent.SINGULAR: Status.SINGULAR, Extent.APART: Status.BRANCH}

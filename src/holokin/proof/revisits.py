@@ -18,7 +18,7 @@ from .anchors import distance_at, root_at
 from .bounds import UP
 from .certificate import Covered, Extent, Revisit
 from .partition import overlapping
-from .pathway import Pathway
+from .path_proof import Pathway
 
 SAME = 1e-9
 """Tool poses that are as near [m, 1] count as one: as the ends of a closed path do."""

@@ -18,9 +18,9 @@ from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval
 from .bounds import UP, norm
+from .cell_search import AIM, TUBE, Domain, on_grid
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation
-from .search import AIM, TUBE, Domain, on_grid
 from .targets import Stretch, Stretches
 from .tube import Cells, examined
 

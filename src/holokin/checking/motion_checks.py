@@ -13,10 +13,10 @@ from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length, with_capsules
 from ..robot.capsules import SLENDER
 from ..tasks.task import Task
-from .joints import limit_findings, singular_findings
-from .motions import Motion, motion_of
+from .check_report import CheckReport, Clearance, Finding, FindingKind
+from .checked_samples import Motion, motion_of
+from .joint_findings import limit_findings, singular_findings
 from .pairs import Pairs, pairs_of
-from .report import CheckReport, Clearance, Finding, FindingKind
 from .sweep import Swept, sweep
 
 CLEARANCE = 0.01

@@ -14,13 +14,13 @@ from ..motion import inverse
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from .bounds import UP
+from .cell_search import TUBE, Domain, on_grid, proven
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation
 from .partition import overlapping
-from .search import TUBE, Domain, on_grid, proven
+from .path_postures import PIECES
 from .targets import PoseBox
 from .tube import centred, examined
-from .walking import PIECES
 
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""

@@ -13,7 +13,7 @@ from ..motion import TimedTrajectory
 from ..motion.trajectory import Trajectory
 from ..recording import Recording
 from ..robot import Robot
-from .report import FindingKind
+from .check_report import FindingKind
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)
 

@@ -16,13 +16,13 @@ from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from .anchors import anchored
+from .box_proof import PoseRegion
+from .cell_search import Domain, covered, halves
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
 from .equation import Equation
-from .pathway import Pathway
-from .posebox import PoseRegion
+from .path_postures import walked
+from .path_proof import Pathway
 from .revisits import Revisits
-from .search import Domain, covered, halves
-from .walking import walked
 
 SAMPLES = 256
 """Samples of the path that the predictors start from."""

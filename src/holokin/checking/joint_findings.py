@@ -10,8 +10,8 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Flags, Vector
 from ..robot import Robot
 from ..tasks.task import Task
-from .motions import Motion
-from .report import Finding, FindingKind
+from .check_report import Finding, FindingKind
+from .checked_samples import Motion
 
 EXACT = 1e-9
 """Share of a limit by which a rate may exceed it: that of round-off."""

@@ -19,8 +19,8 @@ from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
 from ..strategies import Strategy
 from ..tasks.task import of_one_tool
+from .physical_run import PhysicalRun
 from .plant import Plant, make_plant, mujoco_module
-from .run import PhysicalRun
 
 FEEDBACKS = ("commanded", "measured")
 """What a law may be told as its joints: where they were sent, or where they are measured."""
