@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.auditing.judge import Repeatability
+from holokin.auditing.equal_poses import Repeatability
 from holokin.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
 from holokin.motion.control_step import StepStatus
 

@@ -17,7 +17,7 @@ from holokin.auditing import LogVerdict
 from holokin.auditing.arcs import noise_level
 from holokin.auditing.crossings import crossings
 from holokin.auditing.cycles import find_cycles
-from holokin.auditing.judge import first_limit, to_pose
+from holokin.auditing.equal_poses import first_limit, to_pose
 from holokin.auditing.trend import Trend
 from holokin.commands import main as cli
 from holokin.errors import ArgumentError, RecordingError

@@ -1,7 +1,7 @@
 """Black boxes and logs: do the joints return with the tool?"""
 
 from .black_box import Audit, Finding, audit
-from .judge import LogVerdict, Repeatability
+from .equal_poses import LogVerdict, Repeatability
 from .log_audit import audit_recording
 from .log_findings import LogAudit
 from .trend import Trend

@@ -13,7 +13,7 @@ from ..tasks.frame_tasks import pose, position
 from .arcs import encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
-from .judge import Distance, LogVerdict, spread, to_pose
+from .equal_poses import Distance, LogVerdict, spread, to_pose
 from .log_findings import LogAudit
 from .scatter import CONFIDENCE, FEWEST, LEAF_SLOPE, SHIFT, quantile
 from .trend import DriftTrend, Trend, judge

@@ -13,7 +13,7 @@ from ..recording import Recording
 from ..robot import Robot
 from ..tasks.task import Task
 from .cycles import Cycles
-from .judge import Distance, LogVerdict, first_limit
+from .equal_poses import Distance, LogVerdict, first_limit
 from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words
 from .scatter import CONFIDENCE
 from .trend import DriftTrend, Trend

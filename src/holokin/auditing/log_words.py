@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Vector
 from .cycles import Cycles
-from .judge import Distance
+from .equal_poses import Distance
 from .trend import DriftTrend
 
 

@@ -19,7 +19,7 @@ from ..motion import ControlLaw, simulate
 from ..motion.trajectory import Trajectory, whole_turns
 from ..path import Path
 from ..tasks.task import Task
-from .judge import Repeatability
+from .equal_poses import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
 
 Answer = tuple[str, dict[str, float]]

@@ -1,16 +1,16 @@
 """Which law: how much of a workspace a leaf covers, the best leaf of a workspace, advice for a robot and its work."""
 
 from .advice import Advice, Law, Part
-from .advising import advise
+from .compare_laws import advise
 from .coordinates import Coordinates, Polynomial
 from .coordinates import chart_of as chart_of
-from .covered import Coverage, PoseStatus, Reach
-from .covering import coverage, posture_reach
+from .cover_workspace import coverage, posture_reach
+from .coverage_result import Coverage, PoseStatus, Reach
 from .designed_law import Design, design
 from .law_metrics import SectionMetrics, section_metrics
 from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
-from .slicing import Slice, coverage_slices
+from .slices import Slice, coverage_slices
 from .starts import fitting_task as fitting_task
 from .starts import locked_joints as locked_joints
 from .starts import regular_starts as regular_starts

@@ -12,7 +12,7 @@ from ..base.types import Flags, NoTruthValue, Value, Vector
 from ..path.workspaces import PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from .covered import Coverage
+from .coverage_result import Coverage
 from .tips import Chain
 
 EQUAL = 0.02

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .advice import CLOSE, EASY, EQUAL, Law, Part
-from .covered import Coverage
+from .coverage_result import Coverage
 from .excess import NEAR, Beyond, Excess, Free, Rival
 
 MOST = 3

@@ -11,8 +11,8 @@ from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Indices, Value, Vector, whole
 from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
-from .covered import Coverage
-from .covering import coverage
+from .cover_workspace import coverage
+from .coverage_result import Coverage
 
 STEPS = 31
 """Cells along the longest side: pixels of two millimetres in a picture on a page."""

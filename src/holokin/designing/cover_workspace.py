@@ -16,7 +16,7 @@ from ..path.workspaces import PoseRange, Workspace
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
-from .covered import Coverage, PoseStatus, Reach
+from .coverage_result import Coverage, PoseStatus, Reach
 
 SAMPLES = 1024
 """Poses by default: shares of two known sets were then right to 0.3 % in a plane and 0.6 % in six dimensions (rms over

@@ -23,8 +23,8 @@ from ..tasks.task import Task
 from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
-from .covered import Coverage, Reach
-from .covering import coverage
+from .cover_workspace import coverage
+from .coverage_result import Coverage, Reach
 from .designed_law import Design, design
 from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
 from .lower_bound import least_costs
