@@ -22,8 +22,8 @@ from holokin.analysis.sphere_index import spread
 from holokin.job import open_job, run_job
 from holokin.output.animate import cycles_frames, shown_laws
 from holokin.output.coverage_plots import coverage_figure
-from holokin.output.figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.film import write_film
+from holokin.output.job_figures import cycles_figure, robot_figure, ways_figure
 from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
 from holokin.output.physics_figures import pictures_figure, rendered

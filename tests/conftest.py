@@ -156,7 +156,7 @@ def out(tmp_path: Path) -> Path:
 @pytest.fixture
 def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports of this process have sketches for figures."""
-    monkeypatch.setattr("holokin.output.report.figures", sketches)
+    monkeypatch.setattr("holokin.output.job_report.figures", sketches)
 
 
 def shell(*arguments: object) -> Outcome:

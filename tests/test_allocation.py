@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IIWA_START
 from holokin.job import open_job, run_job
-from holokin.output.figures import figures
+from holokin.output.job_figures import figures
 from holokin.robot import Capsule, Robot, servo, to_mjcf, to_urdf, with_capsules, with_shape
 
 K = np.array([3.0, 3.0, 4.2, 6.55])

@@ -12,7 +12,7 @@ import holokin as hk
 from holokin.codegen import compiler
 from holokin.errors import ArgumentError
 from holokin.export import check
-from holokin.export.building import WARNINGS
+from holokin.export.self_test import WARNINGS
 
 NASTY = [
     "??/", "*??/", "ends with ??/", "\\", "*\\", "*/ #error", "/*/", "// x \\", "a\nb", "\u202e } ; \u2066", "\u200f",

@@ -17,10 +17,10 @@ from holokin.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from holokin.job.schema import Bound, Job
 from holokin.output import animate as films
 from holokin.output.animate import animate
-from holokin.output.figures import figures
-from holokin.output.report import write_report
-from holokin.output.result import METRICS, JobResult
-from holokin.output.table import number, print_result, row
+from holokin.output.job_figures import figures
+from holokin.output.job_report import write_report
+from holokin.output.job_result import METRICS, JobResult
+from holokin.output.job_table import number, print_result, row
 from sketches import sketches
 
 RESULTS = (Path(__file__).parents[1] / "docs" / "results.md").read_text("utf-8")
@@ -84,7 +84,7 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path, monkeypatch: pytes
     assert page.count("<img") == len(list(folder.glob("*.png")))
     for strategy in result.strategies:
         assert strategy.name in page
-    monkeypatch.setattr("holokin.output.report.figures", sketches)
+    monkeypatch.setattr("holokin.output.job_report.figures", sketches)
     again = write_report(result, tmp_path / "out", "0")  # its own folder may be written again
     assert again == folder
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["ppr-half-circle"]

@@ -15,7 +15,7 @@ from holokin.errors import JobError
 from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.job.read import _TABLES
 from holokin.job.schema import Job
-from holokin.output.result import METRICS
+from holokin.output.job_result import METRICS
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "jobs.md").read_text("utf-8")
 

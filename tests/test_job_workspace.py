@@ -13,8 +13,8 @@ from conftest import Command, assert_refused, write_job
 from holokin.designing import PoseStatus, coverage_slices
 from holokin.job import open_job, run_job
 from holokin.output.coverage_plots import CAUSES, coverage_cloud, coverage_figure, slice_map
-from holokin.output.result import JobResult
-from holokin.output.table import columns, rows
+from holokin.output.job_result import JobResult
+from holokin.output.job_table import columns, rows
 
 PARTS = {
     "robot": '[robot]\nname = "planar-3r"\n',

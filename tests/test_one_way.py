@@ -12,9 +12,9 @@ from rich.console import Console
 
 from holokin.job import open_job, run_job
 from holokin.motion.trajectory import Status
-from holokin.output.report import write_report
-from holokin.output.result import JobResult
-from holokin.output.table import print_result, row
+from holokin.output.job_report import write_report
+from holokin.output.job_result import JobResult
+from holokin.output.job_table import print_result, row
 
 JOB = """
 title = "a path"

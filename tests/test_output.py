@@ -18,10 +18,10 @@ from holokin.job.schema import ExpectTable, Job
 from holokin.job.strategies import MoorePenrose
 from holokin.motion.trajectory import Status
 from holokin.output.animate import ways_frames
-from holokin.output.figures import figures, robot_figure
-from holokin.output.report import write_report
-from holokin.output.result import JobResult
-from holokin.output.table import columns, remarks, row
+from holokin.output.job_figures import figures, robot_figure
+from holokin.output.job_report import write_report
+from holokin.output.job_result import JobResult
+from holokin.output.job_table import columns, remarks, row
 from holokin.output.words import away, largest, speed_warning, stopped, ways_end
 from short_jobs import shortened
 

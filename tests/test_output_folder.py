@@ -59,7 +59,7 @@ def test_an_expectation_that_fails_exits_1_with_the_report_whole(holokin: Comman
 
 
 @pytest.mark.parametrize(
-    "moment", ["holokin.job.runner.involutivity", "holokin.job.runner.follow", "holokin.output.report._page"]
+    "moment", ["holokin.job.runner.involutivity", "holokin.job.runner.follow", "holokin.output.job_report._page"]
 )
 def test_ctrl_c_exits_130_and_leaves_nothing_half_written(
     holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, moment: str
@@ -78,7 +78,7 @@ def test_ctrl_c_exits_130_and_leaves_nothing_half_written(
 def test_ctrl_c_in_the_second_job_leaves_the_first_report_whole(
     holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import holokin.output.report as report
+    import holokin.output.job_report as report
 
     write_page, pages = report._page, []
 

@@ -13,13 +13,13 @@ from holokin.job import open_job, run_job
 from holokin.output import animate as films
 from holokin.output import film, palette
 from holokin.output.bodies import pieces_of, posed, solids_at
-from holokin.output.figures import figures
+from holokin.output.job_figures import figures
+from holokin.output.job_report import write_report
+from holokin.output.job_result import JobResult
 from holokin.output.palette import COLORS, color_of, law_colors, rgb
-from holokin.output.panels import Actor, picture, stage_of
 from holokin.output.plots import drift_per_cycle, joint_cycles
-from holokin.output.report import write_report
-from holokin.output.result import JobResult
-from holokin.output.scene import best_view
+from holokin.output.robot_panels import Actor, picture, stage_of
+from holokin.output.robot_view import best_view
 from holokin.output.solids import Rod, Window, drawn
 from holokin.robot import Box, obstacle
 from holokin.robot.numeric import joint_frames
@@ -261,7 +261,7 @@ def test_a_film_has_all_its_frames_and_is_small(
     pictures = [np.frombuffer(data, np.uint8).reshape(rows, columns, 3).astype(int) for data in reader]
     assert np.abs(pictures[20] - pictures[0]).max() > 50
     assert all((tmp_path / name).stat().st_size < film.MOST_BYTES for name, _ in made)
-    monkeypatch.setattr("holokin.output.report.figures", sketches)
+    monkeypatch.setattr("holokin.output.job_report.figures", sketches)
     folder = write_report(circle, tmp_path / "out", "0", lambda folder: _copied(made, tmp_path, folder))
     assert (folder / "report.html").read_text("utf-8").count("<video autoplay loop muted playsinline controls") == 2
 

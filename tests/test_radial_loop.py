@@ -21,7 +21,7 @@ from holokin.codegen import inverse_kernel, transport
 from holokin.codegen import native_library as native
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
-from holokin.export.building import check
+from holokin.export.self_test import check
 from holokin.inverse_kinematics.branch import extended_jacobian
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.inverse_kinematics.rays import rays_from

@@ -93,7 +93,7 @@ def test_a_rerun_keeps_what_others_have_put_into_its_folder(
     (folder / "photos" / "arm.jpg").write_text("keep me too")
     (folder / "report.html").write_text("an old report")
     cycles = SOUND["path"] + "cycles = 2\n"
-    monkeypatch.setattr("holokin.output.report.figures", lambda _result: [("cycles", "a sketch", Sketch())])
+    monkeypatch.setattr("holokin.output.job_report.figures", lambda _result: [("cycles", "a sketch", Sketch())])
     (folder / "cycles.png").write_text("mine, under a name that holokin needs next")
     assert holokin("run", write_job(tmp_path, path=cycles), "--out", out).code == 0
     assert (folder / "notes.txt").read_text() == "keep me"

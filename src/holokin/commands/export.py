@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..export.program import LANGUAGES
+from ..export.robot_program import LANGUAGES
 from .outcome import show
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]

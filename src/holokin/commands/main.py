@@ -101,9 +101,9 @@ def run(
     """
     from ..job import run_job
     from ..output.animate import animate as draw
-    from ..output.folder import check_folder
-    from ..output.report import write_report
-    from ..output.table import print_result
+    from ..output.job_report import write_report
+    from ..output.job_table import print_result
+    from ..output.result_folder import check_folder
 
     code = 0
     opened = _opened(jobs)
@@ -301,8 +301,8 @@ def certify(
     strategy with leaves, 1 when not, 2 on bad input.
     """
     from ..job import certify_job, open_one_job
-    from ..output.folder import check_folder
     from ..output.proof_report import print_certificates, write_certificates
+    from ..output.result_folder import check_folder
 
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")

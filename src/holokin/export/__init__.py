@@ -1,13 +1,13 @@
 """What leaves for a controller: a strategy as plain C with a self-test, and timed motion as robot programs."""
 
-from .building import check as check
+from .c_folder import Exported, export_c
+from .c_folder import c_name as c_name
 from .fanuc import to_fanuc
-from .folder import Exported, export_c
-from .folder import c_name as c_name
 from .krl import to_krl
-from .program import Program, Wiring
 from .rapid import to_rapid
+from .robot_program import Program, Wiring
 from .ros import to_ros, write_mcap
+from .self_test import check as check
 from .urscript import to_urscript
 
 __all__ = [

@@ -15,7 +15,7 @@ from ..base.arguments import typed
 from ..base.types import whole
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from .program import Program, Targets, Wiring, header, program_name, targets
+from .robot_program import Program, Targets, Wiring, header, program_name, targets
 
 NAME, SHORT = 36, 8
 """Characters of a program's name: the most an R-30iB takes, and what every controller takes, given by default."""

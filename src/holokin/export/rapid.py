@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..base.arguments import typed
 from ..motion import TimedTrajectory
-from .program import Program, Wiring, header, program_name, targets
+from .robot_program import Program, Wiring, header, program_name, targets
 
 NAME = 32
 """Characters of a RAPID identifier."""

@@ -14,7 +14,7 @@ from ..base.files import writing
 from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError
 from ..motion import TimedTrajectory
-from .program import Program, Wiring, chosen, deviation, header
+from .robot_program import Program, Wiring, chosen, deviation, header
 
 NANO = 10**9
 

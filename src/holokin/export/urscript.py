@@ -9,7 +9,7 @@ from ..base.arguments import typed
 from ..base.types import Vector
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from .program import Program, Wiring, header, program_name, targets
+from .robot_program import Program, Wiring, header, program_name, targets
 
 STEPS = (0.002, 0.008)
 """Seconds of a control cycle: e-Series and later, CB3."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.types import Matrix, Value, Vector
 from ..designing import Reach, coverage, coverage_slices, posture_reach
 from ..errors import JobError
-from ..output.result import StrategyResult
+from ..output.job_result import StrategyResult
 from ..path.workspaces import PoseRange, Workspace, workspace
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy

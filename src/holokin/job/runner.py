@@ -28,7 +28,7 @@ from ..errors import (
 from ..errors.motion_errors import KEPT
 from ..motion import follow
 from ..motion.trajectory import Status, Trajectory
-from ..output.result import Check, JobResult, NotRun, StrategyResult
+from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy

@@ -11,9 +11,9 @@ from ..base.types import Vector
 from ..designing import Advice, Law
 from ..errors import brief
 from .coverage_plots import CAUSES, coverage_cloud
+from .job_table import Column
 from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
-from .panels import Actor, draw_panel, stage_of
-from .table import Column
+from .robot_panels import Actor, draw_panel, stage_of
 from .words import on_figure
 
 PLACE = (0.575, 0.1, 0.41, 0.75)

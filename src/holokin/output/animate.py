@@ -12,13 +12,13 @@ import numpy as np
 from ..base.types import Vector
 from ..motion.trajectory import Status, Trajectory
 from .bodies import solids_at, standing, triad
-from .figures import tool_points
 from .film import ending, write_film
+from .job_figures import tool_points
+from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LOOP, NONHOLONOMIC
-from .panels import GHOST, Curve, stage_of
 from .plots import style
-from .result import JobResult, StrategyResult
-from .scene import layer_of, show
+from .robot_panels import GHOST, Curve, stage_of
+from .robot_view import layer_of, show
 from .solids import Layer, Pixels, onto
 from .words import away, joint_unit, on_figure, stopped, ways_end
 

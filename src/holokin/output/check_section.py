@@ -6,7 +6,7 @@ from collections.abc import Callable
 from html import escape
 
 from ..checking import CheckReport, Finding
-from .result import JobResult, StrategyResult
+from .job_result import JobResult, StrategyResult
 from .words import check_words
 
 MOST_ROWS = 200

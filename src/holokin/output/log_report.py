@@ -10,10 +10,10 @@ import numpy as np
 
 from ..auditing import LogAudit, LogVerdict
 from ..base.files import replacing
-from .figures import margins
+from .job_figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
-from .panels import Actor, Curve, draw_panel, stage_of
 from .plots import thin
+from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .words import on_figure
 
 MOST_JOINTS = 4

@@ -18,8 +18,8 @@ from ..physics.plant import mujoco_module
 from ..robot import servo
 from ..strategies import HolonomicStrategy
 from .palette import BLUE, GREY, INK, LOOP, PALE, color_of, law_colors, rgb
-from .panels import Actor, Curve, draw_panel, stage_of
 from .plots import NAMED, write_figure
+from .robot_panels import Actor, Curve, draw_panel, stage_of
 from .words import joint_unit, on_figure
 
 ELEVATION = 20.0

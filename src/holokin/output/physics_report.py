@@ -18,12 +18,12 @@ from ..motion import has_leaf
 from ..physics import PhysicalRun
 from ..recording import read_recording
 from ..robot import Robot, servo, to_mjcf
-from .folder import FACTS, renewed
+from .job_result import file_stems
+from .job_table import number
 from .palette import BAD, GOOD, WARNING
 from .physics_figures import apart_figure, push_figure, write_frames
 from .plots import write_figure
-from .result import file_stems
-from .table import number
+from .result_folder import FACTS, renewed
 from .words import joint_unit
 
 FOLDER = "{}-physics"

@@ -9,9 +9,9 @@ from typing import Any
 from ..base.files import writing
 from ..errors import brief
 from ..proof import Certificate
-from .folder import FACTS, renewed
+from .job_table import Column
 from .palette import BAD, GOOD, WARNING
-from .table import Column
+from .result_folder import FACTS, renewed
 
 COLUMNS: tuple[Column, ...] = (
     ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),

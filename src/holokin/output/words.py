@@ -8,7 +8,7 @@ from ..base.types import Vector
 from ..errors import brief
 from ..motion.trajectory import Status, Trajectory
 from ..robot import Robot
-from .result import JobResult, StrategyResult
+from .job_result import JobResult, StrategyResult
 
 ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""

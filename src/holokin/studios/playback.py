@@ -23,7 +23,7 @@ from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finit
 from ..errors import ArgumentError, ShapeError
 from ..motion.trajectory import Status
 from ..output.palette import law_colors
-from ..output.scene import best_view
+from ..output.robot_view import best_view
 from ..robot import Robot
 from .door import HERE, Door
 from .scene import FOV, Scene, silent_viser, viser_package

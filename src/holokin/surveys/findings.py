@@ -15,7 +15,7 @@ import numpy as np
 from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
 from ..motion.trajectory import Status
-from ..output.page import html_table
+from ..output.html_page import html_table
 from .running import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())

@@ -10,7 +10,7 @@ from typing import Any
 from ..base.files import replacing
 from ..errors import HolokinError, SurveyError, brief
 from ..job.writing import table, toml
-from ..output.page import drawn, page
+from ..output.html_page import drawn, page
 from ..version import build
 from .cases import Case, Cases
 from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..codegen import compiler
 from ..errors import ExportError
-from .folder import Exported
+from .c_folder import Exported
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 PATIENCE = 300.0

@@ -16,7 +16,7 @@ from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_way, to
 from ..inverse_kinematics.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from .code import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
+from .c_text import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text
 
 REACH = 0.5
 """How far from the start [joint units] the postures of the vectors are drawn."""

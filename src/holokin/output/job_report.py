@@ -14,11 +14,11 @@ from ..base.files import writing
 from ..errors import posture_text
 from ..motion import TimedTrajectory
 from .check_section import check_section
-from .figures import figures
-from .folder import FACTS, renewed
-from .page import html_table, page, svg_figure
-from .result import METRICS, JobResult
-from .table import NOTHING, columns, remarks, rows
+from .html_page import html_table, page, svg_figure
+from .job_figures import figures
+from .job_result import METRICS, JobResult
+from .job_table import NOTHING, columns, remarks, rows
+from .result_folder import FACTS, renewed
 from .words import joint_unit, ways_words
 
 NOTHING_MOVES = 1e-9

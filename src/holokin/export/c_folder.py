@@ -16,8 +16,8 @@ from ..errors import ArgumentError
 from ..inverse_kinematics.branch import enclosed_change, extended_jacobian
 from ..strategies import HolonomicStrategy, Strategy
 from ..version import __version__
-from .code import Source, header, library, line, text, wrapper
-from .vectors import selftest, vectors, vectors_header
+from .c_text import Source, header, library, line, text, wrapper
+from .test_vectors import selftest, vectors, vectors_header
 
 MARK = re.compile(r"ritten by holokin \d")
 """What every file written here says in its first lines; others are never overwritten."""

@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import brief
+from .job_result import JobResult, StrategyResult
 from .palette import BAD, GOOD, HOLONOMIC_TEXT, WARNING
-from .result import JobResult, StrategyResult
 from .words import check_words, joint_unit, speed_warning, ways_words
 
 NOTHING = 1e-18

@@ -11,10 +11,10 @@ import numpy as np
 from ..base.types import Vector
 from ..motion.trajectory import Status, Trajectory
 from .coverage_plots import coverage_figure
+from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
-from .panels import Actor, Curve, Stage, draw_panel, stage_of
 from .plots import LABELS, drift_per_cycle, joint_cycles, joint_ranges, joint_ways, movers, style
-from .result import JobResult, StrategyResult
+from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
 from .words import away, joint_unit, on_figure, stopped, ways_end
 
 MAPS = (

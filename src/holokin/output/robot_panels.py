@@ -13,7 +13,7 @@ from ..robot import LinkShape, Robot
 from ..robot.numeric import Frames
 from .bodies import Piece, pieces_of, posed, solids_at, standing, thickness, tool_frames, triad, wire
 from .palette import GREY
-from .scene import (
+from .robot_view import (
     ABOVE,
     DETAIL,
     Scene,
