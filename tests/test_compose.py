@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import Command, assert_refused, urdf, write_job
 from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
 from holokin.job import open_job
-from holokin.job.build import build_robot
+from holokin.job.job_parts import build_robot
 from holokin.robot import Capsule, with_capsules
 
 

@@ -12,7 +12,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
 from holokin.job import open_job, read_job
-from holokin.job.strategies import MoorePenrose
+from holokin.job.strategy_tables import MoorePenrose
 
 # --- in Python ------------------------------------------------------------------------------------------------
 

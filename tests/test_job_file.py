@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
 from holokin.errors import JobError
 from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
-from holokin.job.read import _TABLES
+from holokin.job.job_file import _TABLES
 from holokin.job.schema import Job
 from holokin.output.job_result import METRICS
 

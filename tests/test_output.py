@@ -15,7 +15,7 @@ import holokin as hk
 from holokin.analysis import curvature
 from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
-from holokin.job.strategies import MoorePenrose
+from holokin.job.strategy_tables import MoorePenrose
 from holokin.motion.trajectory import Status
 from holokin.output.animate import ways_frames
 from holokin.output.job_figures import figures, robot_figure

@@ -13,7 +13,7 @@ import pytest
 
 from holokin.errors import JobError
 from holokin.job import keys_of
-from holokin.job.table import Table
+from holokin.job.table_values import Table
 from holokin.surveys import SurveyTable, read_survey, run_survey, survey_of
 from holokin.surveys.cases import Cases
 from holokin.surveys.laws import OWN_KINDS

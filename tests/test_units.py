@@ -22,8 +22,8 @@ from holokin.errors import (
     RecordingError,
     StartError,
 )
-from holokin.job.advised import _workspace_keys
-from holokin.job.strategies import Fitted
+from holokin.job.advice_job import _workspace_keys
+from holokin.job.strategy_tables import Fitted
 from holokin.job.workspace_words import parse_workspace
 from holokin.path.workspaces import pose_cloud
 from holokin.robot import doubtful_unit

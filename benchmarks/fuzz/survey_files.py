@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fuzz.jobs import broken
-from holokin.job.writing import toml
+from holokin.job.toml_text import toml
 from holokin.surveys.reading import read_survey
 
 SOUND = """title = "Arms"

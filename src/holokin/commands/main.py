@@ -270,7 +270,7 @@ def advise(
     Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a picture.
     Exits 0 when that is done, 2 on bad input.
     """
-    from ..job.advised import advise_command
+    from ..job.advice_job import advise_command
     from ..output.advice_report import advice_figure, print_advice
     from ..output.plots import write_figure
 

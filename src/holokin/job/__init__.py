@@ -1,14 +1,14 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations."""
 
-from .certifying import certify_job
-from .export import export_job, job_strategy
-from .physics import simulate_job
-from .programs import program_of_job
-from .read import read_job
+from .certify_strategies import certify_job
+from .export_strategy import export_job, job_strategy
+from .job_file import read_job
+from .job_templates import new_job, new_job_for, packaged_text
+from .play_strategies import simulate_job
+from .program_strategy import program_of_job
 from .runner import PAPER, expand, open_job, open_one_job, packaged_jobs, run_job
 from .schema import Job
-from .strategies import KINDS, keys_of
-from .template import new_job, new_job_for, packaged_text
+from .strategy_tables import KINDS, keys_of
 
 __all__ = [
     "KINDS",

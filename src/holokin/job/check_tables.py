@@ -12,7 +12,7 @@ from ..motion.trajectory import Trajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
 from ..tasks.task import Task
 from .robot_tables import FrameTable
-from .table import Length, Positive, Table
+from .table_values import Length, Positive, Table
 
 MOST_OBSTACLES = 100
 """Shapes round a robot; each is looked at with each link."""

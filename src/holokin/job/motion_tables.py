@@ -11,7 +11,7 @@ from ..motion import TimedTrajectory, retime
 from ..motion.joint_curve import joint_curve
 from ..motion.trajectory import Trajectory
 from ..robot import Robot
-from .table import Few, Length, Positive, Table
+from .table_values import Few, Length, Positive, Table
 
 Limit = Positive | Annotated[list[Positive], Few]
 """One for all joints, or one a joint."""

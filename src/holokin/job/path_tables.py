@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from ..base.types import Matrix
 from ..robot import FARTHEST
 from .robot_tables import MOST_PARTS, FrameTable, Names, Three
-from .table import Formula, Length, Number, Positive, Table
+from .table_values import Formula, Length, Number, Positive, Table
 
 MOST_POINTS = 10_000
 """Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""

@@ -9,7 +9,7 @@ from pydantic import Field
 from ..path import Path
 from ..physics import Push, cycle_time
 from ..robot import DENSITY, Robot, weighed
-from .table import Length, Positive, Table, filled
+from .table_values import Length, Positive, Table, filled
 
 MOST_CYCLES = 1000
 """Cycles on physics: a minute of computing each hundred."""

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from ..base.types import Matrix
 from ..path import frame_pose
 from ..robot import Robot, assembled, beside, coordinates, load, with_limits
-from .table import Length, Number, Numbers, Table
+from .table_values import Length, Number, Numbers, Table
 
 MOST_PARTS = 32
 """Robots of which one is put together."""

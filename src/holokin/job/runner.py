@@ -34,17 +34,17 @@ from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 from ..tasks.task import Task
-from .build import (
+from .check_tables import ChecksTable
+from .cover_strategies import build_covering
+from .job_file import read_job
+from .job_parts import (
     build_begin,
     build_strategy,
     build_tasks,
     naming,
 )
-from .check_tables import ChecksTable
-from .covering import build_covering
 from .motion_tables import TimingTable
 from .path_building import build_entry
-from .read import read_job
 from .schema import ExpectTable, Job
 from .several_paths import build_paths
 

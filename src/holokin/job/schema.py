@@ -13,8 +13,8 @@ from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
 from .robot_tables import Names, RobotTable
-from .strategies import AnyStrategy, Fitted
-from .table import Few, Length, Positive, Table
+from .strategy_tables import AnyStrategy, Fitted
+from .table_values import Few, Length, Positive, Table
 from .task_tables import TaskTable
 
 MOST_POSTURES = 65_536

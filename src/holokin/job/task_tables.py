@@ -12,7 +12,7 @@ from ..tasks.frame_tasks import custom_task, line_of_sight, pose, position, rela
 from ..tasks.task import Task
 from ..tasks.task_kinds import stacked
 from .robot_tables import MOST_PARTS, Three
-from .table import MOST_JOINTS, Formula, Table, column
+from .table_values import MOST_JOINTS, Formula, Table, column
 
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
 Axis = Literal["x", "y", "z"] | Three

@@ -12,8 +12,8 @@ from ..errors import ArgumentError, HolokinError
 from ..path.workspaces import Workspace, workspace
 from ..recording import read_workspace
 from ..symbolic.rotations import rotation_from_rpy
-from .covering import build_workspace
-from .read import read_workspace_table
+from .cover_strategies import build_workspace
+from .job_file import read_workspace_table
 
 EXAMPLE = (
     'write "box X Y Z HX HY HZ", "cylinder X Y Z RADIUS HALF-HEIGHT" or "sphere X Y Z RADIUS" in metres, and behind '

@@ -10,7 +10,7 @@ from ..base.types import Value, Vector
 from ..constraints import arm_angle, find_arm, lock
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError, NoArmError
-from ..job.strategies import KINDS, Fitted
+from ..job.strategy_tables import KINDS, Fitted
 from ..motion import ControlLaw
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
 from ..tasks.task import Task

@@ -15,7 +15,7 @@ from ..designing import fitting_task, regular_starts
 from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
 from ..job import Job, open_one_job, packaged_jobs
-from ..job.build import build_begin, build_strategy, build_tasks, naming
+from ..job.job_parts import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
 from ..motion import drift, follow
 from ..path import Path

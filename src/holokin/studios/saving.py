@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..job.path_tables import MOST_STEPS
-from ..job.writing import table, toml, write_new
+from ..job.toml_text import table, toml, write_new
 from ..strategies import HolonomicStrategy
 from .laws import Law
 from .session import Session

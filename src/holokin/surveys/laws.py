@@ -16,8 +16,8 @@ from .. import constraints
 from ..base.types import Vector
 from ..designing import locked_joints
 from ..errors import ArgumentError
-from ..job.strategies import KINDS, Fitted, Lock, Radial, StrategyTable
-from ..job.table import Few, Length, Positive, Table
+from ..job.strategy_tables import KINDS, Fitted, Lock, Radial, StrategyTable
+from ..job.table_values import Few, Length, Positive, Table
 from ..laws import (
     PostureTask,
     closed_loop,

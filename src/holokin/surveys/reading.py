@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ..errors import JobError, closest
-from ..job.read import Form, dotted
+from ..job.job_file import Form, dotted
 from ..job.robot_tables import RobotTable
 from ..job.task_tables import TaskTable
 from .laws import OF_A_JOB, OWN_KINDS, Given

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..base.files import replacing
 from ..errors import HolokinError, SurveyError, brief
-from ..job.writing import table, toml
+from ..job.toml_text import table, toml
 from ..output.html_page import drawn, page
 from ..version import build
 from .cases import Case, Cases

@@ -30,7 +30,7 @@ from ..errors.motion_errors import KEPT
 from ..job import Job
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
-from ..job.strategies import StrategyTable
+from ..job.strategy_tables import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..motion.follow_path import build_native

@@ -12,7 +12,7 @@ from ..errors import brief, closest
 from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
 from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
-from ..job.table import Positive, Table
+from ..job.table_values import Positive, Table
 from ..job.task_tables import TaskTable
 from .laws import AnyLaw, ClosedLoop
 

@@ -19,7 +19,7 @@ from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
-from .table import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
+from .table_values import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
 
 MOST_RADIAL_STEPS = 100
 """Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off."""

@@ -17,8 +17,8 @@ from ..path.workspaces import PoseRange, Workspace
 from ..tasks.task import Task
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job
+from .toml_text import check_new, robot_name, table, toml, write_new
 from .workspace_words import parse_workspace
-from .writing import check_new, robot_name, table, toml, write_new
 
 SHARE = 0.5
 """Radius of the circle over the least half side of the workspace, to begin with."""

@@ -13,7 +13,7 @@ from ..path.synchronized_paths import paths_of
 from ..physics import play
 from ..robot import knows_masses, servo, weighed
 from ..tasks.task import of_one_tool
-from .build import build_begin, build_strategy, build_tasks, naming
+from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .path_building import build_entry
 from .physics_table import PhysicsTable
 from .schema import Job

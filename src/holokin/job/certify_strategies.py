@@ -10,8 +10,8 @@ from ..errors import ExpressionError, HolokinError, JobError, NoProofError
 from ..path import Path
 from ..proof import Certificate, certify
 from ..strategies import HolonomicStrategy
-from .build import build_begin, build_strategy, build_tasks, naming
-from .covering import build_workspace
+from .cover_strategies import build_workspace
+from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .path_building import build_entry, build_path
 from .runner import OF_ONE_STRATEGY
 from .schema import Job

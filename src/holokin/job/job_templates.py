@@ -14,7 +14,7 @@ from ..robot import load
 from ..tasks.task import Task
 from .runner import packaged_jobs, run_job
 from .schema import Job
-from .writing import check_new, robot_name, toml, write_new
+from .toml_text import check_new, robot_name, toml, write_new
 
 _COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
 # (delete this part, run, read the table), then write here what must stay true.

@@ -8,13 +8,13 @@ from typing import Any
 from ..errors import ArgumentError
 from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
 from ..motion import TimedTrajectory, follow
-from .build import naming
-from .export import job_strategy
+from .export_strategy import job_strategy
+from .job_parts import naming
 from .motion_tables import ProgramTable, TimingTable
 from .path_building import build_entry
 from .schema import Job
 from .several_paths import build_paths
-from .table import filled
+from .table_values import filled
 
 
 def program_of_job(

@@ -8,7 +8,7 @@ from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
 from ..export import Exported, c_name, export_c
 from ..strategies import Strategy
-from .build import build_begin, build_strategy, build_tasks, naming
+from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .schema import Job
 
 

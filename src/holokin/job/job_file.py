@@ -26,8 +26,8 @@ from .schema import (
     VerdictTable,
     WorkspaceTable,
 )
-from .strategies import KINDS
-from .table import Table
+from .strategy_tables import KINDS
+from .table_values import Table
 from .task_tables import TaskTable
 
 Key = tuple[str, ...]

@@ -16,7 +16,7 @@ from ..path.workspaces import PoseRange, Workspace, workspace
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from .build import naming
+from .job_parts import naming
 from .schema import Job, WorkspaceTable
 
 

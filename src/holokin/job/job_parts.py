@@ -24,10 +24,10 @@ from ..motion import move_to_leaf
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task
-from .read import dotted
+from .job_file import dotted
 from .robot_tables import robot_of_job
 from .schema import Job
-from .strategies import ConstraintTable, Fitted, StrategyTable
+from .strategy_tables import ConstraintTable, Fitted, StrategyTable
 
 
 def build_robot(job: Job, file: FilePath) -> Robot:
