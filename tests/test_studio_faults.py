@@ -67,7 +67,8 @@ def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
 
 
 def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.studios import clouds, working
+    from holokin.studios import background_work as working
+    from holokin.studios import clouds
 
     def broken(*_arguments: object, **_named: object) -> None:
         raise KeyError("nobody expects this")
@@ -130,7 +131,7 @@ def test_a_law_that_comes_later_gets_a_robot_and_a_line_and_one_that_goes_takes_
 
 
 def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.studios import page as pages
+    from holokin.studios import studio_page as pages
 
     made, calls = pages.Handles, []
 
@@ -154,7 +155,7 @@ def test_viser_is_silent_and_nobody_else_is() -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     import rich
 
-    from holokin.studios.scene import silent_viser
+    from holokin.studios.page_scene import silent_viser
 
     heard = io.StringIO()
     with contextlib.redirect_stdout(heard), silent_viser():
@@ -179,7 +180,7 @@ def test_laws_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
 
 def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
-    from holokin.studios.scene import OPACITY, seen
+    from holokin.studios.page_scene import OPACITY, seen
 
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
     positions = np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.0005, 0], [0.2, 0.05, 0]])
@@ -198,6 +199,6 @@ def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() ->
     ],
 )
 def test_joints_are_told_apart_by_what_is_left_of_their_names(names: list[str], short: list[str]) -> None:
-    from holokin.studios.texts import short_names
+    from holokin.studios.panel_texts import short_names
 
     assert short_names(names) == short

@@ -22,7 +22,7 @@ from holokin.robot import Capsule, Surface
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.studios.meshes import GHOST, frames_of, looks_of, quaternions
-from holokin.studios.scene import OPACITY, elbow_joint, linear, pose_of, rotations_of, seen, wxyz_of
+from holokin.studios.page_scene import OPACITY, elbow_joint, linear, pose_of, rotations_of, seen, wxyz_of
 
 PANDA = "panda.urdf"
 

@@ -195,7 +195,7 @@ def test_a_snapshot_never_changes() -> None:
 
 
 def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
-    from holokin.studios.history import History
+    from holokin.studios.joint_history import History
 
     history = History(2, rows=64)
     t = np.arange(5000.0)

@@ -1,15 +1,15 @@
 """The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop."""
 
-from .laws import Law, default_laws
-from .loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
-from .opening import open_session, session_of_job, session_of_robot
+from .new_session import open_session, session_of_job, session_of_robot
 from .playback import Motion, Recording, record, record_session
-from .saving import to_job, write_job
 from .server import DEFAULT, Studio
 from .session import Session
+from .session_job import to_job, write_job
+from .session_laws import Law, default_laws
+from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .sliders import Slider
-from .spreading import LawWays, TwoWays
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
+from .two_paths import LawWays, TwoWays
 
 __all__ = [
     "DEFAULT",

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..base.types import Indices, Vector
 from ..output.palette import INK, PALE
+from .panel_texts import block, marks, plain, quiet, short_names, table
 from .stage import Stage
 from .states import Snapshot
-from .texts import block, marks, plain, quiet, short_names, table
 
 MOST = 12
 """Laws in a plot at most: more lines nobody tells apart."""

@@ -23,7 +23,7 @@ from websockets.http11 import Request, Response
 from ..errors import MissingExtraError
 from .door import PAGE, TOKEN, Door, inner, policy
 from .incoming import LARGEST, Incoming
-from .scene import silent_viser
+from .page_scene import silent_viser
 
 RATE = 400
 """Messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread."""

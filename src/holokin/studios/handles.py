@@ -9,8 +9,8 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..output.palette import BAD, GOOD, LOOP, rgb
 from ..robot import reach
-from .loops import Loop, circle_loop, polygon_loop
-from .scene import pose_of, wxyz_of
+from .page_scene import pose_of, wxyz_of
+from .session_loops import Loop, circle_loop, polygon_loop
 from .stage import Stage
 from .states import Phase, Snapshot
 

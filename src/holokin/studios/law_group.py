@@ -13,13 +13,13 @@ from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..motion import move_to_leaf
 from ..robot import Robot
 from ..tasks.task import Task
-from .following import Move, poses_of
-from .laws import Law
+from .drag_follower import Move, poses_of
+from .loop_follower import leaf_start
 from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of
+from .session_laws import Law
 from .sliders import Slider, leaves_of
-from .spreading import WIDTH, TwoWays, two_ways
 from .states import LawStatus, Snapshot
-from .walking import leaf_start
+from .two_paths import WIDTH, TwoWays, two_ways
 
 
 class LawGroup(ABC):

@@ -10,9 +10,9 @@ import numpy as np
 from ..errors import HolokinError
 from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import circle_of
-from .loops import circle_loop, eight_loop
-from .spreading import LawWays
+from .session_loops import circle_loop, eight_loop
 from .stage import Stage
+from .two_paths import LawWays
 
 SHOWN = 3.0
 """Seconds in which two ways are shown."""

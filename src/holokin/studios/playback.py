@@ -26,7 +26,7 @@ from ..output.palette import law_colors
 from ..output.robot_view import best_view
 from ..robot import Robot
 from .door import HERE, Door
-from .scene import FOV, Scene, silent_viser, viser_package
+from .page_scene import FOV, Scene, silent_viser, viser_package
 from .session import Session
 
 RATE = 25.0

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..errors import HolokinError
 from ..output.palette import BLUE, GREY, YELLOW, rgb
+from .panel_texts import block, line, plain, put, quiet, ramp, swatch, table
 from .sliders import DEGREES, Slider
 from .stage import Stage
 from .states import Cloud, LawState, Phase, Snapshot
-from .texts import block, line, plain, put, quiet, ramp, swatch, table
 
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
 """Colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none."""

@@ -9,12 +9,12 @@ import numpy as np
 from ..base.types import Matrix, Vector, frozen
 from ..inverse_kinematics.leaf import leaf_value
 from ..strategies import HolonomicStrategy, SelfMotion
-from .following import Follower, Move, follower
-from .history import History
-from .laws import Law
+from .drag_follower import Follower, Move, follower
+from .joint_history import History
+from .loop_follower import Walk
+from .session_laws import Law
 from .sliders import Slider, across, along, level_slider, self_motion_curve, self_slider
 from .states import Judgement, LawState, LawStatus
-from .walking import Walk
 
 MOVED = 0.02
 """Joint motion [joint units] from which the curvature at a posture is asked for again."""

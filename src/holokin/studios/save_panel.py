@@ -7,7 +7,7 @@ import re
 import time
 from typing import Any
 
-from .saving import to_job
+from .session_job import to_job
 from .stage import Stage
 from .states import Phase
 

@@ -15,13 +15,13 @@ from typing import Any
 from ..errors import ArgumentError, UnknownNameError
 from ..job import packaged_jobs
 from ..robot import Robot
+from .background_work import failure
 from .door import HERE, Door, loopback, wildcard
 from .meshes import GHOST, SOLID, looks_of, trimesh_package
-from .opening import open_session, session_of_robot
-from .page import Page
-from .scene import name_tab, silent_viser, viser_package
+from .new_session import open_session, session_of_robot
+from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
-from .working import failure
+from .studio_page import Page
 
 PORT = 8080
 """Where the page is, unless it is in use."""

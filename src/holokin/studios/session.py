@@ -11,16 +11,16 @@ from dataclasses import replace
 from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..path.workspaces import Workspace
+from .background_work import Shared, Worker, cover, look_after
 from .clouds import default_workspace
 from .law_group import LawGroup
-from .laws import Law, rebuilt
-from .loops import Loop, entered, reversed_loop
-from .playing import Playing, begin, gather, go, target_of
+from .loop_clock import Playing, begin, gather, go, target_of
+from .loop_follower import leaf_start
 from .runs import Run, new_run, state_of
+from .session_laws import Law, rebuilt
+from .session_loops import Loop, entered, reversed_loop
 from .sliders import leaves_of
 from .states import Cloud, CloudStatus, Origin, Phase, Snapshot
-from .walking import leaf_start
-from .working import Shared, Worker, cover, look_after
 
 SAMPLES = 512
 """Poses of a cloud."""

@@ -14,7 +14,7 @@ from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector
 from ..tasks.task import Task
-from .laws import Law
+from .session_laws import Law
 
 STEP = 0.02
 """Arc length between the postures of a curve [joint units]."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
-from .scene import Scene
+from .page_scene import Scene
 from .session import Session
 
 

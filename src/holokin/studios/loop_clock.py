@@ -9,11 +9,11 @@ import numpy as np
 
 from ..base.types import Array, Vector, frozen
 from ..errors import HolokinError
-from .following import Move
-from .loops import Loop
+from .drag_follower import Move
+from .loop_follower import Walk, loop_start, poses_at, walk
 from .runs import Run
+from .session_loops import Loop
 from .states import LawStatus, Phase
-from .walking import Walk, loop_start, poses_at, walk
 
 GATHER = 0.8
 """Seconds in which the joints go to where a loop begins."""

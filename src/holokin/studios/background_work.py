@@ -15,11 +15,11 @@ from ..errors import HolokinError, brief
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
 from .clouds import covered, failed_cloud
-from .judging import judged, largest_curvature
-from .loops import Loop
+from .law_judgement import judged, largest_curvature
+from .loop_follower import compiled, loop_fault
 from .runs import Run
+from .session_loops import Loop
 from .states import Cloud
-from .walking import compiled, loop_fault
 
 REST = 0.3
 """Seconds between two looks at the postures: no number on a page need change faster than one can read it."""

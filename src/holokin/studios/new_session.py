@@ -25,9 +25,9 @@ from ..strategies import moore_penrose
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task
 from ..tasks.task_kinds import stacked
-from .laws import Law, default_laws, redundant
-from .loops import Loop, circle_loop, entered
 from .session import Session
+from .session_laws import Law, default_laws, redundant
+from .session_loops import Loop, circle_loop, entered
 from .states import Origin
 
 TRIED = 4

@@ -13,8 +13,8 @@ from ..errors import ArgumentError
 from ..job.path_tables import MOST_STEPS
 from ..job.toml_text import table, toml, write_new
 from ..strategies import HolonomicStrategy
-from .laws import Law
 from .session import Session
+from .session_laws import Law
 
 FILES = ("name", "file")
 """Keys of a job that may hold the name of a file."""

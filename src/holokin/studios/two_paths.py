@@ -12,7 +12,7 @@ from ..errors import ArgumentError, HolokinError
 from ..motion import path_spread
 from ..path import Path, polyline
 from ..tasks.task import of_one_tool
-from .laws import Law
+from .session_laws import Law
 from .states import LawStatus
 
 WIDTH = 0.1

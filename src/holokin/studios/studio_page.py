@@ -15,9 +15,9 @@ from ..errors import HolokinError
 from ..output.palette import BAD, LOOP, law_colors
 from .charts import Charts
 from .handles import Handles
-from .panels import Panels
-from .scene import Scene
+from .page_scene import Scene
 from .session import Session
+from .side_panels import Panels
 from .states import Phase, Snapshot
 
 RATE = 30.0

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..job import packaged_jobs
 from .loop_panel import LoopPanel
+from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
 from .stage import Stage
 from .states import Phase, Snapshot
-from .texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 
 ENDLESS = 0
 """Cycles that mean: for ever."""

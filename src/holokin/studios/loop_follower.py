@@ -18,9 +18,9 @@ from ..motion.simulation import step_targets
 from ..motion.velocity_steps import native_velocity, velocity_stepper
 from ..path import Path
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
-from .following import limit_sentence, stopped
-from .laws import Law
-from .loops import Loop
+from .drag_follower import limit_sentence, stopped
+from .session_laws import Law
+from .session_loops import Loop
 from .states import LawStatus
 
 PIECES = 200

@@ -16,7 +16,7 @@ from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
 from ..path.straight_path import StraightWay, straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task
-from .laws import Law
+from .session_laws import Law
 from .states import LawStatus
 
 PERIOD = 0.1
