@@ -30,8 +30,8 @@ from holokin.surveys.batches import SECONDS, Batches
 from holokin.surveys.cases import Cases
 from holokin.surveys.cluster import Cluster, reached, run_guarded
 from holokin.surveys.engine import AHEAD, Here, Pool
-from holokin.surveys.guarded import Guarded
-from holokin.surveys.running import Row, prepare, run_case
+from holokin.surveys.guarded_process import Guarded
+from holokin.surveys.one_case import Row, prepare, run_case
 
 MIDDLE = (0.2, 0.9)
 """Of the rows of a run: from the first of these shares to the second its rate is measured."""

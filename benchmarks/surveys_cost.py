@@ -25,12 +25,12 @@ from holokin.designing import locked_joints
 from holokin.surveys import survey_of
 from holokin.surveys.cases import Case, Cases
 from holokin.surveys.objects import keep
-from holokin.surveys.running import prepare, run_case
+from holokin.surveys.one_case import prepare, run_case
 
 ROBOTS = ("panda", "iiwa14", "ur5e")
 CIRCLES = {"circle": {"kind": "circle", "size": [0.05, 0.3], "count": 100}}
 STAGES = {"start_of": "draw", "_path": "draw", "_set_up": "law", "_run": "follow", "_metrics": "metrics"}
-"""Functions of `holokin.surveys.running`, and the stages that they are."""
+"""Functions of `holokin.surveys.one_case`, and the stages that they are."""
 
 
 def weighted(task: hk.Task) -> hk.Strategy:
@@ -86,7 +86,7 @@ def staged(spent: dict[str, float]) -> Iterator[None]:
 
         return called
 
-    import holokin.surveys.running as running
+    import holokin.surveys.one_case as running
 
     names = {name: timed(getattr(running, name), stage) for name, stage in STAGES.items()}
     with patch.multiple(running, **names):

@@ -23,8 +23,8 @@ from PIL import Image
 from holokin.output.plots import style
 from holokin.surveys import Findings, Store, SurveyTable
 from holokin.surveys.cases import Cases
-from holokin.surveys.figures import boxes_figure, coverage_figure, drift_figure, survival_figure
 from holokin.surveys.findings import ON_PATH, RETURNS
+from holokin.surveys.survey_figures import boxes_figure, coverage_figure, drift_figure, survival_figure
 
 HERE = Path(__file__).parent
 SPOKEN_OF = {

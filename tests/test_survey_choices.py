@@ -16,10 +16,10 @@ from holokin.job import keys_of
 from holokin.job.table_values import Table
 from holokin.surveys import SurveyTable, read_survey, run_survey, survey_of
 from holokin.surveys.cases import Cases
-from holokin.surveys.laws import OWN_KINDS
-from holokin.surveys.running import METRICS, STATUSES, _robot, run_case
+from holokin.surveys.one_case import METRICS, STATUSES, _robot, run_case
 from holokin.surveys.store import COLUMNS
-from holokin.surveys.tables import LoopTable, StartsTable, WithoutTable
+from holokin.surveys.survey_laws import OWN_KINDS
+from holokin.surveys.survey_tables import LoopTable, StartsTable, WithoutTable
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = ROOT / "benchmarks" / "survey.toml"

@@ -15,7 +15,8 @@ from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import BranchError, JointLimitError, LimitReachedError, OutOfReachError
 from holokin.inverse_kinematics import leaf
-from holokin.surveys import running, survey_of
+from holokin.surveys import one_case as running
+from holokin.surveys import survey_of
 from holokin.surveys.cases import Cases
 from holokin.symbolic import Function
 

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from holokin.errors import SchedulerError, SurveyError, UnknownNameError
-from holokin.surveys import cluster, run_survey, surveying
+from holokin.surveys import cluster, run_survey
+from holokin.surveys import resumable_run as surveying
 from holokin.surveys.batches import SECONDS, Batches, lasting
 from holokin.surveys.cases import Cases
 from holokin.surveys.engine import Pool
-from holokin.surveys.guarded import Guarded
-from holokin.surveys.running import Row, run_case
+from holokin.surveys.guarded_process import Guarded
+from holokin.surveys.one_case import Row, run_case
 from survey_kills import alive, children, count_of
 from survey_laws import CIRCLES, planar, rows_of
 

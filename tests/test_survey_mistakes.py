@@ -18,8 +18,8 @@ from holokin.errors import ArgumentError, HolokinError, JobError, MissingExtraEr
 from holokin.job import Job, run_job
 from holokin.surveys import Findings, Store, read_survey, repeat, run_survey, write_survey_report
 from holokin.surveys.cases import Cases
-from holokin.surveys.checking import check_laws
-from holokin.surveys.running import Row
+from holokin.surveys.law_faults import check_laws
+from holokin.surveys.one_case import Row
 from holokin.surveys.store import NAMES
 from survey_laws import CIRCLES, rows_of
 

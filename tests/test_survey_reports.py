@@ -12,7 +12,7 @@ from conftest import Command
 from holokin.surveys import Findings, Store, coverage_figure, read_survey, run_survey, survey_of, survival_figure
 from holokin.surveys.cases import Cases
 from holokin.surveys.findings import robot_labels
-from holokin.surveys.running import METRICS
+from holokin.surveys.one_case import METRICS
 from survey_laws import CIRCLES
 
 

@@ -78,7 +78,7 @@ def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
     }
     table = planar(robots=["panda"], loops=loops, laws={"pinv": {"kind": "moore-penrose"}}, cycles=1, samples=200)
     cases = Cases(table, Path())
-    from holokin.surveys import running
+    from holokin.surveys import one_case as running
 
     sizes: dict[str, list[float]] = {}
     normals = []

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.fuzz.jobs import broken
 from holokin.job.toml_text import toml
-from holokin.surveys.reading import read_survey
+from holokin.surveys.survey_file import read_survey
 
 SOUND = """title = "Arms"
 robots = ["planar-3r", {name = "panda", tool = {xyz = [0, 0, 0.1]}}]

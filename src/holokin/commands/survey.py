@@ -120,7 +120,7 @@ def case_one(
 ) -> None:
     """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
     from ..surveys import Store, repeated
-    from ..surveys.repeating import case_of
+    from ..surveys.repeated_case import case_of
 
     with Store.opened(results, None) as store:
         cases, found = case_of(store, case)

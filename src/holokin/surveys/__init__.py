@@ -1,13 +1,13 @@
 """Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several."""
 
-from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import Findings
-from .reading import read_survey, survey_of
-from .repeating import repeat
-from .report import repeated, write_survey_report
+from .repeated_case import repeat
+from .resumable_run import Progress, run_survey
 from .store import Store
-from .surveying import Progress, run_survey
-from .tables import SurveyTable
+from .survey_figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
+from .survey_file import read_survey, survey_of
+from .survey_report import repeated, write_survey_report
+from .survey_tables import SurveyTable
 
 __all__ = [
     "Findings",

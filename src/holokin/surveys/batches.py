@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import islice
 
-from .running import Row
+from .one_case import Row
 
 SECONDS = 1.0
 """That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""

@@ -22,9 +22,9 @@ from ..base.types import Flags, Indices, Value
 from ..errors import ArgumentError, UnknownNameError
 from ..job.robot_tables import RobotTable
 from ..robot import catalogue
-from .importing import source_of
-from .laws import Own
-from .tables import SurveyTable
+from .survey_laws import Own
+from .survey_tables import SurveyTable
+from .user_functions import source_of
 
 SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 

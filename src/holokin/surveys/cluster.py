@@ -16,9 +16,9 @@ from ..errors import MissingExtraError, SchedulerError
 from .batches import SECONDS, Batch, Batches, lasting
 from .cases import Cases
 from .engine import AHEAD
-from .guarded import Guarded, forget_cases
-from .running import Row, fault
-from .tables import SurveyTable
+from .guarded_process import Guarded, forget_cases
+from .one_case import Row, fault
+from .survey_tables import SurveyTable
 
 PATIENCE = 6.0
 """Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""

@@ -10,9 +10,9 @@ from types import MappingProxyType
 from typing import Any
 
 from .batches import Batch, Batches, lasting
-from .guarded import Guarded, run_batch
-from .running import Row
-from .tables import SurveyTable
+from .guarded_process import Guarded, run_batch
+from .one_case import Row
+from .survey_tables import SurveyTable
 
 AHEAD = 2
 """Batches that wait for each worker, so that none is idle."""

@@ -16,7 +16,7 @@ from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
 from ..motion.trajectory import Status
 from ..output.html_page import html_table
-from .running import METRICS, STATUSES
+from .one_case import METRICS, STATUSES
 
 STATUS_ORDER = tuple(STATUSES.values())
 FAULT = STATUSES[Status.FAULT]

@@ -16,8 +16,8 @@ from types import MappingProxyType
 
 from ..errors import ArgumentError, SurveyError, WriteError
 from ..version import __version__
-from .running import METRICS, Row
-from .tables import SurveyTable
+from .one_case import METRICS, Row
+from .survey_tables import SurveyTable
 
 NAMES = ("robot", "task", "loop", "law")
 COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)

@@ -64,9 +64,9 @@ def survey(
     """
     from .findings import Findings
     from .objects import OBJECT
-    from .reading import survey_of
+    from .resumable_run import run_survey
     from .store import Store
-    from .surveying import run_survey
+    from .survey_file import survey_of
 
     objects: dict[str, Any] = {}
     names: list[str] = []

@@ -13,10 +13,10 @@ from ..job.toml_text import table, toml
 from ..output.html_page import drawn, page
 from ..version import build
 from .cases import Case, Cases
-from .figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .findings import ON_PATH, Findings
-from .running import repeating_job
-from .tables import SurveyTable
+from .one_case import repeating_job
+from .survey_figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
+from .survey_tables import SurveyTable
 
 WORST = 10
 """Cases with the largest drift that are shown, each with a job that repeats it."""

@@ -32,8 +32,8 @@ from ..laws.textbook import GAIN
 from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
 from ..tasks.task import Task
-from .importing import imported
 from .objects import given
+from .user_functions import imported
 
 Gain = Annotated[float, Field(ge=0, le=1e6)]
 

@@ -8,7 +8,7 @@ from ..base.arguments import typed
 from ..errors import ArgumentError
 from ..motion.trajectory import Trajectory
 from .cases import Case, Cases
-from .running import repeat_case
+from .one_case import repeat_case
 from .store import Store
 
 

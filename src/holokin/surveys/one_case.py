@@ -41,10 +41,10 @@ from ..robot.units import longest_reach
 from ..strategies import Strategy
 from ..tasks.task import Task
 from .cases import Case, Cases, robot_table
-from .laws import Given, built, of_the_start, resolved
-from .loops import drawn
 from .objects import OBJECT, given, given_path, when_replaced
-from .tables import LoopTable
+from .survey_laws import Given, built, of_the_start, resolved
+from .survey_loops import drawn
+from .survey_tables import LoopTable
 
 KEPT_LAWS = 64
 """Laws whose functions a process keeps: some tens of megabytes."""

@@ -15,14 +15,14 @@ from typing import Any
 from ..errors import ArgumentError
 from .batches import Batches
 from .cases import Cases
-from .checking import check_laws
 from .cluster import Cluster, reached
 from .engine import Here, Pool
-from .guarded import forget_cases
+from .guarded_process import forget_cases
+from .law_faults import check_laws
 from .objects import forks, keep, sendable
-from .running import Row
+from .one_case import Row
 from .store import Store
-from .tables import SurveyTable
+from .survey_tables import SurveyTable
 
 MOST_WORKERS = 1024
 """Processes on one machine."""

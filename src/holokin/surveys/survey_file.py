@@ -10,8 +10,8 @@ from ..errors import JobError, closest
 from ..job.job_file import Form, dotted
 from ..job.robot_tables import RobotTable
 from ..job.task_tables import TaskTable
-from .laws import OF_A_JOB, OWN_KINDS, Given
-from .tables import LOOPS, LoopTable, StartsTable, SurveyTable, WithoutTable
+from .survey_laws import OF_A_JOB, OWN_KINDS, Given
+from .survey_tables import LOOPS, LoopTable, StartsTable, SurveyTable, WithoutTable
 
 KINDS = {
     str(word): model

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 from ..errors import ArgumentError, MissingExtraError
 from .cases import Cases, Stratum
-from .importing import imported
-from .laws import Library, Own
+from .survey_laws import Library, Own
+from .user_functions import imported
 
 PACKAGES = {"pink": ("pink", "pin-pink"), "mink": ("mink", "mink"), "placo": ("placo", "placo")}
 """Of each library its module and its package."""

@@ -24,10 +24,10 @@ from typing import Any
 from ..errors import HolokinError, SurveyError
 from .batches import SECONDS, Batch
 from .cases import Cases
-from .importing import forget_imported
 from .objects import keep, sendable
-from .running import Row, fault, forget_built, prepare, run_case
-from .tables import SurveyTable
+from .one_case import Row, fault, forget_built, prepare, run_case
+from .survey_tables import SurveyTable
+from .user_functions import forget_imported
 
 HARD = 2.0
 """Time limits after which a process that does not answer, in native code, ends."""
@@ -322,5 +322,5 @@ def _start_method(objects: Mapping[str, Any]) -> str:
         return "fork"
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return "spawn"
-    multiprocessing.set_forkserver_preload(["holokin.surveys.guarded"])
+    multiprocessing.set_forkserver_preload(["holokin.surveys.guarded_process"])
     return "forkserver"

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..symbolic.rotations import frame_about
-from .tables import LoopTable
+from .survey_tables import LoopTable
 
 PLANES = {"xy": (0.0, 0.0, 1.0), "yz": (1.0, 0.0, 0.0), "xz": (0.0, -1.0, 0.0)}
 """The normal of a plane."""

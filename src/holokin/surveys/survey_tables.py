@@ -14,7 +14,7 @@ from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
 from ..job.table_values import Positive, Table
 from ..job.task_tables import TaskTable
-from .laws import AnyLaw, ClosedLoop
+from .survey_laws import AnyLaw, ClosedLoop
 
 MOST_CASES = 100_000_000
 """Cases of a survey: a thousand processor cores do as many in a day, at a tenth of a second each."""
