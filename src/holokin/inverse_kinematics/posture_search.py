@@ -10,7 +10,6 @@ from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..errors import ArgumentError, ShapeError
-from ..motion.whole_turns import free_hinges, turned
 from ..path.workspaces import sobol
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
@@ -19,6 +18,7 @@ from ..symbolic import wrapped
 from ..tasks.task import Task, of_one_tool
 from .leaf import check_levels, leaf_step
 from .newton import newton
+from .whole_turns import free_hinges, turned
 
 STEPS = 60
 """Newton steps from one start. Of 4096 starts on an iiwa 14 and a Panda that get anywhere, 99 % take less than 40."""
