@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from benchmarks.calls import Floor, in_turns
-from holokin.motion import InverseKinematics, InverseStatus
+from holokin.inverse_kinematics import InverseKinematics, InverseStatus
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 SPACINGS = ((0.00025, 0.0005), (0.001, 0.002), (0.01, 0.02))

@@ -202,7 +202,7 @@ def swivel() -> None:
     ):
         law = hk.holonomic(task, hk.arm_angle(definition=definition))
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.obstruction(law, hk.motion.Directions(), start)
+        found = hk.obstruction(law, hk.analysis.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
         states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))

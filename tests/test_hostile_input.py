@@ -16,7 +16,7 @@ from holokin.analysis import MOST_JOINTS
 from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
 from holokin.inverse_kinematics.reach import out_of_reach
 from holokin.job import open_job, read_job
-from holokin.motion.sampling import make_plan
+from holokin.path.plan import make_plan
 from holokin.symbolic import parse, symbol
 
 POINTS = ", ".join(["[0, 0]"] * 10_001)

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
-from holokin.motion import InverseStatus
+from holokin.inverse_kinematics import InverseStatus
 from holokin.path.workspaces import pose_cloud
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -40,7 +40,7 @@ def inner(count: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def ik(panda: hk.Robot) -> hk.motion.InverseKinematics:
+def ik(panda: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
     return hk.inverse(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START)
 
 
@@ -105,7 +105,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
             ik,
             ik.nearest,
             lambda wanted: ik.near(wanted, PANDA_START),
-            lambda wanted: hk.motion.all_postures(strategy, wanted, starts=4),
+            lambda wanted: hk.inverse_kinematics.all_postures(strategy, wanted, starts=4),
             lambda wanted: step.step(PANDA_START, wanted, np.zeros(6)),
             lambda wanted: point.step(PANDA_START, wanted, np.zeros(6)),
             lambda wanted: pose_cloud([wanted]),

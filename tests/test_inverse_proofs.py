@@ -123,7 +123,7 @@ def test_a_way_that_ends_at_a_fold_ends_close_to_it_and_says_so() -> None:
     room = start[2] ** 3 - 3 * w * w * start[2] + 2 * w**3
     beyond = ik.strategy.task.robot.pose(start)[:3, 3] + np.outer([1.1 * room, 1.5 * room, 3 * room], [1, 0, 0])
     found = ik.batch(beyond)
-    assert (found.status == hk.motion.InverseStatus.LEAF_ENDS).all()
+    assert (found.status == hk.inverse_kinematics.InverseStatus.LEAF_ENDS).all()
     assert np.abs(found.last[:, 2] - w).max() < 0.01 * w
     with pytest.raises(BranchError, match=r"the leaf of .* ends at"):
         ik(beyond[0])

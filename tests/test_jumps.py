@@ -9,7 +9,7 @@ from casadi import atan2, ceil, fabs, floor, fmin, fmod, if_else, sign
 import holokin as hk
 from conftest import PANDA_START, R3_START
 from holokin.errors import JumpError
-from holokin.motion import InverseStatus
+from holokin.inverse_kinematics import InverseStatus
 from holokin.strategies import may_jump, pfaffian
 
 JUMPS = {

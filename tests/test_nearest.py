@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
-from holokin.motion import InverseStatus, Nearest
+from holokin.inverse_kinematics import InverseStatus, Nearest
 
 REACHED, CLAMPED = InverseStatus.REACHED, InverseStatus.CLAMPED
 LENGTH, MARGIN = 0.3, 0.1
@@ -20,14 +20,14 @@ BETWEEN = np.array([0.3, 0.9, 0.0])
 
 
 @pytest.fixture
-def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.InverseKinematics:
+def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
     """An arm of links 1 and 2 m long, the last two of a planar 3R in line, on the virtual machine."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     return hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), BETWEEN)
 
 
 @pytest.fixture(scope="module")
-def ik(panda: hk.Robot) -> hk.motion.InverseKinematics:
+def ik(panda: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
     return hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
 
 

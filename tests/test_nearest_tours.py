@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, PPR_START, R3_START
+from holokin.inverse_kinematics import InverseStatus
 from holokin.inverse_kinematics.nearest_pose import LEAST
-from holokin.motion import InverseStatus
 
 REACHED, CLAMPED = InverseStatus.REACHED, InverseStatus.CLAMPED
 
@@ -20,7 +20,7 @@ REACHED, CLAMPED = InverseStatus.REACHED, InverseStatus.CLAMPED
 class Case:
     """An arm, its law, and how far the hand goes [m]."""
 
-    ik: hk.motion.InverseKinematics
+    ik: hk.inverse_kinematics.InverseKinematics
     far: np.ndarray
 
     @property

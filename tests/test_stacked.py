@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from exported import STRICT
+from holokin.inverse_kinematics import InverseStatus
 from holokin.job import open_job, run_job, simulate_job
-from holokin.motion import InverseStatus
 from holokin.path.synchronized_paths import SynchronizedPaths
 from holokin.robot import Robot, to_urdf
 

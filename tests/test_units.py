@@ -33,7 +33,7 @@ BETWEEN = np.array([0.3, 0.9, 0.0])
 
 
 @pytest.fixture
-def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.InverseKinematics:
+def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
     """Two links in a plane, joint 1 from 0 to 2 rad, whose third joint is locked."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     first, *others = planar_3r.coordinates

@@ -9,6 +9,8 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from . import (
     analysis,
     auditing,
@@ -16,6 +18,7 @@ from . import (
     constraints,
     designing,
     export,
+    inverse_kinematics,
     laws,
     motion,
     physics,
@@ -24,28 +27,16 @@ from . import (
     robot,
     strategies,
 )
-from .analysis import Verdict, around, curvature, involutivity
+from .analysis import Verdict, around, curvature, involutivity, obstruction
 from .auditing import audit, audit_recording
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
 from .errors import HolokinError
 from .export import export_c
+from .inverse_kinematics import all_postures, inverse, move_to_leaf
 from .laws import mink_task, pink_task
-from .motion import (
-    ControlLaw,
-    TimedTrajectory,
-    all_postures,
-    approach,
-    controller,
-    drift,
-    inverse,
-    move_to_leaf,
-    obstruction,
-    path_spread,
-    retime,
-    simulate,
-)
+from .motion import ControlLaw, TimedTrajectory, approach, controller, drift, path_spread, retime, simulate
 from .motion.trajectory import Status, Trajectory
 from .path import (
     Path,
@@ -66,8 +57,7 @@ from .path import (
 )
 from .path.synchronized_paths import synchronized, through
 from .path.workspaces import Workspace, workspace
-from .proof import Certificate, certify
-from .proof.following import follow
+from .proof import Certificate, certify, follow
 from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
     Part,
@@ -92,12 +82,14 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .studios.open_studio import studio
-from .surveys.survey_call import survey
 from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
 from .tasks.task import Task
 from .tasks.task_kinds import stacked
 from .version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from .studios import studio
+    from .surveys import survey
 
 __all__ = [
     "Advice",
@@ -161,6 +153,7 @@ __all__ = [
     "from_yourdfpy",
     "holonomic",
     "inverse",
+    "inverse_kinematics",
     "involutivity",
     "join",
     "laws",
@@ -217,3 +210,16 @@ __all__ = [
     "with_tool",
     "workspace",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """`studio` and `survey`: what serves a page or keeps rows of a survey is loaded when it is first asked for."""
+    if name == "studio":
+        from .studios import studio
+
+        return studio
+    if name == "survey":
+        from .surveys import survey
+
+        return survey
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,6 +6,7 @@ from .drift_prediction import DriftPrediction, predicted_drift
 from .frobenius import involutivity, involutivity_of
 from .leaf_functions import LeafFunction, leaf_function
 from .lie_filtration import Filtration, Integrability, filtration
+from .obstructions import Directions, Obstruction, Witness, obstruction
 from .paper_form import GeneralForm, general_form
 from .region import Ball, Region, around, ball, box
 from .repeatable_distance import Deviation, RepeatableDistance, ball_postures, deviation, distance_to_repeatable
@@ -15,6 +16,7 @@ __all__ = [
     "MOST_JOINTS",
     "Ball",
     "Deviation",
+    "Directions",
     "DriftFree",
     "DriftPrediction",
     "Evidence",
@@ -22,9 +24,11 @@ __all__ = [
     "GeneralForm",
     "Integrability",
     "LeafFunction",
+    "Obstruction",
     "Region",
     "RepeatableDistance",
     "Verdict",
+    "Witness",
     "around",
     "ball",
     "ball_postures",
@@ -38,5 +42,6 @@ __all__ = [
     "involutivity",
     "involutivity_of",
     "leaf_function",
+    "obstruction",
     "predicted_drift",
 ]

@@ -14,8 +14,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector
 from ..errors import OpenPathError
-from ..motion.sampling import make_plan
 from ..path import Path
+from ..path.plan import make_plan
 from ..strategies import Strategy
 from .brackets import curvature
 from .straight_transport import transport

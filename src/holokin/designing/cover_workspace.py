@@ -9,9 +9,9 @@ from ..base.progress import progress
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
+from ..inverse_kinematics import InverseStatus, inverse, leaf_value
 from ..inverse_kinematics.leaf import leaf_step
 from ..inverse_kinematics.reach import nearest_postures
-from ..motion import InverseStatus, inverse, leaf_value
 from ..path.workspaces import PoseRange, Workspace
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy

@@ -9,7 +9,7 @@ import numpy as np
 from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..constraints import Constraint, linear, tilted
 from ..errors import OutOfReachError, PathError
-from ..motion import inverse
+from ..inverse_kinematics import inverse
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task

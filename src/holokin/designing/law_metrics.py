@@ -9,8 +9,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import OutOfReachError
+from ..inverse_kinematics import inverse
 from ..inverse_kinematics.solutions import InverseStatus
-from ..motion import inverse
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
 from .coordinates import Coordinates, chart_of, coordinates_of

@@ -27,7 +27,7 @@ from ..base.arguments import typed
 from ..base.types import Matrix, Value, Vector, frozen, whole
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
-from ..motion import inverse
+from ..inverse_kinematics import inverse
 from ..path.workspaces import Cylinder, Sphere, sobol
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space

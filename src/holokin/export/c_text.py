@@ -17,10 +17,11 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, Vector
 from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
+from ..inverse_kinematics import leaf_value
 from ..inverse_kinematics.branch import branch_code, extended_jacobian
 from ..inverse_kinematics.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..inverse_kinematics.rays import rays_code
-from ..motion import has_leaf, leaf_value, step_function
+from ..motion import has_leaf, step_function
 from ..motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function

@@ -1,1 +1,22 @@
-"""Pose in, joints out."""
+"""Pose in, joints out: on a leaf, at the edge of reach, and all postures at a pose.
+
+Uses strategies and paths. Read first: `inverse_function.py`, `leaf.py`, `branch.py`.
+"""
+
+from .inverse_function import InverseKinematics, inverse
+from .leaf import leaf_value, move_to_leaf
+from .nearest_pose import Nearest
+from .posture_search import Postures, all_postures
+from .solutions import InverseStatus, Solutions
+
+__all__ = [
+    "InverseKinematics",
+    "InverseStatus",
+    "Nearest",
+    "Postures",
+    "Solutions",
+    "all_postures",
+    "inverse",
+    "leaf_value",
+    "move_to_leaf",
+]

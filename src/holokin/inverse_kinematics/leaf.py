@@ -18,8 +18,8 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
-from ..motion.sampling import Plan
 from ..motion.trajectory import Trajectory
+from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..codegen import FollowKernel
-from ..motion.sampling import Plan
+from ..path.plan import Plan
 
 
 class NativeFollower:

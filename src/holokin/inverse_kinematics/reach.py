@@ -10,7 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
-from ..motion.sampling import Plan
+from ..path.plan import Plan
 from ..tasks.task import Task
 
 TARGETS = 24

@@ -20,7 +20,7 @@ from ..errors import (
     SingularityError,
     posture_text,
 )
-from ..motion import move_to_leaf
+from ..inverse_kinematics import move_to_leaf
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task

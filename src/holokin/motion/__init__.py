@@ -1,11 +1,8 @@
-"""Uses of strategies: following paths, drift and why a path drifts, spread."""
+"""What moves: a strategy along a path, the steps of a controller, the time that a motion takes.
 
-from ..analysis.obstructions import Directions, Obstruction, Witness, obstruction
-from ..inverse_kinematics.inverse_function import InverseKinematics, inverse
-from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
-from ..inverse_kinematics.nearest_pose import Nearest
-from ..inverse_kinematics.posture_search import Postures, all_postures
-from ..inverse_kinematics.solutions import InverseStatus, Solutions
+Uses strategies, paths and inverse kinematics. Read first: `follow_path.py`, `control_step.py`, `retiming.py`.
+"""
+
 from .approach_path import approach
 from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, StepStatus, controller
@@ -24,27 +21,18 @@ __all__ = [
     "Cause",
     "ControlLaw",
     "Controller",
-    "Directions",
     "Drift",
     "Followed",
     "HandFollower",
-    "InverseKinematics",
-    "InverseStatus",
     "JointLoad",
     "Limits",
     "LoopWatch",
-    "Nearest",
-    "Obstruction",
-    "Postures",
     "Slowdown",
-    "Solutions",
     "Spread",
     "Step",
     "StepStatus",
     "TimedTrajectory",
     "Winding",
-    "Witness",
-    "all_postures",
     "approach",
     "as_control_law",
     "controller",
@@ -52,10 +40,6 @@ __all__ = [
     "follow",
     "hand_follower",
     "has_leaf",
-    "inverse",
-    "leaf_value",
-    "move_to_leaf",
-    "obstruction",
     "open_loop",
     "path_spread",
     "retime",

@@ -29,9 +29,10 @@ from ..inverse_kinematics.branch import branch_code
 from ..inverse_kinematics.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..inverse_kinematics.reach import out_of_reach
+from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
-from .sampling import Plan, check_start, make_plan, record
+from .recorded_trajectory import record
 from .trajectory import Status, Trajectory
 from .velocity_steps import native_velocity, path_rate, velocity_stepper
 

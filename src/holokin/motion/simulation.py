@@ -13,10 +13,11 @@ from ..base.arguments import typed
 from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
+from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..tasks.task import Task
 from .control_law import ControlLaw, Step, as_control_law
-from .sampling import Plan, check_start, make_plan, record
+from .recorded_trajectory import record
 from .trajectory import Status, Trajectory
 
 

@@ -11,9 +11,9 @@ from ..base.types import Vector, kept
 from ..codegen import VelocityRules
 from ..errors import TrackingError
 from ..inverse_kinematics.native_follower import NativeFollower
+from ..path.plan import Plan
 from ..strategies import Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
-from .sampling import Plan
 
 
 @kept

@@ -12,9 +12,9 @@ from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Value, Vector, finite, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..motion import Controller, LoopWatch, StepStatus, controller
-from ..motion.sampling import check_start
 from ..motion.simulation import steps_between
 from ..path import Path
+from ..path.plan import check_start
 from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
 from ..strategies import Strategy

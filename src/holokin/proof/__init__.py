@@ -3,5 +3,6 @@
 from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
+from .following import follow
 
-__all__ = ["Certificate", "Extent", "certify", "follow_certified"]
+__all__ = ["Certificate", "Extent", "certify", "follow", "follow_certified"]

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
+from ..inverse_kinematics import inverse
 from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_way, tool_at
-from ..motion import inverse
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from .bounds import UP

@@ -8,8 +8,9 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
 from ..motion.follow_path import joint_rates
-from ..motion.sampling import make_plan, record
+from ..motion.recorded_trajectory import record
 from ..motion.trajectory import Status, Trajectory
+from ..path.plan import make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import Strategy
 from .certificate import Certificate, Extent

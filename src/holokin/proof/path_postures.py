@@ -7,7 +7,7 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
 from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
-from ..motion.sampling import Plan, check_start, make_plan
+from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from .certificate import Extent

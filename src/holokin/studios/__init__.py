@@ -1,6 +1,7 @@
 """The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop."""
 
 from .new_session import open_session, session_of_job, session_of_robot
+from .open_studio import studio
 from .playback import Motion, Recording, record, record_session
 from .server import DEFAULT, Studio
 from .session import Session
@@ -40,6 +41,7 @@ __all__ = [
     "reversed_loop",
     "session_of_job",
     "session_of_robot",
+    "studio",
     "to_job",
     "write_job",
 ]

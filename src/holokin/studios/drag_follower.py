@@ -10,9 +10,10 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Value, Vector, finite, tool_pose
 from ..errors import HolokinError
+from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import is_native, way_to
 from ..inverse_kinematics.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
-from ..motion import ControlLaw, InverseStatus, StepStatus, controller, inverse
+from ..motion import ControlLaw, StepStatus, controller
 from ..path.straight_path import StraightWay, straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, whole
 from ..errors import ArgumentError, HolokinError, UnknownNameError
-from ..motion import move_to_leaf
+from ..inverse_kinematics import move_to_leaf
 from ..robot import Robot
 from ..tasks.task import Task
 from .drag_follower import Move, poses_of

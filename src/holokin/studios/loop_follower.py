@@ -9,14 +9,15 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
+from ..inverse_kinematics import inverse, move_to_leaf
 from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_value, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
-from ..motion import ControlLaw, approach, inverse, move_to_leaf
+from ..motion import ControlLaw, approach
 from ..motion.follow_path import build_native
-from ..motion.sampling import Plan, check_start, make_plan
 from ..motion.simulation import step_targets
 from ..motion.velocity_steps import native_velocity, velocity_stepper
 from ..path import Path
+from ..path.plan import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .drag_follower import limit_sentence, stopped
 from .session_laws import Law

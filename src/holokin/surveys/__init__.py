@@ -4,6 +4,7 @@ from .findings import Findings
 from .repeated_case import repeat
 from .resumable_run import Progress, run_survey
 from .store import Store
+from .survey_call import survey
 from .survey_figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
 from .survey_file import read_survey, survey_of
 from .survey_report import repeated, write_survey_report
@@ -22,6 +23,7 @@ __all__ = [
     "repeated",
     "run_survey",
     "status_figure",
+    "survey",
     "survey_of",
     "survival_figure",
     "write_survey_report",
