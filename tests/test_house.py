@@ -20,40 +20,21 @@ from holokin import errors
 ROOT = Path(hk.__file__).parent
 LAYERS = [
     {"errors", "version"},
-    {"types", "tolerances", "files", "progress"},
-    {"arguments"},
+    {"base"},
     {"codegen"},
     {"symbolic"},
     {"robot"},
-    {"frames", "representations"},
-    {"task"},
-    {"task_kinds"},
-    {"frame_tasks"},
-    {"constraints"},
-    {"strategies"},
-    {"ways"},
-    {"path"},
-    {"synchronized_paths"},
-    {"workspaces"},
-    {"trajectory"},
-    {"sampling"},
-    {"analysis", "motion"},
-    {"laws"},
-    {"physics"},
-    {"proof"},
-    {"following"},
-    {"recording"},
-    {"checking"},
-    {"auditing"},
-    {"designing"},
-    {"output", "export"},
+    {"tasks"},
+    {"path", "constraints"},
+    {"strategies", "recording"},
+    {"inverse_kinematics"},
+    {"motion"},
+    {"analysis", "laws", "physics", "proof", "checking", "export"},
+    {"auditing", "designing"},
+    {"output"},
     {"job"},
     {"studios", "surveys"},
-    {"outcome", "browsing", "surveying"},
-    {"exporting", "inspecting", "survey_commands"},
-    {"simulating", "showing"},
-    {"exporting", "proving"},
-    {"cli"},
+    {"commands"},
     {"__main__"},
 ]
 HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
@@ -118,11 +99,20 @@ def test_files_outside_the_package_are_short_too(folder: str) -> None:
     assert {file: lines for file, lines in lengths.items() if lines > 400} == {}
 
 
-def test_analysis_and_motion_do_not_know_each_other() -> None:
+def test_every_module_lies_in_a_room_and_has_a_name_of_its_own() -> None:
+    """A file is found by its name; `__init__` says what the room is for, what it uses, what to read first."""
+    assert {f.name for f in ROOT.glob("*.py")} == {"__init__.py", "__main__.py", "version.py"}
+    homes: dict[str, list[str]] = {}
     for module in MODULES:
-        others = {"analysis": "motion", "motion": "analysis"}
-        forbidden = others.get(layer_of(module))
-        assert not any(name.startswith(f"holokin.{forbidden}") for name, _ in imports(module))
+        homes.setdefault(module.name, []).append(layer_of(module))
+    assert {name: rooms for name, rooms in homes.items() if len(rooms) > 1 and name != "__init__.py"} == {}
+    for room in ROOT.glob("*/__init__.py"):
+        words = ast.get_docstring(parsed(room)) or ""
+        assert re.search(r"^Uses ", words, re.M), room
+        assert re.search(r"Read (first|it all)", words), room
+        assert {f"{name}.py" for name in re.findall(r"`(\w+)\.py`", words)} <= {
+            f.name for f in room.parent.glob("*.py")
+        }, room
 
 
 @pytest.mark.parametrize("package", sorted(p.parent for p in ROOT.glob("*/__init__.py")), ids=lambda p: p.name)

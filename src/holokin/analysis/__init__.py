@@ -1,4 +1,7 @@
-"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law."""
+"""Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law.
+
+Uses `motion`. Read first: `brackets.py`, `frobenius.py`, `verdict.py`.
+"""
 
 from .brackets import MOST_JOINTS, curvature
 from .drift_free_sets import DriftFree, drift_free

@@ -1,4 +1,7 @@
-"""Black boxes and logs: do the joints return with the tool?"""
+"""Black boxes and logs: do the joints return with the tool?
+
+Uses `analysis` and `recording`. Read first: `black_box.py`, `log_audit.py`.
+"""
 
 from .black_box import Audit, Finding, audit
 from .equal_poses import LogVerdict, Repeatability

@@ -1,5 +1,7 @@
 """C from expressions: what is generated, compiled, kept and called.
 
+Uses `base`. Read first: `evaluator.py`, `program.py`, `emit.py`.
+
 CasADi writes C, too, from the same list of operations. It does not serve here, because one text has to be read as
 numbers, as lanes of a vector register and as enclosures, in double and in single precision, under -Wconversion: in
 single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1,656 operations). As plain doubles

@@ -1,4 +1,7 @@
-"""Constraints g(q) that complete a task to r + m = n rows."""
+"""Constraints g(q) that complete a task to r + m = n rows.
+
+Uses `tasks`. Read first: `constraint.py`, `arm.py`, `costs.py`.
+"""
 
 from .arm import arm_angle, height
 from .arm_geometry import Arm, find_arm

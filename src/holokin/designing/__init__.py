@@ -1,4 +1,7 @@
-"""Which law: how much of a workspace a leaf covers, the best leaf of a workspace, advice for a robot and its work."""
+"""Which law: how much of a workspace a leaf covers, the best leaf of a workspace, advice for a robot and its work.
+
+Uses `analysis`. Read first: `cover_workspace.py`, `designed_law.py`, `compare_laws.py`.
+"""
 
 from .advice import Advice, Law, Part
 from .compare_laws import advise

@@ -1,4 +1,7 @@
-"""Every error of the library: each takes the facts, writes the sentence and names the cure."""
+"""Every error of the library: each takes the facts, writes the sentence and names the cure.
+
+Uses nothing. Read first: `holokin_error.py`, then the file whose name fits.
+"""
 
 from .holokin_error import (
     LONGEST,

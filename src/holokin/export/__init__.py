@@ -1,4 +1,7 @@
-"""What leaves for a controller: a strategy as plain C with a self-test, and timed motion as robot programs."""
+"""What leaves for a controller: a strategy as plain C with a self-test, and timed motion as robot programs.
+
+Uses `motion`. Read first: `c_folder.py`, `robot_program.py`.
+"""
 
 from .c_folder import Exported, export_c
 from .c_folder import c_name as c_name

@@ -1,4 +1,7 @@
-"""Jobs: a TOML file says robot, task, path, strategies and expectations."""
+"""Jobs: a TOML file says robot, task, path, strategies and expectations.
+
+Uses all that a job may name. Read first: `schema.py`, `job_parts.py`, `runner.py`.
+"""
 
 from .certify_strategies import certify_job
 from .export_strategy import export_job, job_strategy

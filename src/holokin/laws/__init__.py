@@ -1,4 +1,7 @@
-"""Control laws that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo."""
+"""Control laws that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo.
+
+Uses `motion`. Read first: `textbook.py`, `libraries.py`.
+"""
 
 from .leaf_tasks import mink_task, pink_task
 from .libraries import PostureTask, mink_law, pink_law, placo_law

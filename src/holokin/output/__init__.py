@@ -1,1 +1,4 @@
-"""Reads results only: figures, reports, tables, animations."""
+"""Reads results only: figures, reports, tables, animations.
+
+Uses results of the rooms below, and computes none. Read first: `job_result.py`, `job_report.py`, `plots.py`.
+"""

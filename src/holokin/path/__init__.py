@@ -1,4 +1,7 @@
-"""Paths of the tool: lines, arcs, splines and what is made of them."""
+"""Paths of the tool and sets of its poses: lines, arcs, splines, what is made of them, and workspaces.
+
+Uses `tasks`. Read first: `path.py`, `segments.py`, `plan.py`.
+"""
 
 from .curves import even_curve
 from .editing import blended, passes, with_leads

@@ -1,4 +1,7 @@
-"""Robots on physics, by MuJoCo: servos, weight, noise, pushes. Extra `mujoco`."""
+"""Robots on physics, by MuJoCo: servos, weight, noise, pushes. Extra `mujoco`.
+
+Uses `motion`. Read first: `plant.py`, `mujoco_loop.py`.
+"""
 
 from .mujoco_loop import Push, cycle_time, play
 from .physical_run import PhysicalRun

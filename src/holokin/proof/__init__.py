@@ -1,4 +1,7 @@
-"""Proofs by computation: a theorem about a leaf along a path, or over a box of tool poses, and its certificate."""
+"""Proofs by computation: a theorem about a leaf along a path, or over a box of tool poses, and its certificate.
+
+Uses `motion` and intervals of `symbolic`. Read first: `certify_leaf.py`, `tube.py`, `checker.py`.
+"""
 
 from .certificate import Certificate, Extent
 from .certified_following import follow_certified

@@ -1,4 +1,7 @@
-"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; poses and waypoints in CSV; outlines in SVG."""
+"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; poses and waypoints in CSV; outlines in SVG.
+
+Uses `path` and `robot`. Read first: `log.py`, `joint_files.py`.
+"""
 
 from .csv_log import TIMES
 from .joint_files import SLACK, read_recording

@@ -1,4 +1,7 @@
-"""Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions."""
+"""Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions.
+
+Uses `symbolic`. Read first: `model.py`, `tree.py`, `catalog.py`.
+"""
 
 from .capsules import chain_length, obstacle, with_capsules, with_shape
 from .catalog import beside as beside

@@ -1,4 +1,7 @@
-"""Strategies: right inverses of the task Jacobian."""
+"""Strategies: right inverses G of the task Jacobian, from a frame, from rows, or from a constraint.
+
+Uses `constraints`. Read first: `strategy.py`, `strategy_kinds.py`, `right_inverses.py`.
+"""
 
 from .family import from_transport
 from .jumps import Jump

@@ -1,4 +1,7 @@
-"""The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop."""
+"""The studio: a page with laws of one robot side by side, with a tool that is dragged or run round a loop.
+
+Uses `job` and `motion`. Read first: `session.py`, `law_group.py`, `studio_page.py`.
+"""
 
 from .new_session import open_session, session_of_job, session_of_robot
 from .open_studio import studio

@@ -1,4 +1,7 @@
-"""Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several."""
+"""Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several.
+
+Uses `job` and `laws`. Read first: `survey_tables.py`, `one_case.py`, `resumable_run.py`.
+"""
 
 from .findings import Findings
 from .repeated_case import repeat

@@ -1,4 +1,7 @@
-"""The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`."""
+"""The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`.
+
+Uses `codegen`. Read first: `function.py`, `calculus.py`, `rotations.py`.
+"""
 
 from casadi import (
     SX,
