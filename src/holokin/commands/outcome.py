@@ -13,6 +13,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from typing import Any
 
 import typer
@@ -96,6 +97,20 @@ class Ending:
         sentence, code = _sentence(problem)
         complain(f"error: {f'{job}: ' if job else ''}{sentence}")
         return code
+
+
+_running: ContextVar[Ending] = ContextVar("how the command that runs will end")
+_running.set(Ending())
+
+
+def set_ending(one: Ending) -> None:
+    """Of the command that runs from now on."""
+    _running.set(one)
+
+
+def ending() -> Ending:
+    """Of the command that runs."""
+    return _running.get()
 
 
 def _sentence(problem: BaseException) -> tuple[str, int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated
 
@@ -12,46 +10,41 @@ import typer
 from ..errors import ArgumentError
 from ..version import build
 from .export import OneJob
-from .outcome import Telling, show, show_rich
+from .outcome import ending, show, show_rich
 
 
-def simulating(telling: Callable[[str], AbstractContextManager[Telling]]) -> Callable[..., None]:
-    """The command; `telling` makes what hears how a job goes on."""
+def simulate(
+    job: OneJob,
+    cycles: Annotated[int | None, typer.Option(help="Runs of a closed path; by default 20.")] = None,
+    servo: Annotated[str | None, typer.Option(help="position (by default), velocity or torque.")] = None,
+    feedback: Annotated[
+        str | None, typer.Option(help="The joints that the law is told: commanded or measured.")
+    ] = None,
+    noise: Annotated[float | None, typer.Option(help="Of each measurement of a joint [rad, m].")] = None,
+    push: Annotated[
+        str | None, typer.Option(help="A force in mid-motion [N]: along y, or 'x y z'; 0 for none.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+) -> None:
+    """Run a job's strategies on physics (MuJoCo): servos, weight, noise and a push; audit their logs.
 
-    def simulate(
-        job: OneJob,
-        cycles: Annotated[int | None, typer.Option(help="Runs of a closed path; by default 20.")] = None,
-        servo: Annotated[str | None, typer.Option(help="position (by default), velocity or torque.")] = None,
-        feedback: Annotated[
-            str | None, typer.Option(help="The joints that the law is told: commanded or measured.")
-        ] = None,
-        noise: Annotated[float | None, typer.Option(help="Of each measurement of a joint [rad, m].")] = None,
-        push: Annotated[
-            str | None, typer.Option(help="A force in mid-motion [N]: along y, or 'x y z'; 0 for none.")
-        ] = None,
-        out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
-    ) -> None:
-        """Run a job's strategies on physics (MuJoCo): servos, weight, noise and a push; audit their logs.
+    Writes logs, figures and the model to OUT/<job>-physics/. Exits 0 when every run ends and the log of every
+    strategy with leaves repeats, 1 when one does not, 2 on bad input.
+    """
+    from ..job import open_one_job, simulate_job
+    from ..output.physics_report import FOLDER, print_physics, write_physics
+    from ..output.result_folder import check_folder
 
-        Writes logs, figures and the model to OUT/<job>-physics/. Exits 0 when every run ends and the log of every
-        strategy with leaves repeats, 1 when one does not, 2 on bad input.
-        """
-        from ..job import open_one_job, simulate_job
-        from ..output.physics_report import FOLDER, print_physics, write_physics
-        from ..output.result_folder import check_folder
-
-        name, opened, file = open_one_job(job)
-        check_folder(out, FOLDER.format(name))
-        given = {"cycles": cycles, "servo": servo, "feedback": feedback, "noise": noise, "push": _force(push)}
-        changes = {key: value for key, value in given.items() if value is not None}
-        with telling(name) as say:
-            result = simulate_job(name, opened, file, changes, say)
-            result = write_physics(result, out, build(), say)
-        show_rich(lambda console: print_physics(result, console))
-        show(f"  logs, figures, model: {out / result.folder}\n")
-        raise typer.Exit(result.exit_code)
-
-    return simulate
+    name, opened, file = open_one_job(job)
+    check_folder(out, FOLDER.format(name))
+    given = {"cycles": cycles, "servo": servo, "feedback": feedback, "noise": noise, "push": _force(push)}
+    changes = {key: value for key, value in given.items() if value is not None}
+    with ending().telling(name) as say:
+        result = simulate_job(name, opened, file, changes, say)
+        result = write_physics(result, out, build(), say)
+    show_rich(lambda console: print_physics(result, console))
+    show(f"  logs, figures, model: {out / result.folder}\n")
+    raise typer.Exit(result.exit_code)
 
 
 def _force(text: str | None) -> list[float] | None:
