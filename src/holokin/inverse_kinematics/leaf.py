@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
-from ..motion.trajectory import Trajectory
 from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture
@@ -190,7 +190,7 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
     )
 
 
-def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Trajectory | None = None) -> JumpError:
+def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Any = None) -> JumpError:
     """What is said of a leaf that ends where g jumps."""
     at = posture_text(jump.q, strategy.task.robot.joint_names)
     fact = f"{where}the leaf of {strategy.name!r} ends at {at}, where its g jumps by {jump.level:.3g} ({jump.what})"
