@@ -32,8 +32,8 @@ collect_ignore = (
     []
     if find_spec("pinocchio")  # it has no wheels for Windows: what is compared with it is left out there
     else [
-        f.name
-        for f in HERE.glob("test_*.py")
+        str(f.relative_to(HERE))
+        for f in HERE.rglob("test_*.py")
         if re.search(r"^import pinocchio|^from test_growth", f.read_text("utf-8"), re.MULTILINE)
     ]
 )

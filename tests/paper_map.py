@@ -23,47 +23,48 @@ from types import CodeType
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
+THEOREMS = "strategies/test_theorems.py"
 PAGE = ROOT / "docs" / "paper.md"
 BEGIN, END = "<!-- made by tests/paper_map.py -->", "<!-- end -->"
 ITEM = r"(?:\(\d{1,2}\)|Lemma III\.1|Theorem III\.[23]|Proposition 1|Table I|Further research)"
 TAG = re.compile(rf"#\s*({ITEM}(?:, {ITEM})*)(?::.*)?$")
 
 EQUATIONS = {
-    "(1)": ("x = f(q)", ["test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
-    "(2)": ("x' = J q', J = df/dq", ["test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
-    "(3)": ("q' = G x'", ["test_paper.py::test_joint_rates_are_G_times_the_tools_rates_3"]),
+    "(1)": ("x = f(q)", ["strategies/test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
+    "(2)": ("x' = J q', J = df/dq", ["strategies/test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
+    "(3)": ("q' = G x'", ["strategies/test_paper.py::test_joint_rates_are_G_times_the_tools_rates_3"]),
     "(4)": (
         "involutive: [G_i, G_j] in range G; the code has the part outside it",
         [
-            "test_paper.py::test_curvature_of_the_pseudo_inverse_of_ppr_is_a_quarter_of_N",
-            "test_theorems.py::test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is",
+            "strategies/test_paper.py::test_curvature_of_the_pseudo_inverse_of_ppr_is_a_quarter_of_N",
+            "strategies/test_theorems.py::test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is",
         ],
     ),
-    "(5)": ("Lie bracket", ["test_paper.py::test_our_lie_bracket_agrees_with_sympy"]),
+    "(5)": ("Lie bracket", ["strategies/test_paper.py::test_our_lie_bracket_agrees_with_sympy"]),
     "(6)": (
         "weighted pseudo-inverse",
-        ["test_paper.py::test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23"],
+        ["strategies/test_paper.py::test_seven_by_our_weighted_pseudo_inverse_gives_22_and_23"],
     ),
     "(7)": (
         "G = H H^T J^T (J H H^T J^T)^-1; computed as N_G (J N_G)^-1 (theory 1.3)",
         [
-            "test_paper.py::test_our_strategy_keeps_the_digits_that_seven_loses",
-            "test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
+            "strategies/test_paper.py::test_our_strategy_keeps_the_digits_that_seven_loses",
+            "strategies/test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
         ],
     ),
     "(8)": (
         "H H^T J^T = N_G N_G^T J^T",
-        ["test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold"],
+        ["strategies/test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold"],
     ),
     "(9)": (
         "Range N_G and Null J meet in 0, so J N_G is nonsingular",
         [
-            "test_paper.py::test_our_strategy_keeps_the_digits_that_seven_loses",
-            "test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
+            "strategies/test_paper.py::test_our_strategy_keeps_the_digits_that_seven_loses",
+            "strategies/test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
         ],
     ),
     **{
-        number: (says, ["test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold"])
+        number: (says, ["strategies/test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold"])
         for number, says in {
             "(10)": "J_G q' = 0, J_G = dg/dq",
             "(11)": "extended Jacobian J_A = [J; J_G]",
@@ -75,7 +76,9 @@ EQUATIONS = {
     **{
         number: (
             says,
-            ["test_theorems.py::test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_to_17"],
+            [
+                "strategies/test_theorems.py::test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_to_17"
+            ],
         )
         for number, says in {
             "(15)": "J_w = T_phi J; the code has the inverse of T",
@@ -83,32 +86,32 @@ EQUATIONS = {
             "(17)": "J_w = T_psi J with another representation",
         }.items()
     },
-    "(18)": ("J of the PPR arm", ["test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
-    "(19)": ("N of the PPR arm", ["test_paper.py::test_the_null_space_of_ppr_is_the_papers_19"]),
+    "(18)": ("J of the PPR arm", ["strategies/test_paper.py::test_the_robot_ppr_has_the_papers_jacobian_18"]),
+    "(19)": ("N of the PPR arm", ["strategies/test_paper.py::test_the_null_space_of_ppr_is_the_papers_19"]),
     "(20)": (
         "N_G found by inspection",
-        ["test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
+        ["strategies/test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
     ),
-    "(21)": ("det H = 1", ["test_paper.py::test_H_of_20_has_determinant_one_everywhere_21"]),
-    "(22)": ("G of (20)", ["test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"]),
+    "(21)": ("det H = 1", ["strategies/test_paper.py::test_H_of_20_has_determinant_one_everywhere_21"]),
+    "(22)": ("G of (20)", ["strategies/test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"]),
     "(23)": (
         "the cyclic strategy of [DO97]",
-        ["test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
+        ["strategies/test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
     ),
     "(24)": (
         "its extended Jacobian",
-        ["test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
+        ["strategies/test_paper.py::test_the_packaged_job_holds_20_with_its_22_and_23_with_its_24"],
     ),
     "(25)": (
         "its N_G, a basis of ker J_G",
-        ["test_paper.py::test_our_extended_jacobian_is_24_its_determinant_minus_one_and_its_kernel_25"],
+        ["strategies/test_paper.py::test_our_extended_jacobian_is_24_its_determinant_minus_one_and_its_kernel_25"],
     ),
     "(26)": (
         "J = [J_p; J_o]",
-        ["test_paper.py::test_an_orientation_stands_below_the_position_and_its_rows_are_derivatives_26"],
+        ["strategies/test_paper.py::test_an_orientation_stands_below_the_position_and_its_rows_are_derivatives_26"],
     ),
     **{
-        number: (says, ["test_geometric.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
+        number: (says, ["tasks/test_geometric.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
         for number, says in {
             "(27)": "G of the IRB 140, N_G = null(J_o + J_p)",
             "(28)": "J_p q' + J_o q' = 0",
@@ -118,12 +121,15 @@ EQUATIONS = {
     "(30)": (
         "J N = 0",
         [
-            "test_paper.py::test_the_null_space_of_ppr_is_the_papers_19",
-            "test_theorems.py::test_the_bracket_of_a_kernel_needs_the_rows_derivative_only_33_to_35",
+            "strategies/test_paper.py::test_the_null_space_of_ppr_is_the_papers_19",
+            "strategies/test_theorems.py::test_the_bracket_of_a_kernel_needs_the_rows_derivative_only_33_to_35",
         ],
     ),
     **{
-        number: (says, ["test_theorems.py::test_the_bracket_of_a_kernel_needs_the_rows_derivative_only_33_to_35"])
+        number: (
+            says,
+            ["strategies/test_theorems.py::test_the_bracket_of_a_kernel_needs_the_rows_derivative_only_33_to_35"],
+        )
         for number, says in {
             "(31)": "a step of a proof: its derivative; the code has it for any rows A, along G_j and summed over u",
             "(32)": "a step of a proof: the same, i and j exchanged",
@@ -132,36 +138,36 @@ EQUATIONS = {
             "(35)": "A [G_i, G_j] by derivatives of A alone, 0 for an exact J",
         }.items()
     },
-    "(36)": ("J [N_i, N_j] = 0", ["test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36"]),
-    "Table I": ("IRB 140", ["test_robot.py::test_the_irb140_is_table_I"]),
+    "(36)": ("J [N_i, N_j] = 0", ["strategies/test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36"]),
+    "Table I": ("IRB 140", ["robot/test_robot.py::test_the_irb140_is_table_I"]),
 }
 
 THEOREMS = {
     "Lemma III.1": (
         "a null-space basis of an exact J is involutive",
         [
-            "test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36",
-            "test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
+            "strategies/test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36",
+            "analysis/test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
         ],
     ),
     "Theorem III.2": (
         "G is holonomic exactly when it has an H = [N_G N] with N_G involutive",
         [
-            "test_paper.py::test_the_paper_strategies_are_holonomic_and_the_pseudo_inverse_is_not",
-            "test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
+            "strategies/test_paper.py::test_the_paper_strategies_are_holonomic_and_the_pseudo_inverse_is_not",
+            "strategies/test_paper.py::test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold",
         ],
     ),
     "Theorem III.3": (
         "one H, any representation of orientation",
-        ["test_theorems.py::test_the_planes_do_not_depend_on_the_representation_of_orientation_III_3"],
+        ["strategies/test_theorems.py::test_the_planes_do_not_depend_on_the_representation_of_orientation_III_3"],
     ),
     "Further research": (
         "section VI: all N_G (theory 1.6)",
-        ["test_family.py::test_the_papers_two_strategies_are_members_of_the_family"],
+        ["strategies/test_family.py::test_the_papers_two_strategies_are_members_of_the_family"],
     ),
     "Proposition 1": (
         "of [RM93], used in the proofs: G_W is involutive exactly when W J^T is",
-        ["test_theorems.py::test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is"],
+        ["strategies/test_theorems.py::test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is"],
     ),
 }
 

@@ -1,0 +1,91 @@
+"""The start page, followed to the letter: its commands run one after the other and print what stands below them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from conftest import Command
+from grammars import rapid
+from printed import assert_alike
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
+ELSEWHERE = ("pip ", "holokin advise ")
+"""The first is run by .ci/run; the second takes half a minute: tests/designing/test_advise.py runs it on a smaller arm."""
+FRAME = str.maketrans("┏┓┗┛┡┩╇┳┴━─┃│┌┐└┘├┤┬┼╞╡", " " * 23)
+
+
+@pytest.fixture
+def run(holokin: Command, sketched: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A line of a shell in a folder with the page's URDF; holokin within this process. Returns what it prints."""
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / "docs" / "arm7.urdf", tmp_path / "docs")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # its functions are long and called a few times
+
+    def line(text: str) -> str:
+        words = shlex.split(text, comments=True)
+        if words[0] == "holokin":
+            done = holokin(*words[1:])
+            assert done.code == 0, done.err
+            return done.out
+        if words[0] == "cd":
+            monkeypatch.chdir(words[1])
+            return ""
+        return subprocess.run(words, check=True, capture_output=True, text=True, timeout=60).stdout
+
+    return line
+
+
+def words(text: str) -> str:
+    """Without the lines of tables and the seconds that a job took."""
+    return re.sub(r"^ *[\d.]+ s, report: ", "report: ", text.translate(FRAME), flags=re.MULTILINE)
+
+
+def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run, tmp_path: Path) -> None:
+    """What is shown is what is printed, but for round-off; a "..." stands for lines that are left out."""
+    blocks = [(m[1], m[2], m[3]) for m in re.finditer(r"^```(sh|toml|text)([^\n]*)\n(.*?)^```", PAGE, re.S | re.M)]
+    shown = 0
+    for (kind, about, text), (after, _, below) in zip(blocks, [*blocks[1:], ("", "", "")], strict=True):
+        if kind == "toml" and (title := re.search(r'title="(.+?)"', about)):
+            Path(title[1]).write_text(text, "utf-8")
+        if kind != "sh":
+            continue
+        lines = [line for line in text.splitlines() if not line.startswith(ELSEWHERE)]
+        printed = "".join(run(line) for line in lines)
+        if lines and after == "text":
+            shown += 1
+            for part in filter(None, below.split("...\n")):
+                count = part.count("\n")
+                first = part.partition("\n")[0].translate(FRAME).split()
+                rows = printed.splitlines(keepends=True)
+                found = [k for k, row in enumerate(rows) if row.translate(FRAME).split()[:2] == first[:2]]
+                assert found, f"{first} is not printed by {lines}"
+                assert_alike(words("".join(rows[found[0] : found[0] + count])), words(part))
+    assert shown >= 6
+    assert {file.suffix for file in Path("program").iterdir()} == {".mod", ".src", ".dat", ".LS", ".yaml", ".csv"}
+
+    begun = rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes[0]
+    assert begun == pytest.approx([-29.5, 36.6, 90, -27, 64.3, 20.1, 43.3])
+
+
+def test_the_arm_of_the_page_has_the_inertias_of_its_cylinders() -> None:
+    """m (3 r^2 + l^2) / 12 across and m r^2 / 2 along; each shape lies about its centre of mass."""
+    links = ET.parse(ROOT / "docs" / "arm7.urdf").findall("link[inertial]")
+    assert len(links) == 8
+    for link in links:
+        m = float(link.find("inertial/mass").get("value"))
+        inertia = {key: float(value) for key, value in link.find("inertial/inertia").items()}
+        shape = link.find("collision/geometry/cylinder")
+        r, length = float(shape.get("radius")), float(shape.get("length"))
+        assert inertia["ixx"] == inertia["iyy"] == pytest.approx(m * (3 * r**2 + length**2) / 12, abs=1e-6)
+        assert inertia["izz"] == pytest.approx(m * r**2 / 2, abs=1e-6)
+        assert link.find("inertial/origin").attrib == link.find("collision/origin").attrib

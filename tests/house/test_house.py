@@ -1,0 +1,224 @@
+"""The house plan: layers downhill, one door to CasADi, lazy extras, short files, a light import, docstrings, errors."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import holokin as hk
+from holokin import errors
+
+ROOT = Path(hk.__file__).parent
+LAYERS = [
+    {"errors", "version"},
+    {"base"},
+    {"codegen"},
+    {"symbolic"},
+    {"robot"},
+    {"tasks"},
+    {"path", "constraints"},
+    {"strategies", "recording"},
+    {"inverse_kinematics"},
+    {"motion"},
+    {"analysis", "laws", "physics", "proof", "checking", "export"},
+    {"auditing", "designing"},
+    {"output"},
+    {"job"},
+    {"studios", "surveys"},
+    {"commands"},
+    {"__main__"},
+]
+HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
+MODULES = sorted(ROOT.rglob("*.py"))
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    """The tree of a file, which several statements are about."""
+    return ast.parse(file.read_text("utf-8"))
+
+
+def layer_of(module: Path) -> str:
+    parts = module.relative_to(ROOT).parts
+    return parts[0].removesuffix(".py")
+
+
+def rank(layer: str) -> int:
+    return next(i for i, names in enumerate(LAYERS) if layer in names)
+
+
+@cache
+def imports(module: Path) -> list[tuple[str, ast.stmt]]:
+    """(absolute dotted name, statement) of every import, relative ones resolved."""
+    package = list(module.relative_to(ROOT.parent).with_suffix("").parts)[:-1]
+    return imports_of(parsed(module), package)
+
+
+def imports_of(tree: ast.Module, package: list[str] | None = None) -> list[tuple[str, ast.stmt]]:
+    """The same of a parsed file, in a package or in none."""
+    package = package or []
+    found: list[tuple[str, ast.stmt]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = ".".join([*base, *([node.module] if node.module else [])])
+            found += [(f"{stem}.{alias.name}", node) for alias in node.names]
+    return found
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda m: str(m.relative_to(ROOT)))
+def test_imports_run_downhill_and_files_are_short(module: Path) -> None:
+    text = module.read_text("utf-8")
+    assert text.count("\n") <= 400
+    assert len(module.relative_to(ROOT).parts) <= 2
+    layer = layer_of(module)
+    for name, _ in imports(module):
+        if name.split(".")[0] == "casadi":
+            assert layer in ("codegen", "symbolic"), "only codegen/ and symbolic/ may import CasADi"
+        if not name.startswith("holokin.") or layer == "__init__":
+            continue
+        other = name.split(".")[1]
+        assert rank(other) < rank(layer) or other == layer, f"{layer} imports {other}"
+
+
+@pytest.mark.parametrize("folder", ["tests", "benchmarks", "examples"])
+def test_files_outside_the_package_are_short_too(folder: str) -> None:
+    lengths = {str(f): f.read_text("utf-8").count("\n") for f in (Path(__file__).parents[2] / folder).rglob("*.py")}
+    assert lengths
+    assert {file: lines for file, lines in lengths.items() if lines > 400} == {}
+
+
+def test_every_module_lies_in_a_room_and_has_a_name_of_its_own() -> None:
+    """A file is found by its name; `__init__` says what the room is for, what it uses, what to read first."""
+    assert {f.name for f in ROOT.glob("*.py")} == {"__init__.py", "__main__.py", "version.py"}
+    homes: dict[str, list[str]] = {}
+    for module in MODULES:
+        homes.setdefault(module.name, []).append(layer_of(module))
+    assert {name: rooms for name, rooms in homes.items() if len(rooms) > 1 and name != "__init__.py"} == {}
+    for room in ROOT.glob("*/__init__.py"):
+        words = ast.get_docstring(parsed(room)) or ""
+        assert re.search(r"^Uses ", words, re.M), room
+        assert re.search(r"Read (first|it all)", words), room
+        assert {f"{name}.py" for name in re.findall(r"`(\w+)\.py`", words)} <= {
+            f.name for f in room.parent.glob("*.py")
+        }, room
+
+
+@pytest.mark.parametrize("package", sorted(p.parent for p in ROOT.glob("*/__init__.py")), ids=lambda p: p.name)
+def test_no_module_has_the_name_of_what_its_package_exports(package: Path) -> None:
+    """`import holokin.motion.follow_path` must be the module, and `holokin.motion.follow` the function."""
+    exported = vars(importlib.import_module(f"holokin.{package.name}")).get("__all__", ())
+    assert not {module.stem for module in package.glob("*.py")} & set(exported)
+
+
+def test_there_is_no_import_cycle() -> None:
+    names = {".".join(m.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__"): m for m in MODULES}
+    graph = {
+        name: {
+            target
+            for wanted, _ in imports(module)
+            for target in (wanted, wanted.rpartition(".")[0])
+            if target in names and target != name and not name.startswith(target + ".")
+        }
+        for name, module in names.items()
+    }
+    visiting: set[str] = set()
+    done: set[str] = set()
+
+    def visit(name: str) -> None:
+        assert name not in visiting, f"import cycle through {name}"
+        if name in done:
+            return
+        visiting.add(name)
+        for target in graph[name]:
+            visit(target)
+        visiting.discard(name)
+        done.add(name)
+
+    for name in graph:
+        visit(name)
+
+
+def test_importing_holokin_loads_nothing_heavy() -> None:
+    """Why `import holokin` costs at most 0.15 s more than `import casadi`; benchmarks/startup.py times it."""
+    code = f"import sys, holokin; print([m for m in {HEAVY!r} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_every_public_name_has_a_docstring_with_substance() -> None:
+    for name in hk.__all__:
+        thing = getattr(hk, name)
+        assert thing.__doc__, name
+        assert len(thing.__doc__) > 20, name
+    for module in MODULES:
+        assert ast.get_docstring(parsed(module)), module
+        for node in outer_definitions(parsed(module)):
+            assert node.name.startswith("_") or ast.get_docstring(node), f"{module}: {node.name}"
+
+
+def outer_definitions(node: ast.AST) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    """Functions and classes that stand in no function; of an overloaded function the one that is called."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef) and not any(
+            isinstance(d, ast.Name) and d.id == "overload" for d in child.decorator_list
+        ):
+            yield child
+        if not isinstance(child, ast.FunctionDef | ast.expr):
+            yield from outer_definitions(child)
+
+
+def test_every_source_key_is_on_the_references_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "references.md").read_text("utf-8")
+    used = {key for m in MODULES for key in re.findall(r"\[([A-Z][A-Za-z]*\d\d)(?:,[^\]]*)?\]", m.read_text("utf-8"))}
+    assert {"ZR11", "SY88"} <= used
+    for key in sorted(used):
+        assert f"**[{key}]**" in page, key
+
+
+SAMPLES = {
+    "str": "a word", "object": "a word", "int": 3, "float": 0.5, "float | None": 0.5, "Iterable[float]": [0.1, 0.2],
+    "Iterable[str]": ["one", "two"], "Sequence[str]": ["one", "two"],
+    "SingularityKind": errors.SingularityKind.ALGORITHMIC,
+    "OSError": OSError(28, "full"), "Exception": ValueError("the cause; itself without a cure"), "Any": None,
+}  # fmt: skip
+"""A value for each annotation of an error's facts."""
+
+
+@pytest.mark.parametrize("kind", [k for k in vars(errors).values() if isinstance(k, type) and issubclass(k, Exception)])
+def test_an_error_is_holokins_and_its_message_names_the_cure(kind: type[Exception]) -> None:
+    """After the fact and a semicolon stand three words at least, and the cure that was given, where one is."""
+    assert issubclass(kind, hk.HolokinError)
+    assert kind.__doc__
+    if kind.__init__ is hk.HolokinError.__init__:
+        return  # a message of its own: its raisers write the cure
+    facts = {
+        name: "turn the key first" if name == "cure" else SAMPLES[str(p.annotation)]
+        for name, p in inspect.signature(kind.__init__).parameters.items()
+        if name == "cure" or (name != "self" and p.default is inspect.Parameter.empty)
+    }
+    message = str(kind(**facts))
+    cure = message.partition("; ")[2]
+    assert len(cure.split()) >= 3, message
+    assert facts.get("cure", "") in cure
+
+
+def test_every_test_file_stands_alone() -> None:
+    """None imports another or shares a random generator between tests, whose numbers would depend on their order."""
+    for file in Path(__file__).parents[1].rglob("test_*.py"):
+        tree = ast.parse(file.read_text("utf-8"))
+        names = {name.split(".")[-2 if "." in name else 0] for name, _ in imports_of(tree)}
+        assert not {name for name in names if name.startswith("test_")}, file.name
+        shared = [node for node in tree.body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)]
+        assert not shared, (file.name, shared[0].lineno)

@@ -1,0 +1,142 @@
+"""Pages run: every Python block prints what stands below it, and every public name has its place in the built site."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import holokin as hk
+from conftest import Command
+from printed import assert_alike
+
+ROOT = Path(__file__).parents[2]
+BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+RUN = sorted(
+    str(page.relative_to(ROOT))
+    for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
+    if "```python" in page.read_text("utf-8")
+)
+LONG = ("docs/edge.md", "docs/workspaces.md")
+"""Pages that compute for longer than a compiler takes."""
+SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
+ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
+
+
+@pytest.mark.parametrize("page", RUN)
+def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, monkeypatch, capsys) -> None:
+    """One block goes on from those before it; a TOML block is the file that the next Python block names.
+
+    Most run on the virtual machine, which prints what native code prints and needs no compiler.
+    """
+    monkeypatch.chdir(tmp_path)
+    if page not in LONG:
+        monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    scope: dict[str, object] = {}
+    blocks = [match.groups() for match in BLOCK.finditer((ROOT / page).read_text("utf-8"))]
+    for (kind, text), (after, below) in zip(blocks, [*blocks[1:], ("", "")], strict=True):
+        if kind == "toml" and (file := re.search(r'"(\w+\.toml)"', below)):
+            Path(file[1]).write_text(text, "utf-8")
+        if kind == "python":
+            exec(compile(text, page, "exec"), scope)
+            printed = capsys.readouterr().out
+            if after == "text":
+                assert_alike(printed, below)
+
+
+def test_the_readmes_program_has_twelve_lines() -> None:
+    code, *_ = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages, built strictly: no broken link, no page outside the contents, no docstring that cannot be read.
+
+    Without an index for the search, and with signatures on one line each: breaking them takes a process for each.
+    """
+    pytest.importorskip("mkdocs")
+    pytest.importorskip("mkdocstrings_handlers.python")
+    folder = tmp_path_factory.mktemp("site")
+    settings = (ROOT / "mkdocs.yml").read_text("utf-8")
+    for whole, short in (("  - search\n", ""), ("line_length: 80\n", "line_length: 9999\n")):
+        assert settings.count(whole) == 1
+        settings = settings.replace(whole, short)
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder), "--config-file", "-"]
+    done = subprocess.run(command, cwd=ROOT, input=settings, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_every_name_of_every_room_is_on_its_page(site: Path) -> None:
+    assert len(ROOMS) > 8
+    for room in ROOMS:
+        page = (site / "api" / room / "index.html").read_text("utf-8")
+        missing = [name for name in getattr(hk, room).__all__ if f'id="holokin.{room}.{name}"' not in page]
+        assert not missing, f"{room}: {missing}: a docstring is missing, or docs/api/{room}.md leaves it out"
+
+
+def test_every_core_name_is_in_the_overview_and_leads_somewhere(site: Path) -> None:
+    """A cross reference that leads nowhere would have failed the strict build; here it must be one."""
+    page = (site / "api" / "index.html").read_text("utf-8")
+    linked = set(re.findall(r'href="[^"]+#holokin[^"]+"><code>hk\.(\w+)</code></a>', page))
+    assert linked == SHOWN
+
+
+def test_errors_in_docstrings_become_a_list_of_cross_references(site: Path) -> None:
+    page = (site / "api" / "constraints" / "index.html").read_text("utf-8")
+    part = page[page.index('id="holokin.constraints.posture_cost"') :]
+    part = part[: part.index('id="holokin.constraints.stack"')]
+    for error in ("NotFiniteError", "ArgumentError", "ShapeError"):
+        assert f'href="../errors/#holokin.errors.{error}"' in part, error
+
+
+def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
+    """[G v, G e](q(t)) is a vector field at a posture."""
+    page = (site / "theory" / "index.html").read_text("utf-8")
+    assert "[G v, G e](q(t)) dt" in page
+    assert 'href="q(t)' not in page
+
+
+PICTURES = ROOT / "docs" / "pictures"
+
+
+@pytest.mark.parametrize("name", ["self_motion", "planar_loops", "leaves"])
+def test_a_picture_of_the_concepts_can_be_drawn_again(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    import pictures
+
+    monkeypatch.setattr(pictures, "OUT", tmp_path)
+    getattr(pictures, name)()
+    (drawn,) = tmp_path.glob("*.png")
+    assert drawn.stat().st_size > 0.5 * (PICTURES / drawn.name).stat().st_size
+
+
+def test_every_command_on_the_pages_exists_with_its_options(holokin: Command, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+    blocks = [text for page in pages for text in re.findall(r"^```sh\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)]
+    lines = [line for text in blocks for line in re.findall(r"\bholokin [^\n#&|]+", text)]
+    assert len(lines) > 10
+    for line in lines:
+        words = line.split()[1:]
+        command = words[:2] if words[0] == "export" else words[:1]
+        if words[0] == "survey":
+            command = words[:2] if words[1] in ("report", "case") else ["survey", "run"]
+        help_text = holokin(*command, "--help").out
+        assert "Usage" in help_text, line
+        for option in re.findall(r"(?<= )--[a-z-]+", line):
+            assert option in help_text, line
+
+
+def test_an_excerpt_stands_in_the_tree() -> None:
+    found = re.findall(r'```py title="(.+?)"\n(.*?)```', (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.DOTALL)
+    assert found
+    for file, text in found:
+        assert text.strip() in (ROOT / file).read_text("utf-8"), file
