@@ -18,7 +18,7 @@ from printed import assert_alike
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
 ELSEWHERE = ("pip ", "holokin advise ")
-"""The first is run by .ci/run; the second takes half a minute: tests/designing/test_advise.py runs it on a smaller arm."""
+"""The first is run by .ci/run; the second takes long: tests/designing/test_advise.py runs it on a smaller arm."""
 FRAME = str.maketrans("┏┓┗┛┡┩╇┳┴━─┃│┌┐└┘├┤┬┼╞╡", " " * 23)
 
 
