@@ -332,7 +332,7 @@ def pytest_configure() -> None:
 
 def pytest_runtest_call(item) -> None:
     """Run one test and see which of the tagged functions it calls."""
-    test, run = f"{item.path.name}::{item.originalname}", item.runtest
+    test, run = f"{item.path.parent.name}/{item.path.name}::{item.originalname}", item.runtest
 
     def watched() -> None:
         _SEEN.append(set())

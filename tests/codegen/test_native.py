@@ -22,6 +22,7 @@ from holokin.errors import ArgumentError, NativeError, ShapeError
 from holokin.motion.control_step import StepStatus
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
+from holokin.version import build
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -346,6 +347,6 @@ def test_the_engine_is_one_line() -> None:
 
 
 def test_the_command_says_what_runs(holokin: Command, monkeypatch: Patch) -> None:
-    assert holokin("--version").out == f"holokin {hk.__version__}, {engine()}\n"
+    assert holokin("--version").out == f"holokin {build()}, {engine()}\n"
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     assert "virtual machine (HOLOKIN_NATIVE=0)" in holokin("--version").out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -224,6 +225,7 @@ relative = true
 center = [-0.05, 0.0]
 samples = 60
 [timing]
+speed = "fastest"
 profile = "trapezoidal"
 velocity = 3.0
 acceleration = 10.0
@@ -244,7 +246,7 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     Path("weld.toml").write_text(JOB, "utf-8")
     done = holokin("run", "weld.toml", "--out", "out")
     assert done.code == 0, done.err
-    assert "trapezoidal, 1." in done.out
+    assert re.search(r"trapezoidal, [01]\.\d+ s", done.out), done.out
     facts = json.loads(Path("out/weld/result.json").read_text("utf-8"))["strategies"][0]
     assert facts["timing"]["duration"] == facts["metrics"]["time"]
     header = Path("out/weld/wrist-timed.csv").read_text("utf-8").partition("\n")[0]
@@ -263,6 +265,32 @@ def test_a_job_is_timed_and_leaves_as_each_program(holokin: Command, tmp_path: P
     assert "jerk is -1.0" in done.err
 
 
+def test_the_speed_of_the_path_is_kept_unless_the_job_says_fastest(tmp_path: Path) -> None:
+    """A circle of 0.05 m at 0.02 m/s takes 15.7 s; the joints could go round it in a tenth of that."""
+    file = tmp_path / "weld.toml"
+    kept = JOB.replace('speed = "fastest"\n', "").replace("samples = 60", "samples = 60\nspeed = 0.02")
+    for text, low, high in ((kept, 15.7, 16.2), (JOB, 0.2, 1.6)):
+        file.write_text(text, "utf-8")
+        _, motion, _ = program_of_job(*open_job(str(file)), "krl")
+        assert low < motion.duration < high
+
+
+def test_what_fails_the_jobs_own_checks_is_not_written_but_anyway(
+    holokin: Command, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for floor, code in ((-1.0, 0), (2.0, 1)):
+        Path("weld.toml").write_text(
+            f"{JOB}[checks]\nself_collision = false\nradius = 0.05\nfloor = {floor}\n", "utf-8"
+        )
+        done = holokin("export", "krl", "weld.toml", "--out", f"out{code}")
+        assert (done.code, Path(f"out{code}").exists()) == (code, code == 0), done.out + done.err
+    assert "nothing was written" in done.out and "floor" in done.out
+    done = holokin("export", "krl", "weld.toml", "--out", "out1", "--anyway")
+    assert done.code == 0 and Path("out1/joints.csv").is_file() and "floor" in done.out
+    assert holokin("export", "krl", "weld.toml", "--out", "x", "--speed", "quick").code == 2
+
+
 def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Path) -> None:
     file = tmp_path / "weld.toml"
     drifting = '[strategies.free]\nkind = "moore-penrose"\n'
@@ -278,7 +306,7 @@ def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Pa
 def test_a_job_becomes_a_program_of_each_language(language: str, tmp_path: Path) -> None:
     file = tmp_path / "weld.toml"
     file.write_text(JOB, "utf-8")
-    program, motion = program_of_job(*open_job(str(file)), language)
+    program, motion, _ = program_of_job(*open_job(str(file)), language)
     found = read(program, language)
     assert sum(found.seconds) == pytest.approx(motion.duration, abs=1e-3)
     if language == "ls":

@@ -126,7 +126,10 @@ def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
         ('kind = "stationary"\ncost = "gravity"\nstiffness = 2\n', "'gravity' has no stiffness; leave it out"),
         ('kind = "stationary"\ncost = "gravity"\npreferred = [1]\n', "go together"),
         ('kind = "lock"\njoints = ["q3"]\nleaf = [0.1, 0.2]\n', "the leaf has shape (2,), expected (1,)"),
-        ('kind = "lock"\njoints = ["q2"]\nleaf = 50\n', "the leaf of 's' ends"),
+        (
+            'kind = "lock"\njoints = ["q2"]\nleaf = 50\n',
+            "is more than two turns beyond the joint limits",
+        ),
     ],
 )
 def test_a_leaf_or_a_spring_that_does_not_fit_is_refused(

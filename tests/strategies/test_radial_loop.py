@@ -140,7 +140,7 @@ def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(panda_twin: hk.H
     step = hk.controller(panda_twin, dt=1e-3, start=PANDA_START)
     assert "native" in step.engine
     pose, twist = panda_twin.task.robot.pose(PANDA_START + 0.01), np.full(6, 0.05)
-    for q in PANDA_START + np.random.default_rng(5).uniform(-0.05, 0.05, (4, 7)):
+    for q in PANDA_START + np.random.default_rng(5).uniform(-0.01, 0.01, (4, 7)):
         wanted = step._compiled.function(q, pose, twist, step.parameters)[0]
         assert step.step(q, pose, twist) == pytest.approx(wanted, abs=1e-12)
 

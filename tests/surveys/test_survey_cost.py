@@ -66,7 +66,7 @@ def test_where_native_code_has_tried_all_pieces_python_does_not_try_them_again(
         monkeypatch.setattr(leaf, "TRIES", tries)
         with pytest.raises(OutOfReachError) as told:
             hk.follow(law, outward(arm, q0, 3.0), q0, samples=30, limits=False, native=True)
-        assert isinstance(told.value.__cause__, BranchError) and told.value.trajectory is not None
+        assert isinstance(told.value.__context__, BranchError) and told.value.trajectory is not None
         stops.append(told.value.trajectory.q)
         assert (calls["newton"] > 40) == (tries > 40)
     np.testing.assert_array_equal(*stops)
@@ -80,7 +80,7 @@ def test_a_limit_that_native_code_meets_needs_no_step_in_python(calls: Counter[s
     path = hk.polyline([tool, [np.cos(q0[0]), np.sin(q0[0]), 0.0]])
     with pytest.raises(LimitReachedError) as fast:
         hk.follow(law, path, q0, samples=30, native=True)
-    assert isinstance(fast.value.__cause__, JointLimitError) and calls["newton"] == 0
+    assert isinstance(fast.value.__context__, JointLimitError) and calls["newton"] == 0
     with pytest.MonkeyPatch.context() as patch, pytest.raises(LimitReachedError) as slow:
         patch.setenv("HOLOKIN_NATIVE", "0")
         hk.follow(law, path, q0, samples=30)

@@ -47,6 +47,14 @@ def export_c(
             show(line)
 
 
+def _speed(text: str) -> float | str:
+    """A number, or "fastest", which [timing] judges."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def _export_motion(language: str) -> Callable[..., None]:
     """The command that writes a job's motion in a language."""
 
@@ -58,14 +66,24 @@ def _export_motion(language: str) -> Callable[..., None]:
         acceleration: Annotated[float | None, typer.Option(help="Of all joints [rad/s^2, m/s^2].")] = None,
         jerk: Annotated[float | None, typer.Option(help="Of all joints [rad/s^3, m/s^3]; by default no limit.")] = None,
         profile: Annotated[str | None, typer.Option(help="time-optimal, trapezoidal or quintic.")] = None,
-        speed: Annotated[float | None, typer.Option(help="The most of the path's own speed; 1 keeps it.")] = None,
+        speed: Annotated[
+            str | None, typer.Option(help="The most of the path's own speed, by default 1; `fastest` for any.")
+        ] = None,
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
+        anyway: Annotated[bool, typer.Option("--anyway", help="Write it also where the job's [checks] fail.")] = False,
     ) -> None:
         from ..job import open_one_job, program_of_job
 
-        given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": speed, "dt": dt}
+        most = None if speed is None else _speed(speed)
+        given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": most, "dt": dt}
         changes = {key: value for key, value in given.items() if value is not None}
-        program, timed = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
+        program, timed, found = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
+        if found is not None:
+            for line in found.table().splitlines():
+                show(line)
+            if not (found.passed or anyway):
+                show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
+                raise typer.Exit(1)
         for file in [*program.save(out), out / "joints.csv"]:
             if file.name == "joints.csv":
                 timed.save(file)
@@ -76,8 +94,9 @@ def _export_motion(language: str) -> Callable[..., None]:
     return command
 
 
+_MORE = """With it joints.csv: every sample. Limits are those of the job's [timing], or given here.
+
+Where the job has [checks] and the motion fails them, nothing is written and the exit code is 1, but with --anyway."""
+
 for _language, _help in LANGUAGES.items():
-    exporting.command(
-        _language,
-        help=f"{_help}\n\nWith it joints.csv: every sample. Limits are those of the job's [timing], or given here.",
-    )(_export_motion(_language))
+    exporting.command(_language, help=f"{_help}\n\n{_MORE}")(_export_motion(_language))

@@ -18,6 +18,9 @@ from ..tasks.task import Task
 from .arm_geometry import find_arm
 from .constraint import Constraint, least, nothing_jumps
 
+MOST_JOINTS = 10_000
+"""Indices of joints beyond it are of no robot."""
+
 
 @made
 def arm_angle(
@@ -144,6 +147,8 @@ def height(*joints: str | int) -> Constraint:
     """
     if not joints:
         raise ArgumentError("the joints to keep level", joints, "name at least one")
+    if any(not isinstance(joint, str) and abs(joint) > MOST_JOINTS for joint in joints):
+        raise ArgumentError("a joint to keep level", "beyond all robots", "give its name, or its index in q")
 
     def expression(task: Task, k: Kinematics, _q: SX) -> SX:
         return vertcat(*(_origin(task, k, joint)[2] for joint in joints))

@@ -24,7 +24,7 @@ class TimingTable(Table):
     jerk: Limit | None = None
     velocity: Limit | None = None
     profile: Literal["time-optimal", "trapezoidal", "quintic"] = "time-optimal"
-    speed: Positive | None = None
+    speed: Positive | Literal["fastest"] = 1.0
     endless: bool = False
     dt: Annotated[float, Field(ge=1e-6, le=1.0)] = 1e-3
 
@@ -37,9 +37,10 @@ class TimingTable(Table):
     def timed(self, trajectory: Trajectory, robot: Robot) -> TimedTrajectory:
         """A trajectory, timed as the table says; one that does not repeat is never endless. Raises: as `retime`."""
         endless = self.endless and joint_curve(trajectory).repeats
+        speed = None if self.speed == "fastest" else self.speed
         return retime(
             trajectory, robot, acceleration=self.acceleration, jerk=self.jerk, velocity=self.velocity,
-            profile=self.profile, speed=self.speed, endless=endless, dt=self.dt,
+            profile=self.profile, speed=speed, endless=endless, dt=self.dt,
         )  # fmt: skip
 
 

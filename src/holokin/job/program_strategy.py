@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import Any
 
+from ..checking import CheckReport
 from ..errors import ArgumentError
 from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
 from ..motion import TimedTrajectory, follow
@@ -20,8 +21,8 @@ from .table_values import filled
 def program_of_job(
     name: str, job: Job, file: FilePath, language: str, label: str | None = None, *, short: str | None = None,
     changes: dict[str, Any] | None = None,
-) -> tuple[Program, TimedTrajectory]:  # fmt: skip
-    """(program, the timed motion) of a strategy of a job, with its cycles.
+) -> tuple[Program, TimedTrajectory, CheckReport | None]:  # fmt: skip
+    """(program, the timed motion, what the job's [checks] find of it) of a strategy of a job, with its cycles.
 
     Args:
         language: one of LANGUAGES.
@@ -30,7 +31,7 @@ def program_of_job(
         changes: keys of [timing] to take instead of the job's.
 
     Raises:
-        as `job_strategy`, `follow`, `retime` and the writer; ArgumentError: limits are missing.
+        as `job_strategy`, `follow`, `retime`, `check` and the writer; ArgumentError: limits are missing.
     """
     label, strategy, start = job_strategy(job, file, label)
     table = job.timing.model_dump(exclude_unset=True) if job.timing is not None else {}
@@ -46,19 +47,32 @@ def program_of_job(
     robot = strategy.task.robot
     walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
     timed = timing.timed(walk, robot)
+    found = None
+    if job.checks is not None:
+        with naming(file, "checks"):
+            found = job.checks.checked(timed, robot, strategy.task)
+    return _written(name, job, file, language, (label, strategy.name, robot.name), timed, short), timed, found
+
+
+def _written(
+    name: str, job: Job, file: FilePath, language: str, names: tuple[str, str, str], timed: TimedTrajectory,
+    short: str | None,
+) -> Program:  # fmt: skip
+    """The program of a timed motion; names: the strategy's label, its name, the robot's."""
+    label, law, robot = names
     how = job.program or ProgramTable()
-    about = f"Job {name}: {strategy.name} on {robot.name}, {job.title}"
-    common: dict[str, Any] = {"name": short or _word(f"{robot.name}_{label}", language), "about": about}
+    about = f"Job {name}: {law} on {robot}, {job.title}"
+    common: dict[str, Any] = {"name": short or _word(f"{robot}_{label}", language), "about": about}
     if language == "ros":
-        return to_ros(timed, about=about), timed
+        return to_ros(timed, about=about)
     common |= {"wiring": how.wiring, "tolerance": how.tolerance}
     with naming(file, "program"):
         if language == "ls":
-            return to_fanuc(timed, coupled=how.coupled, **common), timed
+            return to_fanuc(timed, coupled=how.coupled, **common)
         if language == "urscript":
             style = "servoj" if timed.dt in (0.002, 0.008) else "movej"
-            return to_urscript(timed, style=style, **common), timed
-        return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common), timed
+            return to_urscript(timed, style=style, **common)
+        return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common)
 
 
 def _word(text: str, language: str) -> str:
