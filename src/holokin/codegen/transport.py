@@ -34,8 +34,8 @@ class Pieces:
     miss: y(1) -> the v (m,) that is still missing there.
     end: (q, y(1), f of what is missing, rcond at q, least rcond) -> label (r,), margin, its slopes by y(1) (n, r), and
         a factor on the gradient, 0 where it is of no use.
-    back: (q, y(1), v, slopes by q as a posture (n,) and by v (m,), the slopes of the first times f by v (m,), squares of
-        the gaps of the sweep, of both slopes (2,), the factor) -> the gradient by q (n,), what its error takes off the
+    back: (q, y(1), v, slopes by q as a posture (n,) and by v (m,), the first of them times df/dv (m,), squares of the
+        gaps of the sweep, of both slopes (2,), the factor) -> the gradient by q (n,), what its error takes off the
         margin.
     """
 
