@@ -18,8 +18,8 @@ START = np.array([-np.cos(0.8), -np.sin(0.8), 0.8])
 
 STEPS = (1, 2, 4, 8)
 MOST = {"ppr": 0.01, "planar-3r": 0.015, "panda": 0.015, "weighted": 0.015}
-"""Error of an answered gain, as a share of it. The estimate aims at 1 %; of some 3,500 postures of five laws that it
-answers, 6 are more than 1 % wrong and one is 2.1 %."""
+"""Error of an answered gain, as a share of it. It is refused where it is estimated to be 1 %, and an estimate has a
+spread: of 4,682 answered gains of such laws one was 1.4 % wrong, and of laws with four redundant joints one 3.9 %."""
 
 
 def law(name: str, draw: np.random.Generator) -> tuple[hk.Strategy, Array, Array]:
@@ -47,9 +47,9 @@ def test_every_gain_that_is_answered_is_that_of_the_ideal_strategy(name: str, mo
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     draw = np.random.default_rng(11)
     near, near_answered, refused = 0, 0, 0
-    for _ in range(3 if name in ("ppr", "planar-3r") else 1):
+    for _ in range(2 if name in ("ppr", "planar-3r") else 1):
         given, start, Q = law(name, draw)
-        ideal = hk.radial(given, start, steps=200 if name == "ppr" else 64).gain
+        ideal = hk.radial(given, start, steps=100 if name == "ppr" else 40).gain
         wanted = [ideal(q)[0] for q in Q]
         away = [np.linalg.norm(given.task(q) - given.task(start)) for q in Q]
         for steps in STEPS:
