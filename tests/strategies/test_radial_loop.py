@@ -60,11 +60,11 @@ LAWS: dict[str, Callable[[], Law]] = {
 
 
 def written_out(twin: hk.HolonomicStrategy) -> ca.Function:
-    """q -> (G, rcond, margin, g, J_g), as one expression whose derivatives are CasADi's."""
+    """q -> (G, rcond, margin, g, J_g), as one expression; J_g as CasADi differentiates g."""
     e = twin.expressions
-    found = e.rate(ca.SX.eye(twin.task.m), written_out=True)
+    found, g = e.rate(ca.SX.eye(twin.task.m), written_out=True), twin.constraint_expression
     return ca.Function(
-        "written_out", [e.q], [found.X, found.rcond, twin.margin_expression, twin.constraint_expression, e.planes]
+        "written_out", [e.q], [found.X, found.rcond, twin.margin_expression, g, ca.densify(ca.jacobian(g, e.q))]
     )
 
 
@@ -98,7 +98,7 @@ def test_the_loop_is_short_and_what_is_differentiated_is_written_out(panda_twin:
     made = panda_twin.gain.program
     assert made.transport is not None
     assert made.instructions < 10_000 < made.operations < 45_000
-    assert written_out(panda_twin).n_instructions() > 40_000
+    assert written_out(panda_twin).n_instructions() > 3 * made.instructions
     assert not panda_twin.constraint_value.program.sloping
     assert hk.involutivity(panda_twin, hk.around(PANDA_START, 0.05), samples=4).relative < 1e-10
 
@@ -140,7 +140,7 @@ def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(panda_twin: hk.H
     step = hk.controller(panda_twin, dt=1e-3, start=PANDA_START)
     assert "native" in step.engine
     pose, twist = panda_twin.task.robot.pose(PANDA_START + 0.01), np.full(6, 0.05)
-    for q in PANDA_START + np.random.default_rng(5).uniform(-0.01, 0.01, (4, 7)):
+    for q in PANDA_START + np.random.default_rng(5).uniform(-0.03, 0.03, (4, 7)):  # the tool is within 0.1 m
         wanted = step._compiled.function(q, pose, twist, step.parameters)[0]
         assert step.step(q, pose, twist) == pytest.approx(wanted, abs=1e-12)
 

@@ -8,7 +8,8 @@ label, from what each evaluation of f has left behind, so it is that of the step
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Any
 
 import casadi as ca
 
@@ -33,7 +34,9 @@ class Pieces:
     miss: y(1) -> the v (m,) that is still missing there.
     end: (q, y(1), f of what is missing, rcond at q, least rcond) -> label (r,), margin, its slopes by y(1) (n, r), and
         a factor on the gradient, 0 where it is of no use.
-    back: (q, slopes by q as a posture (n,) and by v (m,)) -> the gradient by q (n,).
+    back: (q, y(1), v, slopes by q as a posture (n,) and by v (m,), the first of them times df/dv (m,), squares of the
+        gaps of the sweep, of both slopes (2,), the factor) -> the gradient by q (n,), what its error takes off the
+        margin.
     """
 
     begin: ca.Function
@@ -88,6 +91,11 @@ class Transport:
         return self.found[-1]
 
     @property
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """The symbols of the label, the gradient and the margin."""
+        return self.label, self.gradient, self.margin
+
+    @property
     def lengths(self) -> dict[str, int]:
         """Operations of the pieces, as many as there are lines of C."""
         return {name: piece.n_instructions() for name, piece in self.pieces.each().items()}
@@ -97,35 +105,44 @@ class Transport:
         size, rates = self.lengths, 4 * self.steps
         label = size["begin"] + (rates + 1) * size["rate"] + size["miss"] + size["end"]
         again = 0 if rates * self.pieces.pull.size1_in(0) <= MOST_KEPT else rates * size["rate"]
-        return label + sloping * self.rows * (rates * size["pull"] + again + size["back"])
+        return label + sloping * self.rows * ((rates + 1) * size["pull"] + again + size["back"])
 
     @cached_property
     def function(self) -> ca.Function:
         """The loop for the virtual machine."""
-        p, q = self.pieces, ca.MX.sym("q", self.joints)
+        q = ca.MX.sym("q", self.joints)
+        label, gradient, margin = self(q)
+        return ca.Function("transport", [q], [ca.vertcat(label, ca.vec(gradient.T), margin)])
+
+    def __call__(self, q: Any) -> tuple[Any, Any, Any]:
+        """(label (r,), gradient (r, n), margin) at q (n,), of SX written out, of MX as calls of the pieces."""
+        p, h, none = self.pieces, self.h, type(q).zeros
         v, y = p.begin(q), q
         left, rconds = [], []
         for _ in range(self.steps):
-            total, f = 0, ca.MX.zeros(self.joints)
+            total, f = 0, none(self.joints)
             for share, weight in zip(SHARES, WEIGHTS, strict=True):
-                f, rcond, behind = p.rate(y + share * self.h * f, v)
+                f, rcond, behind = p.rate(y + share * h * f, v)
                 total, left, rconds = total + weight * f, [*left, behind], [*rconds, rcond]
-            y = y + self.h * total
-        least = rconds[0]
-        for rcond in rconds[1:]:
-            least = ca.fmin(least, rcond)
-        label, margin, slopes, factor = p.end(q, y, p.rate(y, p.miss(y))[0], rconds[0], least)
+            y = y + h * total
+        label, margin, slopes, factor = p.end(q, y, p.rate(y, p.miss(y))[0], rconds[0], reduce(ca.fmin, rconds))
         gradients = []
         for row in range(self.rows):
-            by_y, by_v = slopes[:, row], ca.MX.zeros(v.shape[0])
+            by_y, by_v, gaps, ahead = slopes[:, row], none(v.shape[0]), none(2), None
             for step in reversed(range(self.steps)):
-                of_end, by_f = by_y, 0
+                of_end, found = by_y, (0, 0)
                 for stage in reversed(range(4)):
-                    into = SHARES[stage + 1] * by_f if stage < 3 else 0
-                    by_f, of_v = p.pull(left[4 * step + stage], self.h * (WEIGHTS[stage] * of_end + into))
-                    by_y, by_v = by_y + by_f, by_v + of_v
-            gradients.append(factor * p.back(q, by_y, by_v))
-        return ca.Function("transport", [q], [ca.vertcat(label, *gradients, margin)])
+                    into = SHARES[stage + 1] * found[0] if stage < 3 else 0
+                    found = p.pull(left[4 * step + stage], h * (WEIGHTS[stage] * of_end + into))
+                    if stage == 3 and ahead is not None:
+                        gaps = gaps + _gaps(ahead, found)
+                    by_y, by_v = by_y + found[0], by_v + found[1]
+                ahead = found
+            first = p.pull(left[0], h * WEIGHTS[0] * by_y)
+            gaps = gaps + _gaps(ahead, first)
+            moved, doubt = p.back(q, y, v, by_y, by_v, first[1] / (h * WEIGHTS[0]), gaps, factor)
+            gradients, margin = [*gradients, moved.T], ca.fmax(margin - doubt, 0)
+        return label, ca.vertcat(*gradients), margin
 
     @cached_property
     def c(self) -> str:
@@ -138,6 +155,11 @@ class Transport:
         head = "".join(f"#define HK_TRANSPORT_{key} {value}\n" for key, value in sizes.items())
         pieces = "".join(_piece(name, piece) for name, piece in self.pieces.each().items())
         return f"#ifndef HK_TRANSPORT\n#define HK_TRANSPORT\n{head}{pieces}{prelude('transport.c')}#endif\n"
+
+
+def _gaps(one: Any, other: Any) -> Any:
+    """Squares of the differences (2,) of two pairs of slopes."""
+    return ca.vertcat(*(ca.sumsqr(a - b) for a, b in zip(one, other, strict=True)))
 
 
 def _piece(name: str, piece: ca.Function) -> str:

@@ -10,24 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import reduce
 
 from ..base.arguments import made
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Vector, frozen, whole
 from ..constraints import Constraint
 from ..errors import ArgumentError
-from ..robot import Kinematics, start_posture
+from ..robot import start_posture
 from ..symbolic import (
     SX,
     Transport,
     as_map,
     fmax,
     fmin,
-    gradient,
     if_else,
     norm_2,
-    runge_kutta,
     symbol,
     transport,
     vertcat,
@@ -55,6 +52,19 @@ AT_CENTER = 1e-2
 """Way [joint units] added to a posture's own, so that round-off at the centre itself, in single precision 1e-6 of the
 joints, is no miss; so short a way has no error of the steps."""
 
+WRONG = 0.01
+"""Error of the gain, as a share of it, from which on it is refused; from less where the label's margin is below 1.
+It is an estimate. Of six laws on four arms, with 1, 2, 4 and 8 steps, at random postures up to 12 m from the centre of
+the PPR arm and up to 2.5 rad from that of others, 4,682 gains are answered, and 3 of them more than 1 % wrong: 1.0, 1.4
+and, with four redundant joints, 3.9 %. Without it 301 were, by up to 118 %."""
+
+GAPS = 0.3
+"""How the gaps of the sweep count in that error. They go with the step to the fourth power, as the error of all steps
+does, and are more than it; 0.2 let twice as many wrong ones pass."""
+
+Found = tuple[SX, SX, SX]
+"""Label (r,), its gradient (r, n), margin."""
+
 
 @made
 def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> HolonomicStrategy:
@@ -70,11 +80,10 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
     It ends, with a SingularityError (REPRESENTATION), where
     - the integrated transport misses the centre by 1 % of the joints' way or 0.003, or comes a hundred times nearer
       to a singularity of `strategy` than its ends are: the segment passes too near one, or is too long for `steps`;
+    - the steps do not give the gain to 1 %, as its label's gradient tells (an estimate): a PPR arm has 1 m for a step;
     - q_b is not on the self-motion through `start`: it is on another branch, or beyond a singular end of this one;
     - g is Z^T (q_b - start) and det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there this label turns.
     Elsewhere [J; J_g] is regular, up to the error of the steps: an estimate, since what is between steps is not seen.
-    The gain's own error is not bounded by this: the few postures of a PPR arm still answered at 11 m with 4 steps are
-    up to 57 % wrong, at 8 m 19 %, at 5 m 1.5 %.
     Size: about 4 `steps` times the given strategy.
 
     Args:
@@ -98,30 +107,20 @@ def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | 
 
 def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
     """g, written out; and with its transport left to a loop."""
-    ray, loop, angular = _kept(lines.ray), lines.loop(), (lines.label.angular,) * r
+    loop = lines.loop()
+    return replace(_of(title, r, lines, _kept(loop)), looped=_of(title, r, lines, lambda _q: loop.symbols, loop))
 
-    def slopes(task: Task, _k: Kinematics, q: SX) -> SX:
-        found = ray(q)
-        rows = vertcat(SX(0, task.n), *(gradient(found.label[i], q) for i in range(r)))
-        return rows * found.regular  # where J is singular they are not numbers, or huge: rcond 0 says so
 
-    looped = Constraint(
-        title,
-        r,
-        lambda _task, _k, _q: loop.label,
-        angular,
-        lambda _task, _k, _q: loop.margin,
-        lambda _task, _k, _q: loop.gradient,
-        transport=loop,
-    )
+def _of(title: str, r: int, lines: _Lines, found: Callable[[SX], Found], loop: Transport | None = None) -> Constraint:
+    """g by its label, gradient and margin at q. Where J is singular the gradient is 0: rcond 0 says so."""
     return Constraint(
         title,
         r,
-        lambda _task, _k, q: ray(q).label,
-        angular,
-        lambda _task, _k, q: ray(q).margin,
-        slopes,
-        looped,
+        lambda _task, _k, q: found(q)[0],
+        (lines.label.angular,) * r,
+        lambda _task, _k, q: found(q)[2],
+        lambda _task, _k, q: found(q)[1],
+        transport=loop,
     )
 
 
@@ -174,23 +173,20 @@ class _Lines:
         margin = if_else(regular, fmin(fmin(passed, arrived), fmax(0, self.label.margin(back))), 1)
         return self.label.value(back), margin, regular
 
-    def ray(self, q: SX) -> _Ray:
-        """One transport to the centre, its steps written out."""
-        v = self.away(q)
-        back, sound = q, []
+    def doubt(self, q: SX, back: SX, v: SX, aside: SX, along: SX, gaps: SX, regular: SX) -> SX:
+        """Square of the gain's error over `WRONG`, estimated from the gradient of a row of the label.
 
-        def stage(at: SX, v: SX) -> SX:
-            moved, regular = self.rate(at, v)
-            sound.append(regular)
-            return moved
-
-        for _ in range(self.steps):
-            back = runge_kutta(stage, back, -1.0 / self.steps, v, v, v)
-        return _Ray(*self.end(q, back, self.rate(back, self.left(back))[0], sound[0], reduce(fmin, sound)))
+        `along` is the gradient by the tool at the given rates: with an exact label it is 0 along v. `gaps` tell of the
+        other directions, in which the law differs from the given one. `aside` is what the row tells of self-motions.
+        """
+        way = norm_2(q - back) + AT_CENTER
+        far = v.T @ v / way**2
+        error = ((along.T @ v) / way) ** 2 + GAPS**2 * (gaps[0] + far * gaps[1])
+        return if_else(regular, error / (WRONG**2 * (aside.T @ aside)), 0)
 
     def loop(self) -> Transport:
-        """The same as a loop."""
-        parts = self.away, self.rate, self.slope, self.left, self.end
+        """The transport to the centre."""
+        parts = self.away, self.rate, self.slope, self.left, self.end, self.doubt
         return transport(*parts, center=self.center, steps=self.steps)
 
 
@@ -207,24 +203,13 @@ def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     return _Lines(chart, q0, chart(q0), label_of(task, q0), rcond, steps, along, pulled)
 
 
-@dataclass(frozen=True)
-class _Ray:
-    """Expressions of one transport back to the centre: regular is 0 where the given strategy is singular at q itself,
-    and elsewhere 1; the margin tells of the rest of the way.
-    """
-
-    label: SX
-    margin: SX
-    regular: SX
-
-
-def _kept(build: Callable[[SX], _Ray]) -> Callable[[SX], _Ray]:
+def _kept(build: Callable[[SX], Found]) -> Callable[[SX], Found]:
     """`build`, its last answer kept: the label, its gradient and the margin then share one transport."""
-    last: list[tuple[SX, _Ray]] = []
+    last: list[tuple[SX, Found]] = []
 
-    def ray(q: SX) -> _Ray:
+    def kept(q: SX) -> Found:
         if not last or last[0][0] is not q:
             last[:] = [(q, build(q))]
         return last[0][1]
 
-    return ray
+    return kept

@@ -30,6 +30,7 @@ def transport(
     slope: Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]],
     miss: Callable[[ca.SX], ca.SX],
     end: Callable[..., tuple[ca.SX, ca.SX, ca.SX]],
+    doubt: Callable[..., ca.SX],
     *,
     center: Vector,
     steps: int,
@@ -38,6 +39,8 @@ def transport(
 
     Args:
         rate: (y, v) -> its first two results. slope: (y, v, w) -> what `pull` gives. end: without its slopes.
+        doubt: (q, y, v, the gradient beside the planes of f (n,), and along them (m,), gaps, factor) -> what `back`
+            gives besides.
         center: the posture (n,) over which the label is 0.
     """
     q, y, f, w = (ca.SX.sym(name, len(center)) for name in "qyfw")
@@ -46,6 +49,12 @@ def transport(
     v = ca.SX.sym("v", *began.shape)
     (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
+    b, c, gaps, kept = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
+
+    def by_q(by_v: ca.SX) -> ca.SX:
+        """The slopes w by y and those by v as slopes by q: v moves with it."""
+        return w + gradient(by_v.T @ began, q).T
+
     n = len(center)
     found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
@@ -54,7 +63,9 @@ def transport(
         pull=_function("pull", [left, w], found[n + 1 : 2 * n + 1], found[2 * n + 1 :]),
         miss=_function("miss", [y], miss(y)),
         end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
-        back=_function("back", [q, w, v], w + gradient(v.T @ began, q).T),
+        back=_function(
+            "back", [q, y, v, w, b, c, gaps, kept], kept * by_q(b), doubt(q, y, v, by_q(-c), b + c, gaps, kept)
+        ),
     )
     size = label.shape[0] * (1 + n) + 1
     return Transport(pieces, steps, -1.0 / steps, ca.SX.sym("found", size), center)
