@@ -10,12 +10,15 @@ which makes the mutant of a seed, in an empty folder of its own, and gives it to
 
 from __future__ import annotations
 
+import _thread
+import contextlib
 import importlib
 import multiprocessing
 import os
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections.abc import Iterator
@@ -53,31 +56,56 @@ class Tally:
         )
 
 
-class TooLongError(Exception):
-    """A mutant that took more than `SECONDS`."""
+class TooLongError(BaseException):
+    """What took more seconds than it may; no `except Exception` in what runs holds it up."""
 
 
-def _alarm(_signal: int, _frame: Any) -> None:
-    raise TooLongError(f"took more than {SECONDS} s")
+@contextlib.contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Lets what runs inside, in a main thread, take so many seconds.
+
+    By a timer that interrupts the main thread: SIGALRM is not on Windows. One operation of compiled code is interrupted
+    when it returns. Raises (inside): TooLongError; KeyboardInterrupt for a Ctrl-C, as ever.
+    """
+    late, inside = False, True
+
+    def interrupt() -> None:
+        nonlocal late
+        late = True
+        _thread.interrupt_main()
+
+    def stop(signal_: int, frame: Any) -> None:
+        if not late:
+            signal.default_int_handler(signal_, frame)
+        if inside:
+            raise TooLongError(f"took more than {seconds} s")
+
+    timer, before = threading.Timer(seconds, interrupt), signal.signal(signal.SIGINT, stop)
+    timer.daemon = True
+    try:
+        timer.start()
+        yield
+    finally:
+        inside = False
+        timer.cancel()
+        timer.join()
+        signal.signal(signal.SIGINT, before)
 
 
 def one(kind: str, seed: int) -> tuple[int, bool, float, str]:
     """(seed, refused, seconds, fault or nothing) of one mutant, in this process."""
     attempt = importlib.import_module(f"benchmarks.fuzz.{kind}").attempt
-    signal.signal(signal.SIGALRM, _alarm)
     begin, refused, fault = time.perf_counter(), False, ""
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-        signal.alarm(SECONDS)
         try:
-            attempt(seed, Path(folder))
+            with limited(SECONDS):
+                attempt(seed, Path(folder))
         except HolokinError as problem:
             refused = True
             if len(str(problem)) > LONGEST_MESSAGE:
                 fault = f"a refusal of {len(str(problem))} characters"
         except BaseException:  # noqa: BLE001  whatever it is, it is what we are looking for
             fault = traceback.format_exc(limit=-6)
-        finally:
-            signal.alarm(0)
     return seed, refused, time.perf_counter() - begin, fault
 
 

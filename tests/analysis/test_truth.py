@@ -15,11 +15,10 @@ from holokin.errors import AmbiguousTruthError
 
 NO_QUESTION = {
     # what is asked about, and settings
-    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Coordinates", "Cost", "DHRow", "Directions",
-    "Expressions", "HandFollower",
-    "FrameExpressions", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant", "Polynomial",
-    "PostureTask", "Push", "Recording", "Robot", "RowExpressions", "RowStrategy", "SelfMotion", "SelfMotions",
+    "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
+    "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
+    "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from conftest import (
 from holokin.errors import (
     ArgumentError,
     ConstraintRowsError,
+    ExpressionError,
     NotFiniteError,
     ShapeError,
     SingularityError,
@@ -29,6 +31,8 @@ from holokin.errors import (
     TaskTooLargeError,
     UnknownNameError,
 )
+from holokin.path.workspaces import Box, Cylinder, Sphere
+from holokin.symbolic import SX
 from holokin.tasks.task_kinds import FrameTask
 
 PLANAR = {
@@ -237,3 +241,130 @@ def test_what_is_no_task_and_no_constraint_is_told_in_one_sentence(
 ) -> None:
     with pytest.raises(hk.HolokinError, match=words):
         call(panda, hk.pose(panda))
+
+
+# --- methods ----------------------------------------------------------------------------------------------------
+
+NO_NUMBERS = [None, "x", object(), {"a": 1}, [[[0.0]]], np.full(3, np.nan), np.zeros(1), -1]
+"""No argument of any of the methods below."""
+
+METHODS: dict[str, Callable[[hk.HolonomicStrategy, Any], object]] = {
+    "path.on(index, u)": lambda _s, bad: LOOP.on(bad, np.zeros(2)),
+    "path.on(index, u) again": lambda _s, bad: LOOP.on(np.zeros(2, dtype=int), bad),
+    "path.table(rotation)": lambda _s, bad: LOOP.table(bad),
+    "synchronized.on(index, u)": lambda _s, bad: hk.synchronized(LOOP, LOOP).on(bad, np.zeros(2)),
+    "synchronized.table(rotations)": lambda _s, bad: hk.synchronized(LOOP, LOOP).table(bad),
+    "task.target(pose)": lambda s, bad: s.task.target(bad),
+    "task.hessians(q)": lambda s, bad: s.task.hessians(bad),
+    "task.rates_expression(R, v, w)": lambda s, bad: s.task.rates_expression(bad, bad, bad),
+    "strategy.leaf_gap(c)": lambda s, bad: s.leaf_gap(bad),
+    "robot.origins(q)": lambda s, bad: s.task.robot.origins(bad),
+    "robot.columns(q)": lambda s, bad: s.task.robot.columns(bad),
+    "robot.tip(name)": lambda s, bad: s.task.robot.tip(bad if bad is not None else "no such tip"),
+    "workspace.at(positions)": lambda _s, bad: hk.workspace(box=([0, 0, 0], [1, 1, 1])).at(bad),
+    "watch.see(q, dq)": lambda _s, bad: hk.motion.LoopWatch(0.1).see(np.zeros(3), bad),
+    "watch.see(q, dq) again": lambda _s, bad: hk.motion.LoopWatch(0.1).see(bad, np.zeros(3)),
+    "physics.cycle_time(path)": lambda _s, bad: hk.physics.cycle_time(bad),
+    **{
+        f"{type(shape).__name__.lower()}.support(directions)": lambda _s, bad, shape=shape: shape.support(bad)
+        for shape in (
+            hk.robot.Box(np.ones(3)), hk.robot.Capsule(0.1, 0.2), hk.robot.Cylinder(0.1, 0.2),
+            hk.robot.Ellipsoid(np.ones(3)), hk.robot.Hull(np.eye(3)),
+        )
+    },
+}  # fmt: skip
+"""A call with one argument that is none, of a strategy that holds the first of three joints."""
+
+LOOP = hk.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]], closed=True)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_answers_what_is_no_argument_of_it_by_one_sentence(planar_3r: hk.Robot, name: str) -> None:
+    strategy = hk.holonomic(hk.position(planar_3r), hk.lock(0))
+    for bad in NO_NUMBERS:
+        with pytest.raises(hk.HolokinError) as caught:
+            METHODS[name](strategy, bad)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_place_on_a_path_is_a_segment_that_it_has_and_a_share_of_it() -> None:
+    index = np.array([0, 2, 1])
+    found = LOOP.on(index, np.array([0.0, 1.0, 0.5]))
+    np.testing.assert_allclose(found.position, [[0, 0, 0], [0, 0, 0], [0.1, 0.05, 0]], atol=1e-12)
+    np.testing.assert_array_equal(LOOP.on([0, 2, 1], [0.0, 1.0, 0.5]).position, found.position)
+    for wrong, u in (([3], [0.5]), ([-1], [0.5]), ([0.5], [0.5]), ([0], [1.1]), ([0], [-0.1]), ([0, 1], [0.5])):
+        with pytest.raises((ArgumentError, ShapeError)):
+            LOOP.on(wrong, u)
+
+
+def test_a_watch_of_a_loop_wants_as_many_joints_at_each_step() -> None:
+    watch = hk.motion.LoopWatch(0.1)
+    watch.see(np.zeros(3), np.ones(3))
+    with pytest.raises(ShapeError):
+        watch.see(np.zeros(4), np.ones(4))
+    watch.see(np.full(3, 0.1), np.ones(3))
+    assert watch.share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda s: hk.custom_task(s.task.robot, lambda: 0, units=("m",)), "give a function of one argument"),
+        (lambda s: hk.null_basis(s.task, lambda a, b: a), "give a function of one argument"),
+        (lambda s: hk.custom(lambda a, b: [a]), "give a function of one argument"),
+        (lambda s: hk.strategies.from_transport(s.task, s.task, s.task, s.task, around=np.zeros(3)), "of 2 arguments"),
+    ],
+)
+def test_a_function_of_the_users_takes_as_many_arguments_as_it_gets(
+    planar_3r: hk.Robot, call: Callable[[hk.HolonomicStrategy], object], words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        call(hk.holonomic(hk.position(planar_3r), hk.lock(0)))
+
+
+def test_a_function_may_take_more_than_it_gets_where_that_has_defaults(planar_3r: hk.Robot) -> None:
+    task = hk.custom_task(planar_3r, lambda q, gain=2.0: gain * q[:2], units=("rad", "rad"))
+    assert task([0.1, 0.2, 0.3]) == pytest.approx([0.2, 0.4])
+
+
+def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Robot) -> None:
+    strategy, q = hk.holonomic(hk.position(planar_3r), hk.lock(0)), np.array([0.3, 0.7, -0.5])
+    task, points = strategy.task, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]]
+    calls: list[tuple[str, Callable[[], object]]] = [
+        ("from 0 to 1", lambda: hk.inverse(strategy, q).nearest(planar_3r.pose(q), rcond=2.0)),
+        ("kg/m", lambda: hk.to_mjcf(planar_3r, density=1e9)),
+        ("yourdfpy", lambda: hk.from_yourdfpy(task)),
+        ("at most 1e", lambda: hk.spline(points, speed=1e308)),
+        ("at most 1e", lambda: hk.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
+        ("radius is -1", lambda: hk.analysis.leaf_function(strategy, q, radius=-1)),
+        ("joints is", lambda: hk.constraints.height(10**5000)),
+        ("seed is -1", lambda: hk.physics.play(strategy, hk.line(points[0], points[1]), q, seed=-1)),
+    ]
+    for words, call in calls:
+        with pytest.raises(ArgumentError, match=words):
+            call()
+
+
+def test_expressions_of_other_shapes_or_symbols_are_refused_in_holokins_words(planar_3r: hk.Robot) -> None:
+    task, stranger, short = hk.position(planar_3r), SX.sym("stranger", 3), SX.sym("q", 1)
+    for call in (planar_3r.kinematics, planar_3r.origins, planar_3r.columns, task.kinematics, task.velocities):
+        with pytest.raises(ShapeError):
+            call(short)
+    for strategy in (
+        hk.null_basis(task, lambda q: [[stranger[0], 0], [0, 1], [0, 0]]),
+        hk.holonomic(task, hk.custom(lambda q: [q[0] * stranger[1]])),
+    ):
+        with pytest.raises(ExpressionError, match=r"stranger_[01]"):
+            strategy(np.array([0.3, 0.7, -0.5]))
+
+
+def test_parts_of_a_workspace_are_asked_about_positions(planar_3r: hk.Robot) -> None:
+    for solid in (Box(np.zeros(3), np.ones(3)), Cylinder(np.zeros(3), 0.1, 0.2), Sphere(np.zeros(3), 0.1)):
+        inside = solid.points(np.random.default_rng(0).random((50, 3)))
+        assert solid.contains(inside).all()
+        for bad in (*NO_NUMBERS, [[0.0, 0.0, 2.0]]):
+            with pytest.raises(hk.HolokinError):
+                solid.points(bad)
+        for bad in NO_NUMBERS:
+            with pytest.raises(hk.HolokinError):
+                solid.contains(bad)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -54,3 +57,18 @@ def test_the_message_names_argument_and_kind(planar_3r: hk.Robot) -> None:
         hk.follow(hk.moore_penrose(task), hk.line([0, 0], [1, 0]), [0.1, 0.2, 0.3], limits="no")  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="joints is None; give text or a whole number"):
         hk.lock(None)  # type: ignore[arg-type]
+
+
+def test_a_call_that_takes_too_long_is_stopped_whatever_it_catches_and_ctrl_c_is_python_s_again() -> None:
+    """By no signal that Windows lacks."""
+    before, begin = signal.getsignal(signal.SIGINT), time.perf_counter()
+    with pytest.raises(harness.TooLongError), harness.limited(0.05):
+        while True:
+            with contextlib.suppress(Exception):
+                sum(range(100))
+    assert time.perf_counter() - begin < 5
+    with harness.limited(5.0):
+        pass
+    assert signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt), harness.limited(5.0):
+        signal.raise_signal(signal.SIGINT)

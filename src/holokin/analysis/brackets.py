@@ -14,7 +14,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, kept
 from ..errors import ArgumentError
-from ..strategies import Brackets, Expressions, FrameStrategy, Strategy
+from ..strategies import Brackets, Expressions, FrameStrategy, Strategy, check_solved
 from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..tasks.task import Task
@@ -41,7 +41,7 @@ def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> A
     """
     q = strategy.task.robot.checked(q)
     packed, _, rcond, margin = curvature_function(strategy, method)(q)
-    strategy.check(q, rcond, margin)
+    check_solved(strategy, q, rcond, margin)
     return _unpacked(np.reshape(packed, (strategy.task.n, -1)), strategy.task.m)
 
 

@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, whole
+from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
 from ..errors import NotHolonomicError
 from ..robot import Robot
-from ..strategies import Strategy
+from ..strategies import Strategy, check_solved
 from ..symbolic import Function, jacobian, runge_kutta, symbol
 from ..symbolic.null_space import null_space
 from .frobenius import involutivity, involutivity_at
@@ -52,7 +52,7 @@ class LeafFunction(Value):
 
         def slope(y: Matrix, v: Vector) -> Matrix:
             dq, dD, rcond, margin = self._flow(y[:, 0], v, y[:, 1:], V)
-            self.strategy.check(y[:, 0], rcond, margin)
+            check_solved(self.strategy, y[:, 0], rcond, margin)
             return np.column_stack([dq, np.reshape(dD, (n, n))])
 
         y = np.column_stack([q, np.eye(n)])
@@ -126,6 +126,7 @@ def leaf_function(
     strategy(start)
     g = LeafFunction(strategy, start)
     whole("samples", samples)
+    positive("radius", radius)
     rng = np.random.default_rng(whole("seed", seed, 0))
     worst, witness = 0.0, start
     for _ in range(samples):

@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.brackets import pairs
 from ..base.types import Array, Matrix, Vector
 from ..path import Path, polyline
-from ..tasks.task import Task
+from ..tasks.task import Task, check_representation
 
 SIDES = {"m": 0.1, "rad": 0.2}
 """Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small
@@ -118,5 +118,5 @@ def _rates(task: Task, rotation: Matrix) -> Array:
     """The map (m, 6) from the twist of a tool turned by R (3, 3) to the rates of the task rows."""
     unit = np.eye(6)
     rates, margins = task.rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
-    task.check_representation(np.full(task.n, np.nan), margins[0])
+    check_representation(task, np.full(task.n, np.nan), margins[0])
     return rates.T

@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, wraps
-from inspect import Parameter, signature
+from inspect import Parameter, isfunction, signature
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -55,6 +55,13 @@ def typed(function: F) -> F:
     return called  # type: ignore[return-value]
 
 
+def type_methods(kind: type) -> None:
+    """Makes all public methods that a class defines `typed`: for the parents of families, in `__init_subclass__`."""
+    for name, method in list(vars(kind).items()):
+        if isfunction(method) and not name.startswith("_"):
+            setattr(kind, name, typed(method))
+
+
 def check(what: str, kind: Any, value: Any) -> None:
     """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
     test = _test(kind)
@@ -81,11 +88,11 @@ def _test(kind: Any) -> Test | None:
     if kind is bool:
         return lambda value: isinstance(value, bool | np.bool_)
     if kind is int:
-        return lambda value: isinstance(value, int | np.integer) and not isinstance(value, bool)
+        return lambda value: isinstance(value, int | np.integer) and not isinstance(value, bool) and _writable(value)
     if kind is float:
         return _is_number
     if kind is Callable or origin is _CALLABLE:
-        return callable
+        return _takes(len(inner[0])) if inner and isinstance(inner[0], list) else callable
     if origin is Literal:
         return lambda value: isinstance(value, str)
     if origin in (tuple, _SEQUENCE):
@@ -93,6 +100,8 @@ def _test(kind: Any) -> Test | None:
     if origin is _MAPPING:  # values have better messages
         key = _test(inner[0]) or _anything
         return lambda value: isinstance(value, Mapping) and all(map(key, value))
+    if origin is dict:
+        return lambda value: isinstance(value, dict)
     if kind in (str, Path):
         return lambda value: isinstance(value, kind) and "\0" not in str(value)
     return (lambda value: isinstance(value, kind)) if isinstance(kind, type) else None
@@ -101,14 +110,17 @@ def _test(kind: Any) -> Test | None:
 def _any_of(kinds: tuple[Any, ...]) -> Test | None:
     tests = [_test(kind) for kind in kinds]
     known = [test for test in tests if test is not None]
+    functions = [test for kind, test in zip(kinds, tests, strict=True) if test and get_origin(kind) is _CALLABLE]
 
     def test(value: Any) -> bool:
+        if len(known) < len(tests) and not callable(value):  # an array, at which others look
+            return True
         for one in known:  # noqa: SIM110  a generator costs as much as the tests
             if one(value):
                 return True
         return False
 
-    return test if len(known) == len(tests) else None
+    return test if len(known) == len(tests) or functions else None
 
 
 def _anything(_value: Any) -> bool:
@@ -130,10 +142,34 @@ def _each(kinds: tuple[Any, ...], values: list[Any]) -> bool:
     return len(values) == len(kinds) and all(test(value) for test, value in zip(tests, values, strict=True))
 
 
+def _takes(count: int) -> Test:
+    """Whether a value can be called with so many arguments, as far as it says what it takes."""
+
+    def test(value: Any) -> bool:
+        if not callable(value):
+            return False
+        try:
+            known = signature(value)
+        except (TypeError, ValueError):  # compiled code need not say
+            return True
+        try:
+            known.bind(*range(count))
+        except TypeError:
+            return False
+        return True
+
+    return test
+
+
 def _is_number(value: Any) -> bool:
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
         return False
-    return not isinstance(value, int) or abs(value) < 10**300
+    return not isinstance(value, int) or _writable(value)
+
+
+def _writable(value: Any) -> bool:
+    """Whether a whole number is a float's, and short enough that Python writes it down."""
+    return abs(value) < 10**300
 
 
 def _words(kind: Any) -> str:
@@ -151,6 +187,8 @@ def _words(kind: Any) -> str:
         return f"a list {several}"
     if origin is Literal:
         return " or ".join(map(repr, inner))
+    if origin is np.ndarray:
+        return "an array"
     plain = {
         None: "None",
         NoneType: "None",
@@ -162,7 +200,9 @@ def _words(kind: Any) -> str:
     if kind in plain:
         return plain[kind]
     if kind is Callable or origin is _CALLABLE:
-        return "a function"
+        count = len(inner[0]) if inner and isinstance(inner[0], list) else None
+        several = "" if count is None else " of one argument" if count == 1 else f" of {count} arguments"
+        return f"a function{several}"
     if origin is _MAPPING:
         return "a mapping of names"
     name = getattr(kind, "__name__", str(kind))

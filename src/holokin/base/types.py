@@ -40,6 +40,10 @@ MOST = 10**9
 """Largest count: a thousand times what takes minutes, so that a larger one is a mistake."""
 
 
+HUGE = 1e150
+"""Largest length, time, speed, ...: the squares of larger numbers are beyond all floats."""
+
+
 def whole(what: str, value: Any, least: int = 1) -> int:
     """A whole number from `least` to 1e9. Raises: ArgumentError for anything else, True and 2.0 included."""
     fits = isinstance(value, int | np.integer) and not isinstance(value, bool)
@@ -63,7 +67,7 @@ def positive(what: str, value: Any, cure: str = "give a positive number") -> flo
     found = number(what, value)
     if not 0 < found < np.inf:
         raise ArgumentError(what, found, cure)
-    return found
+    return _below_huge(what, found)
 
 
 def not_negative(what: str, value: Any) -> float:
@@ -71,7 +75,13 @@ def not_negative(what: str, value: Any) -> float:
     found = number(what, value)
     if not 0 <= found < np.inf:
         raise ArgumentError(what, found, "give a finite number that is not negative")
-    return found
+    return _below_huge(what, found)
+
+
+def _below_huge(what: str, value: float) -> float:
+    if value > HUGE:
+        raise ArgumentError(what, value, f"give at most {HUGE:g}")
+    return value
 
 
 def numbers(what: str, value: Any) -> Array:

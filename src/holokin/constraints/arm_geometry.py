@@ -35,9 +35,12 @@ class Point:
     place: str
 
     def expression(self, task: Task, k: Kinematics, q: SX) -> SX:
-        """Where it is (3,) in the base frame."""
+        """Where it is (3,) in the base frame. Raises: ArgumentError: the task's robot has no such joint."""
+        name = dict(enumerate(joint.name for joint in task.robot.joints)).get(self.joint)
+        if name not in k.origins:
+            raise ArgumentError("the robot of the task", task.robot.name, "give that on which the arm was found")
         if self.offset is None:
-            return k.origins[task.robot.joints[self.joint].name]
+            return k.origins[name]
         placement = np.eye(4)
         placement[:3, 3] = self.offset
         return task.robot.kinematics_at(q, self.joint, placement).position
@@ -59,11 +62,13 @@ class Arm:
     def __str__(self) -> str:
         return self.sentence
 
+    @typed
     def expressions(self, task: Task, k: Kinematics, q: SX) -> tuple[SX, SX, SX]:
         """Shoulder, elbow and wrist (3,) each, in the base frame."""
         shoulder, elbow, wrist = (point.expression(task, k, q) for point in (self.shoulder, self.elbow, self.wrist))
         return shoulder, elbow, wrist
 
+    @typed
     def places(self, task: Task) -> Function:
         """q (n,) -> shoulder, elbow and wrist, the rows of a matrix (3, 3), in the base frame [m]."""
         q = symbol("q", task.n)

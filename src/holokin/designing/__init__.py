@@ -5,7 +5,8 @@ Uses `analysis`. Read first: `cover_workspace.py`, `designed_law.py`, `compare_l
 
 from .advice import Advice, Law, Part
 from .compare_laws import advise
-from .coordinates import Coordinates, Polynomial
+from .coordinates import Coordinates as Coordinates
+from .coordinates import Polynomial as Polynomial
 from .coordinates import chart_of as chart_of
 from .cover_workspace import coverage, posture_reach
 from .coverage_result import Coverage, PoseStatus, Reach
@@ -21,14 +22,12 @@ from .tips import choose_tip
 
 __all__ = [
     "Advice",
-    "Coordinates",
     "Coverage",
     "Design",
     "Law",
     "NearestLaw",
     "Objective",
     "Part",
-    "Polynomial",
     "PoseStatus",
     "Reach",
     "SectionMetrics",

@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Flags, Indices, Value, Vector, whole
+from ..base.types import Array, ArrayLike, Flags, Value, Vector, numbers, whole
+from ..errors import ShapeError
 from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
 from .cover_workspace import coverage
@@ -33,10 +34,13 @@ class Slice(Value):
     inside: Flags
     coverage: Coverage
 
-    def grid(self, values: Array | Indices) -> Array:
-        """Numbers of the poses (k,) in their cells (rows, columns), NaN outside."""
+    def grid(self, values: ArrayLike) -> Array:
+        """Numbers of the poses (k,) in their cells (rows, columns), NaN outside. Raises: ShapeError, ArgumentError."""
+        given, count = numbers("the numbers of the poses", values), int(self.inside.sum())
+        if given.shape != (count,):
+            raise ShapeError("the numbers of the poses", (count,), given.shape)
         cells = np.full(self.inside.shape, np.nan)
-        cells[self.inside] = values
+        cells[self.inside] = given
         return cells
 
 

@@ -30,6 +30,7 @@ from ..base.types import (
 from ..codegen import InverseKernel, engine, weak
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
+from ..motion.recorded_trajectory import doubtful_target
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from .leaf import (
@@ -181,7 +182,9 @@ class InverseKinematics(Value):
         most = None if step is None else _steps(step, len(self.start))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
-        key = tuple(self.start.tolist()), positive("length", length), positive("rcond", rcond), asked
+        if positive("rcond", rcond) > 1:
+            raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
+        key = tuple(self.start.tolist()), positive("length", length), float(rcond), asked
         edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
         return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
 
@@ -202,7 +205,7 @@ class InverseKinematics(Value):
             fact = (
                 f"the pose is out of reach of {task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
             )
-            raise OutOfReachError(fact, task.doubtful_unit(p) or "give a pose nearer to the base")
+            raise OutOfReachError(fact, doubtful_target(task, p) or "give a pose nearer to the base")
         return self._answer(q, status)
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:

@@ -7,6 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import JointLimitError
 from ..robot import Robot
@@ -58,6 +59,7 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
         """True where q is found (k,)."""
         return self.status <= InverseStatus.CLAMPED
 
+    @typed
     def count(self, status: InverseStatus) -> int:
         """How many poses have a status."""
         return int((self.status == status).sum())

@@ -27,7 +27,7 @@ from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, te
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
-from ..strategies import Strategy
+from ..strategies import Strategy, check_solved
 from ..symbolic import Function
 from .control_law import ControlLaw, Step
 from .step_expression import has_leaf, step_function
@@ -202,7 +202,7 @@ class _Compiled:
                 raise NotFiniteError(what, value.tolist())
         _, _, rcond, margin, _, off, _ = self.function(*arguments, parameters)
         most, least = map(float, parameters[-2:])
-        self.strategy.check(arguments[0], rcond, margin, least)
+        check_solved(self.strategy, arguments[0], rcond, margin, least)
         if not off <= most:
             raise LostToolError(float(off), most)
 

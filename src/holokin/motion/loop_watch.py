@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, NoTruthValue, Vector, numbers, positive
+from ..base.types import ArrayLike, NoTruthValue, Vector, finite, positive
 
 STARVED = 0.5
 """Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""
@@ -34,8 +34,12 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
         self._told = not log
 
     def see(self, q: ArrayLike, dq: ArrayLike) -> None:
-        """One step: where the joints are (n,), and the rates (n,) that they are commanded from there."""
-        here, rates = numbers("q", q), numbers("dq", dq)
+        """One step: where the joints are (n,), and the rates (n,) that they are commanded from there.
+
+        Raises: ShapeError: not as many as before. NotFiniteError, ArgumentError.
+        """
+        here = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
+        rates = finite("dq", dq, here.shape)
         if self._last is not None:
             before, asked = self._last
             self._made += float((here - before) @ asked)

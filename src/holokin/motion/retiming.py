@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Matrix, Vector, numbers, positive, whole
+from ..base.types import HUGE, ArrayLike, Matrix, Vector, numbers, positive, whole
 from ..errors import ArgumentError
 from ..robot import Robot
 from .joint_curve import Stretch, joint_curve
@@ -264,8 +264,8 @@ def _limit(what: str, given: ArrayLike | None, n: int) -> Vector:
     if given is None:
         return np.full(n, np.inf)
     found = numbers(what, given)
-    if found.shape not in ((), (n,)) or not (found > 0).all():
-        raise ArgumentError(what, given, f"give one positive number, or {n} of them")
+    if found.shape not in ((), (n,)) or not ((found > 0) & ((found <= HUGE) | (found == np.inf))).all():
+        raise ArgumentError(what, given, f"give one positive number, or {n} of them, at most {HUGE:g}")
     return np.broadcast_to(found, (n,))
 
 

@@ -7,6 +7,7 @@ from .curves import even_curve
 from .editing import blended, passes, with_leads
 from .lines_and_arcs import arc, circle, line, polyline
 from .path import Path, Samples, as_point, corners_of, frame_pose, join
+from .path import locate as locate
 from .segments import Segment, arc_segment, line_segment
 from .splines import path_of, spline
 from .surfaces import figure_eight, raster, spiral

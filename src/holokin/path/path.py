@@ -29,7 +29,7 @@ from ..base.types import (
     tool_pose,
     whole,
 )
-from ..errors import ArgumentError, OpenPathError
+from ..errors import ArgumentError, OpenPathError, ShapeError
 from ..robot.composition import pose_matrix
 from .segments import Segment, derivatives, positions
 from .straight_path import rotation_matrix
@@ -133,10 +133,13 @@ class Path(Value):
             out[begun] = np.swapaxes(rotation_matrix(first[begun]), 1, 2) @ out[begun]
         return frozen(out)
 
-    def table(self, start_rotation: Matrix) -> Matrix:
-        """One row a segment (`WIDTH`) of its numbers, with R_0 of a tool at first turned so and with its seconds."""
+    def table(self, start_rotation: ArrayLike) -> Matrix:
+        """One row a segment (`WIDTH`) of its numbers, with R_0 of a tool at first turned so and with its seconds.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: the rotation at the start is no matrix (3, 3).
+        """
         rows = self._rows.copy()
-        rows[:, 31:40] = (self._bases @ start_rotation).reshape(-1, 9)
+        rows[:, 31:40] = (self._bases @ finite("the rotation at the start", start_rotation, (3, 3))).reshape(-1, 9)
         rows[:, 40] = self._durations
         return rows
 
@@ -203,11 +206,16 @@ class Path(Value):
             raise ArgumentError("t", worst, f"the path lasts from 0 to {self.duration:.9g} s")
         t = np.clip(t, 0.0, self.duration)
         index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.segments) - 1)
-        return self.on(index, (t - self._starts[index]) / self._durations[index])
+        return self._on(index, (t - self._starts[index]) / self._durations[index])
 
-    @typed
-    def on(self, index: Indices, u: Vector) -> Samples:
-        """The path on the segments index (k,) at their parameter u (k,) in [0, 1]."""
+    def on(self, index: ArrayLike, u: ArrayLike) -> Samples:
+        """The path on the segments index (k,) at their parameter u (k,) in [0, 1].
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: no such segments, or no such parameters.
+        """
+        return self._on(*_on_segments(index, u, len(self.segments)))
+
+    def _on(self, index: Indices, u: Vector) -> Samples:
         k, rows = len(u), self._rows[index]
         seconds = self._durations[index][:, None]
         slope, phi, w = derivatives(rows, u)
@@ -240,15 +248,7 @@ class Path(Value):
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
         counts = self.counts(samples)
-        return self.locate(counts, np.arange(counts.sum()))
-
-    @staticmethod
-    def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
-        """(segment, u_start, u_stop), each (k,), of some steps (k,), where the segments have counts of them."""
-        ends = np.cumsum(counts)
-        segment = np.searchsorted(ends, step, side="right")
-        within, total = step - (ends - counts)[segment], counts[segment]
-        return segment, within / total, (within + 1) / total
+        return locate(counts, np.arange(counts.sum()))
 
     @typed
     def part(self, start: float, stop: float) -> Path:
@@ -308,6 +308,26 @@ class Path(Value):
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
         """The same curve at another speed [m/s], and angular speed [rad/s]."""
         return replace(self, speed=speed, angular_speed=self.angular_speed if angular_speed is None else angular_speed)
+
+
+def _on_segments(index: ArrayLike, u: ArrayLike, count: int) -> tuple[Indices, Vector]:
+    """Some of so many segments (k,), and the parameters (k,) on them. Raises: ShapeError, ArgumentError."""
+    chosen, at = numbers("the segments", index), finite("u", u, ("k",))
+    if chosen.shape != at.shape:
+        raise ShapeError("the segments", at.shape, chosen.shape, "give one for each u")
+    if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
+        raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
+    if not np.abs(at - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
+        raise ArgumentError("u", at.tolist(), "give numbers from 0 to 1")
+    return chosen.astype(np.intp), at
+
+
+def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
+    """(segment, u_start, u_stop), each (k,), of some steps (k,), where the segments have counts of them."""
+    ends = np.cumsum(counts)
+    segment = np.searchsorted(ends, step, side="right")
+    within, total = step - (ends - counts)[segment], counts[segment]
+    return segment, within / total, (within + 1) / total
 
 
 def corners_of(path: Any, k: int) -> tuple[int, ...]:

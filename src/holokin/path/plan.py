@@ -10,8 +10,9 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import ArgumentError, StartError
-from ..tasks.task import Task
-from .path import Samples
+from ..path import Samples, locate
+from ..robot import doubtful_unit
+from ..tasks.task import Task, check_representation
 from .straight_path import rotation_vector
 from .synchronized_paths import AnyPath, paths_of
 
@@ -146,7 +147,7 @@ class Plan:
         return {}
 
     def _locate(self, step: Indices) -> tuple[Indices, Vector, Vector]:
-        return self.path.locate(self.counts, step)
+        return locate(self.counts, step)
 
     def rates_at_ends(self) -> Matrix:
         """x' (steps + 1, m) at the start and at the end of each step. Raises: SingularityError."""
@@ -160,7 +161,7 @@ class Plan:
         return rates
 
     def _check(self, margin: float) -> None:
-        self.task.check_representation(np.full(self.task.n, np.nan), margin)
+        check_representation(self.task, np.full(self.task.n, np.nan), margin)
 
     @cached_property
     def _grid(self) -> tuple[Indices, Vector, Vector]:
@@ -195,6 +196,11 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     return plan
 
 
+def doubtful_target(task: Task, position: Array) -> str:
+    """What to say of target positions (..., 3F) that are all too far away to be in metres; empty of others."""
+    return doubtful_unit(task.robot, position.reshape(-1, 3), task.tip) if task.spatial else ""
+
+
 def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
     """Raises: StartError unless the tool at a posture is at the start (p, R) of a path, in all rows of its task."""
     off = float(np.abs(task.error(q, p, R)).max())
@@ -202,4 +208,4 @@ def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
         here, tools = task.place(q)
         gaps = R.reshape(-1, 3, 3) @ np.swapaxes(tools.reshape(-1, 3, 3), 1, 2)
         angle = float(np.linalg.norm(rotation_vector(gaps), axis=-1).max())
-        raise StartError(off, here, p, task.doubtful_unit(p), angle)
+        raise StartError(off, here, p, doubtful_target(task, p), angle)

@@ -49,9 +49,12 @@ class SynchronizedPaths(Value):
         """Time for one run [s]."""
         return self.paths[0].duration
 
-    def table(self, start_rotation: Matrix) -> Matrix:
-        """The rows of `Path.table` of all segments of the first frame, then of the next one's."""
-        starts = start_rotation.reshape(-1, 3, 3)
+    def table(self, start_rotation: ArrayLike) -> Matrix:
+        """The rows of `Path.table` of all segments of the first frame, then of the next one's.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: the rotations at the start are no matrix (3F, 3).
+        """
+        starts = finite("the rotations at the start", start_rotation, (3 * len(self.paths), 3)).reshape(-1, 3, 3)
         return np.vstack([path.table(start) for path, start in zip(self.paths, starts, strict=True)])
 
     @property
@@ -103,8 +106,11 @@ class SynchronizedPaths(Value):
         """
         return _beside([path.at(t) for path in self.paths])
 
-    def on(self, index: Indices, u: Vector) -> Samples:
-        """All frames on the segments index (k,) at their parameter u (k,) in [0, 1]."""
+    def on(self, index: ArrayLike, u: ArrayLike) -> Samples:
+        """All frames on the segments index (k,) at their parameter u (k,) in [0, 1].
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: no such segments, or no such parameters.
+        """
         return _beside([path.on(index, u) for path in self.paths])
 
     @property
@@ -115,8 +121,6 @@ class SynchronizedPaths(Value):
     def counts(self, samples: int) -> Indices:
         """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
         return self.paths[0].counts(samples)
-
-    locate = staticmethod(Path.locate)
 
     @typed
     def part(self, start: float, stop: float) -> SynchronizedPaths:

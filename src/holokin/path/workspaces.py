@@ -73,13 +73,27 @@ class Solid(Value, ABC):
     def half(self) -> Vector:
         """Half sides (3,) of the box round it [m]."""
 
-    @abstractmethod
-    def points(self, u: Matrix) -> Matrix:
-        """Positions (k, 3) of points u (k, 3) of the unit cube; even points give even positions."""
+    def points(self, u: ArrayLike) -> Matrix:
+        """Positions (k, 3) of points u (k, 3) of the unit cube; even points give even positions.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: they are not points of the cube.
+        """
+        inside = finite("points of the unit cube", u, ("k", 3))
+        if inside.size and not (inside.min() >= 0 and inside.max() <= 1):
+            raise ArgumentError("points of the unit cube", inside.tolist(), "give numbers from 0 to 1")
+        return self._points(inside)
+
+    def contains(self, points: ArrayLike) -> Flags:
+        """Which of the positions (k, 3) belong to it. Raises: ShapeError, NotFiniteError, ArgumentError."""
+        return self._contains(finite("the positions", points, ("k", 3)))
 
     @abstractmethod
-    def contains(self, points: Matrix) -> Flags:
-        """Which of the positions (k, 3) belong to it."""
+    def _points(self, u: Matrix) -> Matrix:
+        """As `points`, unchecked."""
+
+    @abstractmethod
+    def _contains(self, points: Matrix) -> Flags:
+        """As `contains`, unchecked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +107,11 @@ class Box(Solid):
         """Half sides (3,) [m]."""
         return self.sides
 
-    def points(self, u: Matrix) -> Matrix:
+    def _points(self, u: Matrix) -> Matrix:
         """Positions (k, 3) of points u (k, 3) of the unit cube."""
         return self.center + (2 * u - 1) * self.sides
 
-    def contains(self, points: Matrix) -> Flags:
+    def _contains(self, points: Matrix) -> Flags:
         """Which of the positions (k, 3) belong to it."""
         return np.all(np.abs(points - self.center) <= self.sides * (1 + 1e-12), axis=1)
 
@@ -117,12 +131,12 @@ class Cylinder(Solid):
         """Half sides (3,) of the box round it [m]."""
         return np.array([self.radius, self.radius, self.height])
 
-    def points(self, u: Matrix) -> Matrix:
+    def _points(self, u: Matrix) -> Matrix:
         """Positions (k, 3) of points u (k, 3) of the unit cube; the area grows as the radius squared."""
         r, angle = self.radius * np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
         return self.center + np.column_stack([r * np.cos(angle), r * np.sin(angle), (2 * u[:, 2] - 1) * self.height])
 
-    def contains(self, points: Matrix) -> Flags:
+    def _contains(self, points: Matrix) -> Flags:
         """Which of the positions (k, 3) belong to it."""
         away = points - self.center
         near = np.hypot(away[:, 0], away[:, 1]) <= self.radius * (1 + 1e-12)
@@ -143,11 +157,11 @@ class Sphere(Solid):
         """Half sides (3,) of the box round it [m]."""
         return np.full(3, self.radius)
 
-    def points(self, u: Matrix) -> Matrix:
+    def _points(self, u: Matrix) -> Matrix:
         """Positions (k, 3) of points u (k, 3) of the unit cube; the volume grows as the radius cubed."""
         return self.center + self.radius * np.cbrt(u[:, :1]) * _directions(1 - 2 * u[:, 1], 2 * np.pi * u[:, 2])
 
-    def contains(self, points: Matrix) -> Flags:
+    def _contains(self, points: Matrix) -> Flags:
         """Which of the positions (k, 3) belong to it."""
         return np.linalg.norm(points - self.center, axis=1) <= self.radius * (1 + 1e-12)
 
@@ -212,10 +226,11 @@ class PoseRange(Workspace):
         poses[:, :3, :3] = self.rotation @ (leaning * turning).as_matrix()
         return poses
 
-    def at(self, positions: Matrix) -> Array:
-        """Poses (k, 4, 4) at positions (k, 3), all with the middle rotation."""
-        poses = np.tile(np.eye(4), (len(positions), 1, 1))
-        poses[:, :3, 3], poses[:, :3, :3] = positions, self.rotation
+    def at(self, positions: ArrayLike) -> Array:
+        """Poses (k, 4, 4) at positions (k, 3), all with the middle rotation. Raises: ShapeError, NotFiniteError."""
+        points = finite("the positions", positions, ("k", 3))
+        poses = np.tile(np.eye(4), (len(points), 1, 1))
+        poses[:, :3, 3], poses[:, :3, :3] = points, self.rotation
         return poses
 
     def __str__(self) -> str:

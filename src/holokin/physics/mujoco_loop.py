@@ -111,6 +111,7 @@ def play(
     of_one_tool(task, "play")
     start = task.robot.checked(q0, "the start posture")
     dt, noise = positive("dt", dt, "give a positive step in seconds"), not_negative("noise", noise)
+    rng = np.random.default_rng(whole("seed", seed, 0))
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"playing {cycles} cycles", path.gap)
     drive = servo_of(weighed(task.robot, density), servo, start) if isinstance(servo, str) else servo
@@ -124,9 +125,10 @@ def play(
     law = controller(strategy, dt=dt, start=start, gain=K, constraint_gain=K)
     plant = make_plant(task.robot, drive, dt=dt, density=density)
     pushed = -1 if push is None else _pushed(plant, push)
-    return _Loop(strategy, law, plant, plan, told, noise, push, pushed, np.random.default_rng(seed)).go(start, cycles)
+    return _Loop(strategy, law, plant, plan, told, noise, push, pushed, rng).go(start, cycles)
 
 
+@typed
 def cycle_time(path: Path) -> float:
     """How long a cycle of a path takes in `play` [s]: the path's own time, the ramps at its ends, and the rest."""
     return path.duration + min(RAMP, path.duration) + REST

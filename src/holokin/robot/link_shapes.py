@@ -11,7 +11,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..base.types import Array, Indices, Matrix, Value, Vector, finite, not_negative, positive
+from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, not_negative, positive
 from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
 
 FLAT = 1e-4
@@ -35,17 +35,24 @@ class Shape(Value, ABC):
     def ball(self) -> tuple[Vector, float]:
         """Center (3,) [m] and radius [m] of a ball that holds the shape."""
 
+    def support(self, directions: ArrayLike) -> Vector:
+        """The largest d . x over the points x of the shape (k,), for directions d (k, 3) of length 1.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError: no directions. RobotFileError: a mesh that cannot be read.
+        """
+        return self._support(finite("the directions", directions, ("k", 3)))
+
     @abstractmethod
-    def support(self, directions: Matrix) -> Vector:
-        """The largest d . x over the points x of the shape (k,), for directions d (k, 3) of length 1."""
+    def _support(self, directions: Matrix) -> Vector:
+        """The same, unchecked."""
 
     @cached_property
     def solid(self) -> Any:
         """The same as a shape of coal. Raises: MissingExtraError; RobotFileError for a mesh that cannot be read."""
-        return self.made_by(coal_package())
+        return self._made_by(coal_package())
 
     @abstractmethod
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """The same as a shape of the module coal."""
 
     @property
@@ -78,11 +85,11 @@ class Box(Shape):
         """About the origin."""
         return np.zeros(3), float(np.linalg.norm(self.sides) / 2)
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """Half the sum of |d_i| side_i."""
         return np.abs(directions) @ self.sides / 2
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """A coal.Box."""
         return coal.Box(*map(float, self.sides))
 
@@ -104,11 +111,11 @@ class Capsule(Shape):
         """About the origin."""
         return np.zeros(3), self.radius + self.length / 2
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """|d_z| length / 2 + radius."""
         return np.abs(directions[:, 2]) * self.length / 2 + self.radius
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """A coal.Capsule."""
         return coal.Capsule(float(self.radius), float(self.length))
 
@@ -130,11 +137,11 @@ class Cylinder(Shape):
         """About the origin."""
         return np.zeros(3), float(np.hypot(self.radius, self.length / 2))
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """|d_z| length / 2 + |d_xy| radius."""
         return np.abs(directions[:, 2]) * self.length / 2 + np.linalg.norm(directions[:, :2], axis=1) * self.radius
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """A coal.Cylinder."""
         return coal.Cylinder(float(self.radius), float(self.length))
 
@@ -158,11 +165,11 @@ class Ellipsoid(Shape):
         """About the origin."""
         return np.zeros(3), float(self.radii.max())
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """|(d_i radius_i)|."""
         return np.linalg.norm(directions * self.radii, axis=1)
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """A coal.Ellipsoid."""
         return coal.Ellipsoid(*map(float, self.radii))
 
@@ -213,11 +220,11 @@ class Hull(Shape):
         center = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """The largest over the corners."""
         return (directions @ self.corners.T).max(axis=1)
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """A coal.Convex."""
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         for corner in self.corners:
@@ -276,13 +283,13 @@ class Mesh(Shape):
         """Of the hull."""
         return self.hull.ball
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """Of the hull."""
-        return self.hull.support(directions)
+        return self.hull._support(directions)
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """Of the hull."""
-        return self.hull.made_by(coal)
+        return self.hull._made_by(coal)
 
     @property
     def fault(self) -> str:
@@ -307,11 +314,11 @@ class Unread(Shape):
         """Raises: RobotFileError."""
         raise self._problem()
 
-    def support(self, directions: Matrix) -> Vector:
+    def _support(self, directions: Matrix) -> Vector:
         """Raises: RobotFileError."""
         raise self._problem()
 
-    def made_by(self, coal: Any) -> Any:
+    def _made_by(self, coal: Any) -> Any:
         """Raises: RobotFileError."""
         raise self._problem()
 

@@ -25,6 +25,9 @@ DENSITY = 1000.0
 """Of capsules that stand for links [kg/m^3]: that of water. A Panda with its hand is 21 kg of it, the real
 one weighs 18 kg."""
 
+DENSEST = 1e6
+"""Forty times the density of osmium, the densest of all solids [kg/m^3]: what is beyond was given in another unit."""
+
 
 def size(part: LinkShape) -> tuple[float, float]:
     """(radius, length) of a capsule [m]. Raises: ArgumentError: another shape."""
@@ -85,9 +88,10 @@ def weighed(robot: Robot, density: float = DENSITY) -> Robot:
         density: of the capsules [kg/m^3].
 
     Raises:
-        ArgumentError: a density that is not positive.
+        ArgumentError: a density that is not positive, or that no solid has.
     """
-    density = positive("density", density)
+    if positive("density", density) > DENSEST:
+        raise ArgumentError("density", density, f"give at most {DENSEST:g} kg/m^3: steel has 7850")
     if knows_masses(robot):
         return robot
     return replace(robot, bodies=tuple(solid(part, density) for part in drawn_links(robot)))

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, frozen, number, numbers
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, number, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
-from ..symbolic import SX, Evaluator, Function, cross, densify, horzcat, symbol, vertcat
+from ..symbolic import SX, Evaluator, Function, check_length, cross, densify, horzcat, symbol, vertcat
 from ..symbolic.rotations import rotation_about
 from .link_shapes import LinkShape
 from .visuals import Visual
@@ -210,14 +210,15 @@ class Robot(Value):
 
     @typed
     def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
-        """The same for any frame (4, 4) on a joint's moving side."""
+        """The same for any frame (4, 4) on a joint's moving side. Raises: ShapeError, NotFiniteError, ArgumentError."""
         frames = self._frames(q)
-        p, R = _compose(frames, joint, placement)
+        p, R = _compose(frames, joint, finite("a placement", placement, (4, 4)))
         J = SX.zeros(6, self.n)
         for coordinate, gain, v, w in self._columns(frames, joint, p):
             J[:, coordinate] = J[:, coordinate] + gain * vertcat(v, w)
         return Kinematics(p, R, densify(J), self._origins(frames))
 
+    @typed
     def origins(self, q: SX) -> dict[str, SX]:
         """The origin (3,) of every joint's frame, by the joint's name, as expressions."""
         return self._origins(self._frames(q))
@@ -225,10 +226,10 @@ class Robot(Value):
     def _origins(self, frames: list[tuple[SX, SX]]) -> dict[str, SX]:
         return {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
 
+    @typed
     def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
-        chosen = self.tip(tip)
-        frames = self._frames(q)
+        chosen, frames = self.tip(tip), self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
     def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
@@ -272,8 +273,7 @@ class Robot(Value):
         """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
         if not self.tips:
             return []
-        origins = self._skeleton(self.checked(q)).reshape(-1, 3)
-        lines = []
+        origins, lines = self._skeleton(self.checked(q)).reshape(-1, 3), []
         for tip in self.tips:
             index, points = tip.joint, [self.pose(q, tip.name)[:3, 3]]
             while index >= 0:
@@ -321,18 +321,18 @@ class Robot(Value):
         if not self.tips:
             raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
 
+    @typed
     def tip(self, name: str | None = None) -> Tip:
         """A tip by name, by default the first. Raises: UnknownNameError, ArgumentError: these are `coordinates`."""
         self.check_links()
-        if name is None:
-            return self.tips[0]
         for tip in self.tips:
-            if tip.name == name:
+            if name in (None, tip.name):
                 return tip
-        raise UnknownNameError("tip", name, [tip.name for tip in self.tips])
+        raise UnknownNameError("tip", str(name), [tip.name for tip in self.tips])
 
     def _frames(self, q: SX) -> list[tuple[SX, SX]]:
-        """(origin, rotation) of every joint's moving frame, in the base frame."""
+        """(origin, rotation) of every joint's moving frame, in the base frame. Raises: ShapeError."""
+        check_length("q", q, self.n)
         frames: list[tuple[SX, SX]] = []
         for joint in self.joints:
             p, R = _compose(frames, joint.parent, joint.placement)

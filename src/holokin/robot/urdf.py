@@ -63,7 +63,7 @@ def from_yourdfpy(
     Raises:
         ArgumentError: it is none. RobotFileError, UnknownNameError.
     """
-    if not hasattr(getattr(urdf, "robot", None), "joints"):
+    if not all(hasattr(getattr(urdf, "robot", None), part) for part in ("name", "links", "joints")):
         raise ArgumentError("urdf", urdf, "give a yourdfpy.URDF, as yourdfpy.URDF.load(file) makes it")
     handler = getattr(urdf, "_filename_handler", None)  # what it finds its own meshes with
 

@@ -11,31 +11,31 @@ from .jumps import jumps_of as jumps_of
 from .jumps import may_jump as may_jump
 from .physical import check_exact as check_exact
 from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
-from .plane_expressions import Brackets, Expressions, FrameExpressions, RowExpressions
+from .plane_expressions import Brackets as Brackets
+from .plane_expressions import Expressions as Expressions
+from .plane_expressions import FrameExpressions as FrameExpressions
+from .plane_expressions import RowExpressions as RowExpressions
 from .polynomial import fitted
 from .radial_strategy import radial
 from .right_inverses import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted
-from .self_motions import SelfMotion, SelfMotions, self_motion
+from .self_motions import SelfMotion, self_motion
+from .self_motions import SelfMotions as SelfMotions
 from .self_motions import correction as correction
 from .self_motions import unit_null as unit_null
 from .strategy import Field, Strategy
 from .strategy import check_regular as check_regular
+from .strategy import check_solved as check_solved
 from .strategy import checked_rate as checked_rate
 from .strategy_kinds import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy
 
 __all__ = [
-    "Brackets",
-    "Expressions",
     "Field",
-    "FrameExpressions",
     "FrameStrategy",
     "HolonomicStrategy",
     "Jump",
     "KernelStrategy",
-    "RowExpressions",
     "RowStrategy",
     "SelfMotion",
-    "SelfMotions",
     "Strategy",
     "coupled_twist",
     "fitted",

@@ -74,7 +74,7 @@ class Strategy(Made, Value, ABC):
             bad = ~((rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation))
             if bad.any():
                 i = int(np.argmax(bad))
-                self.check(self.task.robot.checked(Q[first + i], f"posture {first + i}"), rcond[i], margin[i])
+                check_solved(self, self.task.robot.checked(Q[first + i], f"posture {first + i}"), rcond[i], margin[i])
             broken = ~np.isfinite(G[first:last]).all(axis=(1, 2))
             if broken.any():
                 i = first + int(np.argmax(broken))
@@ -94,8 +94,8 @@ class Strategy(Made, Value, ABC):
         H = self.H(q)
         return H @ H.T
 
-    def check(self, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular) -> None:
-        """Raises: SingularityError, of which kind it says, unless rcond > least and margin (as of `gain`) suffices."""
+    def _check(self, q: Vector, rcond: float, margin: float, least: float) -> None:
+        """As `check_solved`, which calls it."""
         if margin > TOLERANCES.representation and not rcond > TOLERANCES.singular:
             self._check_finite(q)
         check_regular(self.task, self.name, q, rcond, margin, least)
@@ -162,7 +162,7 @@ class Strategy(Made, Value, ABC):
         return self.gain.checked(shape, self.task.robot.checked, self._doubtful_gain, bounds)
 
     def _doubtful_gain(self, q: Vector, G: Matrix, rcond: float, margin: float) -> Matrix:
-        self.check(self.task.robot.checked(q), rcond, margin)
+        check_solved(self, self.task.robot.checked(q), rcond, margin)
         if not np.isfinite(G).all():
             self._check_finite(q)
             raise NotFiniteError(f"G of {self.name!r} at q = {q.tolist()}", G.tolist(), FORMULA)
@@ -175,6 +175,13 @@ class Strategy(Made, Value, ABC):
         values = np.asarray(self._planes(q))
         if margin[0] > TOLERANCES.representation and s[-1] > TOLERANCES.rank * s[0] and not np.isfinite(values).all():
             raise NotFiniteError(f"what defines {self.name!r} at q = {q.tolist()}", values.tolist(), FORMULA)
+
+
+def check_solved(
+    strategy: Strategy, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular
+) -> None:
+    """Raises: SingularityError, of which kind it says, unless rcond > least and margin (as of `gain`) suffices."""
+    strategy._check(q, rcond, margin, least)
 
 
 def check_regular(
@@ -197,7 +204,7 @@ def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
 
     def rate(q: Vector, dx: Vector) -> Vector:
         dq, rcond, margin = strategy.rate(q, dx)
-        strategy.check(q, rcond, margin)
+        check_solved(strategy, q, rcond, margin)
         return dq
 
     return rate

@@ -9,6 +9,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector
 from ..constraints import Constraint
@@ -130,14 +131,14 @@ class HolonomicStrategy(KernelStrategy):
             margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
         return margin
 
-    def check(self, q: Vector, rcond: float, margin: float, least: float = TOLERANCES.singular) -> None:
-        """Raises: SingularityError, of which kind it says, and where a constraint that names its places is singular."""
+    def _check(self, q: Vector, rcond: float, margin: float, least: float) -> None:
+        """Says of a constraint that names its places, too, where it is singular."""
         if not margin > TOLERANCES.representation and self.constraint.places:
             for (place, _), distance in zip(self.constraint.places, np.ravel(self._places(q)).tolist(), strict=True):
                 if not distance > TOLERANCES.representation:
                     what = f"{self.name} ({self.task.name}), {place},"
                     raise SingularityError(SingularityKind.REPRESENTATION, q, what, distance)
-        super().check(q, rcond, margin, least)
+        super()._check(q, rcond, margin, least)
 
     @cached_property
     def _places(self) -> Function:
@@ -157,6 +158,7 @@ class HolonomicStrategy(KernelStrategy):
         s = self.looped
         return Function("constraint", {"q": s.expressions.q}, {"g": s.constraint_expression}, None, s.transport)
 
+    @typed
     def leaf_gap(self, c: SX) -> SX:
         """c - g(q) (r,) as an expression, its angles in (-pi, pi]."""
         return self.constraint.nearest(c - self.constraint_expression)

@@ -31,6 +31,7 @@ from casadi import (
 from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
 from .enclosure import Enclosure, short
 from .expression import as_expression, as_map, parse, symbol, written
+from .expression import check_length as check_length
 from .function import Evaluator, Function
 from .integrate import Transport, runge_kutta, transport
 from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from ..errors import ArgumentError
+
 
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:
-    """d expression / d q; (k,), (n,) -> (k, n). A matrix is taken column by column."""
+    """d expression / d q; (k,), (n,) -> (k, n). A matrix is taken column by column. Raises: ArgumentError."""
+    if not q.is_valid_input():
+        raise ArgumentError("what to differentiate by", q, "give a symbol of casadi, as casadi.SX.sym('q', n)")
     return ca.densify(ca.jacobian(ca.vec(expression), q))
 
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..base.types import number
-from ..errors import ArgumentError, ExpressionError, brief, closest
+from ..errors import ArgumentError, ExpressionError, ShapeError, brief, closest
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -33,6 +33,12 @@ _CURE = "use numbers, + - * / **, pi, the joints' names or q1, q2, ..., and " + 
 def symbol(name: str, rows: int, columns: int = 1) -> ca.SX:
     """A fresh symbol of the given shape."""
     return ca.SX.sym(name, rows, columns)
+
+
+def check_length(what: str, expression: ca.SX, entries: int) -> None:
+    """Raises: ShapeError unless an expression has so many entries."""
+    if expression.numel() != entries:
+        raise ShapeError(what, (entries,), expression.shape)
 
 
 def as_expression(value: Any) -> ca.SX:

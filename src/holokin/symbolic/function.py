@@ -6,6 +6,7 @@ expression in place on NumPy memory in about 2 us, so everything here goes throu
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -20,7 +21,7 @@ from ..codegen.native_library import enabled, tell
 from ..codegen.program import Port, program
 from ..codegen.source import body
 from ..codegen.transport import Transport
-from ..errors import NativeError, ShapeError
+from ..errors import ExpressionError, NativeError, ShapeError
 from .linear import System
 
 NATIVE_FROM = 50_000
@@ -42,6 +43,7 @@ class Function:
 
     Raises:
         ShapeError: an argument of the wrong shape, or the wrong number of arguments.
+        ExpressionError: an output holds a symbol that is no input.
     """
 
     def __init__(
@@ -55,7 +57,14 @@ class Function:
         self.name = name
         self.input_shapes = {key: _shape(symbol) for key, symbol in inputs.items()}
         self.output_shapes = {key: _shape(value) for key, value in outputs.items()}
-        self.program = program(name, inputs, outputs, system, transport)
+        try:
+            self.program = program(name, inputs, outputs, system, transport)
+        except RuntimeError as problem:
+            free = re.search(r"variables \[(.*?)\] are free", str(problem))
+            if free is None:
+                raise
+            fact = f"it holds symbols that are not its arguments: {free[1]}"
+            raise ExpressionError(name, fact, "write it of the arguments of your function alone") from None
         self._shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
         self._port = Port(self.program, *self._shapes)
         self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it

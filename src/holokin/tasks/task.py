@@ -13,12 +13,12 @@ from typing import Self
 
 import numpy as np
 
-from ..base.arguments import check, typed
+from ..base.arguments import check, type_methods, typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
-from ..errors import ArgumentError, SingularityError, SingularityKind, UnknownNameError, shown
-from ..robot import Kinematics, Robot, doubtful_unit
-from ..symbolic import SX, Evaluator, Function, jacobian, symbol, vertcat
+from ..errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
+from ..robot import Kinematics, Robot
+from ..symbolic import SX, Evaluator, Function, check_length, jacobian, symbol, vertcat
 from ..symbolic.null_space import minors, null_space
 from .frames import poses_expression
 
@@ -40,6 +40,7 @@ class Task(Value, ABC):
         if cls.__module__ != f"{__package__}.task_kinds":
             cure = "tasks are final: use hk.pose, hk.custom_task, ..., and a constraint for a quantity of your own"
             raise ArgumentError("a subclass of Task", cls.__name__, cure)
+        type_methods(cls)
 
     def __repr__(self) -> str:
         return f"Task({self.name}, m={self.m}, n={self.n})"
@@ -101,10 +102,6 @@ class Task(Value, ABC):
     @abstractmethod
     def spatial(self) -> bool:
         """True when its targets are places of tools in metres."""
-
-    def doubtful_unit(self, position: Array) -> str:
-        """What to say of target positions (..., 3F) that are all too far away to be in metres; empty of others."""
-        return doubtful_unit(self.robot, position.reshape(-1, 3), self.tip) if self.spatial else ""
 
     @property
     @abstractmethod
@@ -225,10 +222,12 @@ class Task(Value, ABC):
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
         return self.target(self.pose(q))
 
-    @typed
-    def target(self, pose: Array) -> tuple[Vector, Matrix]:
-        """Positions (3F,) and rotations (3F, 3) of a pose (4, 4), or of one for each frame (F, 4, 4), unchecked."""
-        p, R = targets_of(pose.reshape(1, self.frames, 4, 4))
+    def target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
+        """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
+        shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), numbers("a pose", pose)
+        if given.shape != shape:
+            raise ShapeError("a pose", shape, given.shape)
+        p, R = targets_of(given.reshape(1, self.frames, 4, 4))
         return p[0], R[0]
 
     def value_batch(self, Q: Matrix) -> Matrix:
@@ -245,17 +244,11 @@ class Task(Value, ABC):
     def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
         """x' of tools turned by R (k, 3F, 3) that move with v (k, 3F), w (k, 3F) -> (k, m), unchecked.
 
-        And the margins (k,) of the representation, for `check_representation`. Raises: ShapeError.
+        And the margins (k,) of the representation. Raises: ShapeError.
         """
-        out, margins = self._rates.batch(
-            finite("the rotations", rotation, ("k", 3 * self.frames, 3)), velocity, angular
-        )
+        R = finite("the rotations", rotation, ("k", 3 * self.frames, 3))
+        out, margins = self._rates.batch(R, velocity, angular)
         return out.reshape(-1, self.m), margins
-
-    def check_representation(self, q: Vector, margin: float) -> None:
-        """Raises: SingularityError when the margin of the representation is used up."""
-        if not margin > TOLERANCES.representation:
-            raise SingularityError(SingularityKind.REPRESENTATION, q, self.name, margin)
 
     # --- expressions -----------------------------------------------------------------------------------------
 
@@ -296,6 +289,7 @@ class Task(Value, ABC):
     @typed
     def velocities(self, twist: SX) -> tuple[SX, SX]:
         """v (3F,) and w (3F,) of twists, one after the other (6F,)."""
+        check_length("twist", twist, 6 * self.frames)
         each = range(0, 6 * self.frames, 6)
         return vertcat(*(twist[i : i + 3] for i in each)), vertcat(*(twist[i + 3 : i + 6] for i in each))
 
@@ -343,7 +337,7 @@ class Task(Value, ABC):
 
     def _doubtful(self, q: Vector, found: Array, margin: float = np.inf) -> Array:
         """What was found at q, unless q is not finite or the representation is singular there."""
-        self.check_representation(self.robot.checked(q), margin)
+        check_representation(self, self.robot.checked(q), margin)
         return found
 
     @cached_property
@@ -368,6 +362,12 @@ class Task(Value, ABC):
         R, v, w = self.target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
         outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def check_representation(task: Task, q: Vector, margin: float) -> None:
+    """Raises: SingularityError when the margin of the representation is used up."""
+    if not margin > TOLERANCES.representation:
+        raise SingularityError(SingularityKind.REPRESENTATION, q, task.name, margin)
 
 
 def of_one_tool(task: Task, what: str) -> None:

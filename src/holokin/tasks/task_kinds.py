@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.types import Matrix, Vector, finite
-from ..errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
+from ..errors import ArgumentError, ShapeError, TaskTooLargeError, UnknownNameError, shown
 from ..robot import Kinematics, Robot
 from ..symbolic import SX, fmin, jacobian, vertcat
 from .frames import Frame, TipFrame
@@ -151,24 +151,20 @@ class FrameTask(Task):
         """With another reference (3, 3), where there is such a one."""
         return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
-    @typed
     def kinematics(self, q: SX) -> Kinematics:
         """The expressions of the frame."""
         return self.frame.kinematics(self.robot, q)
 
-    @typed
     def value_expression(self, k: Kinematics) -> SX:
         """x = f(q) as an expression (m,)."""
         return self._select(vertcat(k.position, self.representation.value(k.rotation)))  # (1)
 
-    @typed
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
         if self.geometric:
             return self._select(k.jacobian)  # (2)
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
-    @typed
     def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
         return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
@@ -295,12 +291,12 @@ class StackedTask(Task):
 
     def chart(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
-        each = rotations.reshape(-1, 3, 3)
+        each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
         return replace(self, parts=tuple(part.chart(R) for part, R in zip(self.parts, each, strict=True)))
 
     def counted_from(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
-        each = rotations.reshape(-1, 3, 3)
+        each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
         return replace(self, parts=tuple(part.counted_from(R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
@@ -350,7 +346,9 @@ class StackedTask(Task):
 
 
 def _three(rows: SX, f: int) -> SX:
-    """What belongs to frame f of what has three rows a frame."""
+    """What belongs to frame f of what has three rows a frame. Raises: ShapeError."""
+    if rows.shape[0] < 3 * f + 3:
+        raise ShapeError("an expression of several frames", ("3F", rows.shape[1]), rows.shape)
     return rows[3 * f : 3 * f + 3, :]
 
 
