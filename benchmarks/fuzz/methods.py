@@ -114,7 +114,8 @@ def _special() -> dict[str, dict[str, Any]]:
         "constraints.stack": {"constraints": (k["g"],)},
         "constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},
         "Coverage.count": {"status": hk.designing.PoseStatus.REACHED}, "robot.model_tips": {"path": "no.urdf"},
-        "Solutions.count": {"status": hk.inverse_kinematics.InverseStatus.REACHED}, "robot.model_links": {"path": "no.urdf"},
+        "Solutions.count": {"status": hk.inverse_kinematics.InverseStatus.REACHED},
+        "robot.model_links": {"path": "no.urdf"},
         "strategies.from_transport": {
             "task": hk.position(hk.load("ppr")), "K": lambda x, z: [x[0] - np.cos(z), x[1] - np.sin(z), z],
             "Phi": lambda x, z: z, "z": lambda q: q[2], "around": [0.1, 0.2, 0.3]},

@@ -30,7 +30,7 @@ from ..base.types import (
 from ..codegen import InverseKernel, engine, weak
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
-from ..motion.recorded_trajectory import doubtful_target
+from ..path.plan import doubtful_target
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from .leaf import (
