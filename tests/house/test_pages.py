@@ -21,7 +21,7 @@ RUN = sorted(
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
     if "```python" in page.read_text("utf-8")
 )
-LONG = ("docs/edge.md", "docs/workspaces.md")
+LONG = ("docs/inverse.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
