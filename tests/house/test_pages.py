@@ -53,8 +53,6 @@ GUIDE = re.findall(
     (ROOT / "mkdocs.yml").read_text("utf-8").partition("  - Guide:\n")[2].partition("  - Gallery:\n")[0],
     re.MULTILINE,
 )
-REFERENCES = ("jobs.md",)
-"""Pages to look things up in, which hold every key: longer than a page to read."""
 PROMISE = re.compile(
     r"same (?:tool )?pose,? (?:has )?the same joints|(?<!where the )pose decides the joints"
     r"|joints[^.|]{0,40} functions? of the|one (?:smooth )?function of the pose"
@@ -75,7 +73,7 @@ def test_a_page_of_the_guide_says_at_once_for_whom_it_is_and_ends_before_its_rea
     lines = (ROOT / "docs" / page).read_text("utf-8").splitlines()
     said = " ".join(lines[2:5])
     assert lines[0].startswith("# ") and said.startswith("For anyone") and re.search(r"\bYou (get|take|keep)\b", said)
-    assert len(lines) <= 400 or page in REFERENCES
+    assert len(lines) <= 400
 
 
 def test_the_readme_is_short_and_has_one_table() -> None:
