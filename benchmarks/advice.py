@@ -1,6 +1,6 @@
 """The advice on five arms that it has not seen before: time, the best law, and how near it is to the least joint speed.
 
-python -m benchmarks.advice [--quick] [--only NAME]: prints the table of docs/advise.md. Each arm gets the workspace
+python -m benchmarks.advice [--quick] [--only NAME]: prints the table of docs/workspaces.md. Each arm gets the workspace
 that is proposed for it, a box round the tool with moderate turns.
 """
 

@@ -289,7 +289,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         "- It is good where that does not matter: nothing to choose but a posture, joint speed",
         f"  {span(posture, 'effort', '.3f')} times the least, no singularities of its own,",
         "  any number of redundant joints.",
-        "- A holonomic law's joints are a function of the pose: two ways agree to",
+        "- On these paths a holonomic law's joints are a function of the pose: two ways agree to",
         f"  {span(holonomic, 'ways')} rad, a later cycle drifts {span(holonomic, 'later')} rad.",
         "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
         f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",

@@ -1,6 +1,6 @@
 """At the edge of reach: how fast the joints move when a hand leaves a Panda's reach and comes back elsewhere.
 
-    python -m benchmarks.edge            # prints the table of docs/edge.md; needs: pip install -e ".[rivals]"
+    python -m benchmarks.edge            # prints the table of docs/inverse.md; needs: pip install -e ".[rivals]"
 
 The hand goes out of reach along the tool's x axis, moves there by half a metre and comes back, at 0.5 m/s; each law is
 asked every millisecond for the pose of the hand. pink and mink run as in `benchmarks.speed`.

@@ -14,7 +14,7 @@ from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text("utf-8")
-RESULTS = (ROOT / "docs" / "results.md").read_text("utf-8")
+RESULTS = (ROOT / "docs" / "paper.md").read_text("utf-8")
 
 
 def names_in(file: Path) -> set[str]:

@@ -21,7 +21,7 @@ RUN = sorted(
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
     if "```python" in page.read_text("utf-8")
 )
-LONG = ("docs/edge.md", "docs/workspaces.md")
+LONG = ("docs/inverse.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
@@ -46,6 +46,51 @@ def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, m
             printed = capsys.readouterr().out
             if after == "text":
                 assert_alike(printed, below)
+
+
+GUIDE = re.findall(
+    r"^ {10}- .+: (\S+\.md)$",
+    (ROOT / "mkdocs.yml").read_text("utf-8").partition("  - Guide:\n")[2].partition("  - Gallery:\n")[0],
+    re.MULTILINE,
+)
+PROMISE = re.compile(
+    r"same (?:tool )?pose,? (?:has )?the same joints|(?<!where the )pose decides the joints"
+    r"|joints[^.|]{0,40} functions? of the|one (?:smooth )?function of the pose"
+)
+PLACE = re.compile(r"\bregion\b|\bbox\b|this circle|place on the path|must be a function")
+"""What a promise of the same joints must say: of which poses it holds."""
+
+
+def test_the_guide_has_at_most_fourteen_pages_in_five_groups() -> None:
+    assert 10 < len(GUIDE) <= 14 and len(set(GUIDE)) == len(GUIDE)
+    settings = (ROOT / "mkdocs.yml").read_text("utf-8")
+    guide = settings.partition("  - Guide:\n")[2].partition("  - Gallery:\n")[0]
+    assert re.findall(r"^ {6}- (\w+):$", guide, re.MULTILINE) == ["Start", "Choose", "Run", "Prove", "Connect"]
+
+
+@pytest.mark.parametrize("page", GUIDE)
+def test_a_page_of_the_guide_says_at_once_for_whom_it_is_and_ends_before_its_reader(page: str) -> None:
+    lines = (ROOT / "docs" / page).read_text("utf-8").splitlines()
+    said = " ".join(lines[2:5])
+    assert lines[0].startswith("# ") and said.startswith("For anyone") and re.search(r"\bYou (get|take|keep)\b", said)
+    assert len(lines) <= 400
+
+
+def test_the_readme_is_short_and_has_one_table() -> None:
+    lines = (ROOT / "README.md").read_text("utf-8").splitlines()
+    rows = [line for line in lines if line.startswith("|")]
+    assert len(lines) < 120
+    assert sum(line.startswith("|---") for line in rows) == 1 and len(rows) - 2 <= 10
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/limits.md", *(f"docs/{name}" for name in GUIDE)])
+def test_the_same_joints_are_promised_of_a_region_only(page: str) -> None:
+    """A leaf may have several postures of one pose, joined by a regular motion; curvature does not show it."""
+    parts = (ROOT / page).read_text("utf-8").split("\n\n")
+    promises = [part for part in parts if not part.startswith("#") and PROMISE.search(part)]
+    assert [part for part in promises if not PLACE.search(part)] == []
+    if page in ("README.md", "docs/index.md", "docs/limits.md", "docs/concepts.md", "docs/proof.md", "docs/inverse.md"):
+        assert promises and "certify" in " ".join(parts)
 
 
 def test_the_readmes_program_has_twelve_lines() -> None:

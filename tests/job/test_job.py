@@ -23,7 +23,7 @@ from holokin.output.job_result import METRICS, JobResult
 from holokin.output.job_table import number, print_result, row
 from sketches import sketches
 
-RESULTS = (Path(__file__).parents[2] / "docs" / "results.md").read_text("utf-8")
+RESULTS = (Path(__file__).parents[2] / "docs" / "paper.md").read_text("utf-8")
 
 
 @cache

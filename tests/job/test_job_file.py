@@ -187,11 +187,11 @@ def test_a_thorough_verdict_has_a_number_of_its_own(
 # --- the reference of the job file ----------------------------------------------------------------------------
 
 
-def test_the_references_example_runs_and_shows_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_references_example_runs_and_shows_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    (example,) = re.findall(r"```toml\n(.*?)```", REFERENCE, re.DOTALL)
-    (tmp_path / "example.toml").write_text(example)
-    result = run_job(*open_job(str(tmp_path / "example.toml")))
+    (name,) = re.findall(r'--8<-- "(examples/.+)"', REFERENCE)
+    example = (Path(__file__).parents[2] / name).read_text("utf-8")
+    result = run_job(*open_job(str(Path(__file__).parents[2] / name)))
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
     assert {s.name: s.verdict.holonomic for s in result.strategies} == {
         "moore-penrose": False, "level-joint": True, "arm-angle": True, "near-start": True, "springs": True,

@@ -14,7 +14,7 @@ def advise(
     robot: Annotated[str, typer.Argument(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
     workspace: Annotated[
         str | None,
-        typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file; see docs/advise.md.'),
+        typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file: docs/workspaces.md.'),
     ] = None,
     tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
     base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,

@@ -1,4 +1,4 @@
-"""`Constraint`: g(q) of r = n - m rows. On a leaf g(q) = c the posture is a function of the tool pose."""
+"""`Constraint`: g(q) of r = n - m rows. Near a regular posture of a leaf g(q) = c the tool pose decides the joints."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def follower(law: Law, begin: Vector, limits: bool) -> Follower:
 
 
 def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follower:
-    """The same pose has the same joints, whatever the way of the tool."""
+    """In a region round the start the same pose has the same joints, whatever the path of the tool."""
     ik, task = inverse(strategy, begin, limits), strategy.task
     level = leaf_value(strategy, begin)
 
