@@ -29,6 +29,7 @@ from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, OutOf
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
 from holokin.output.advice_report import coverage_bars, figure_height
+from holokin.path.workspaces import pose_cloud
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
@@ -278,7 +279,7 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="two, to be redundant"):
         hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
     with pytest.raises(ArgumentError):
-        hk.advise(panda, hk.workspaces.pose_cloud([panda.pose(PANDA_START)]))
+        hk.advise(panda, pose_cloud([panda.pose(PANDA_START)]))
     with pytest.raises(ArgumentError, match=r"range of joint 'joint1' is \[0\.0, 0\.0\]; give it a range"):
         hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
 

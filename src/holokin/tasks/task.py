@@ -225,7 +225,7 @@ class Task(Value, ABC):
     def target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
         """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
         shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), numbers("a pose", pose)
-        if given.shape != shape:
+        if given.shape not in (shape, (self.frames, 4, 4)):
             raise ShapeError("a pose", shape, given.shape)
         p, R = targets_of(given.reshape(1, self.frames, 4, 4))
         return p[0], R[0]
