@@ -48,6 +48,7 @@ def drawn(shift, cycles: int, seed: int) -> logs.Motion:
             return logs.Motion(setup, "drawn", q, cycles, Trend.CANNOT_TELL)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(2))
 def test_a_steady_drift_goes_on_and_what_turns_or_scatters_cannot_be_told(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -95,6 +96,7 @@ def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> 
         assert cycles.sampling == pytest.approx(0.002 * np.sqrt(2) / 4, rel=0.3) if corners else cycles.sampling < 2e-4
 
 
+@pytest.mark.campaign
 def test_the_campaign_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["benchmarks.logs", "--quick"])
     monkeypatch.setattr(logs, "LAWS", logs.LAWS[-2:])

@@ -14,6 +14,7 @@ import holokin as hk
 from holokin.errors import ArgumentError, HolokinError
 
 
+@pytest.mark.campaign
 def test_every_public_function_is_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # one call of each takes less time than a compiler

@@ -43,6 +43,7 @@ def every_packaged_strategy() -> list[tuple[str, str]]:
 # --- the same numbers ---
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize(("job", "label"), every_packaged_strategy())
 def test_every_packaged_strategy_passes_its_self_test(
@@ -109,6 +110,7 @@ def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path
     assert " 0 vectors" not in single
 
 
+@pytest.mark.campaign
 @compiled
 def test_250000_postures_agree(written: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over the Panda's whole range: double to 1e-12; float to 1e-4 where it says OK, to 1e-2 where IMPRECISE.
@@ -136,6 +138,7 @@ def test_250000_postures_agree(written: Exported, tmp_path: Path, monkeypatch: p
             assert np.array_equal(status == 0, sound)
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize(
     ("kind", "flags"),

@@ -28,6 +28,8 @@ STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "k
 FORKED = STARTING if hasattr(os, "fork") else ()
 OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("startup", "surveys")) + STARTING[len(FORKED) :]
 """These measure what a process imports and keeps: they are begun as a user begins them."""
+LONG = tuple(f"benchmarks.{name}" for name in ("advice", "certificates", "proof", "surveys_cost"))
+"""These take more than five seconds each."""
 ELSEWHERE = {"benchmarks.drift": "tests/house/test_docs.py", "benchmarks.logs": "tests/auditing/test_log_campaign.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
@@ -40,7 +42,14 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     assert len(MODULES) == 19
 
 
-@pytest.mark.parametrize("module", [name for name in MODULES if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)])
+@pytest.mark.parametrize(
+    "module",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] if name in LONG else [])
+        for name in MODULES
+        if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)
+    ],
+)
 def test_it_runs_with_quick_in_this_process(
     module: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,6 +65,7 @@ def test_what_is_not_run_here_is_run_elsewhere(module: str, file: str) -> None:
     assert f"from benchmarks import {module.rpartition('.')[2]}" in text and '"--quick"' in text
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("module", OF_ITS_OWN)
 def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path) -> None:
     more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
@@ -65,6 +75,7 @@ def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path)
     assert done.stdout
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("module", FORKED)
 def test_it_runs_with_quick_in_a_child_of_this_process(module: str, tmp_path: Path) -> None:
     more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []

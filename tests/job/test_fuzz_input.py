@@ -24,6 +24,7 @@ def test_a_mutant_of_what_others_send_is_read_or_refused(kind: str, count: int) 
     assert count / 10 < sum(refusal for _, refusal, _, _ in found) < count
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["jobs", "urdfs", "dh"])
 def test_a_mutant_is_done_or_refused(kind: str) -> None:
     found = [harness.one(kind, seed) for seed in range(150)]

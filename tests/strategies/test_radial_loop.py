@@ -255,6 +255,7 @@ def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) 
     assert "passed" in single
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize("flags", [(), ("-DLAW_FLOAT",)])
 def test_sanitizers_find_nothing_in_a_loop_whatever_comes(flags: tuple[str, ...], tmp_path: Path) -> None:

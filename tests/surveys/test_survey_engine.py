@@ -78,6 +78,7 @@ def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
         guarded.close()
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
 def test_fifty_kills_of_coordinators_and_workers_lose_no_row_double_none_and_change_none(tmp_path: Path) -> None:
     """They are forked, so that a life costs milliseconds. At the end the rows are those of a quiet run.
@@ -142,6 +143,7 @@ def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
     assert time.monotonic() - began < 10 and not (tmp_path / "c.sqlite").exists()
 
 
+@pytest.mark.campaign
 def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_costs_one_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
