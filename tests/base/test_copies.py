@@ -6,13 +6,14 @@ import copy
 import dataclasses
 import pickle
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import analysis, constraints, laws, motion, recording
+from holokin import analysis, constraints, laws, motion, recording, surveys
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -179,3 +180,23 @@ def test_a_law_made_with_a_function_of_ones_own_says_why_it_is_not_pickled(
         pickle.dumps(made)
     assert "\n" not in str(caught.value)
     assert copy.deepcopy(made) is made
+
+
+def test_an_error_comes_from_another_process_as_it_was(planar_3r: hk.Robot) -> None:
+    """Of arguments, of a walk that stops, of a survey: with their message, their facts and the walk so far."""
+    tool = planar_3r.pose(Q)[:3, 3]
+    law = hk.moore_penrose(hk.pose(planar_3r, rows=[0, 1]))
+    asked: list[Callable[[], Any]] = [
+        lambda: hk.load("pandda"),
+        lambda: hk.circle(tool, center=[0, 0, 0], speed=-1.0),
+        lambda: hk.follow(law, hk.polyline([tool, 9 * tool]), Q),
+        lambda: surveys.Store.opened(Path("nowhere.sqlite"), None).__enter__(),
+    ]
+    for ask in asked:
+        with pytest.raises(HolokinError) as told:
+            ask()
+        problem = told.value
+        sent = pickle.loads(pickle.dumps(problem))
+        assert (type(sent), str(sent), set(vars(sent))) == (type(problem), str(problem), set(vars(problem)))
+        if (walk := getattr(problem, "trajectory", None)) is not None:
+            np.testing.assert_array_equal(sent.trajectory.q, walk.q)
