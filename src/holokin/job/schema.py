@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
 from .check_tables import ChecksTable
+from .metrics import METRICS
 from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
@@ -86,30 +87,17 @@ class Bound(Table):
         return " and ".join(parts)
 
 
-class ExpectTable(Table):
-    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1)."""
+class Expected(Table):
+    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); every metric may have a bound, too."""
 
     holonomic: bool | None = None
     completes: bool = True
-    defect: Bound | None = None
-    drift: Bound | None = None
-    drift_mean: Bound | None = None
-    drift_total: Bound | None = None
-    drift_least: Bound | None = None
-    drift_most: Bound | None = None
-    spread: Bound | None = None
-    tracking: Bound | None = None
-    sigma: Bound | None = None
-    speed: Bound | None = None
-    peak_speed: Bound | None = None
-    residual: Bound | None = None
-    invariant: Bound | None = None
-    same_joints: Bound | None = None
-    coverage: Bound | None = None
-    coverage_rcond: Bound | None = None
-    time: Bound | None = None
-    limit_distance: Bound | None = None
-    clearance: Bound | None = None
+
+
+if TYPE_CHECKING:
+    ExpectTable = Expected
+else:
+    ExpectTable = create_model("ExpectTable", __base__=Expected, **dict.fromkeys(METRICS, (Bound | None, None)))
 
 
 class VerdictTable(Table):

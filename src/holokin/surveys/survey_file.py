@@ -8,10 +8,8 @@ from typing import Any, get_args
 
 from ..errors import JobError, closest
 from ..job.job_file import Form, dotted
-from ..job.robot_tables import RobotTable
-from ..job.task_tables import TaskTable
 from .survey_laws import OF_A_JOB, OWN_KINDS, Given
-from .survey_tables import LOOPS, LoopTable, StartsTable, SurveyTable, WithoutTable
+from .survey_tables import LOOPS, SurveyTable
 
 KINDS = {
     str(word): model
@@ -36,13 +34,7 @@ def _no_objects(path: Path, table: dict[str, Any]) -> None:
                 raise JobError(path, dotted((named, name, "kind")), "is 'given'", closest("given", kinds))
 
 
-_SURVEY = Form(
-    SurveyTable,
-    "laws",
-    KINDS,
-    {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable},
-    check=_no_job,
-)
+_SURVEY = Form(SurveyTable, "laws", KINDS, check=_no_job)
 
 
 def read_survey(path: Path) -> SurveyTable:
