@@ -12,7 +12,7 @@ from ..errors import brief, closest
 from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
 from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
-from ..job.table_values import Positive, Table
+from ..job.table_values import KindTable, Positive, Table, needed_by
 from ..job.task_tables import TaskTable
 from .survey_laws import AnyLaw, ClosedLoop
 
@@ -56,14 +56,14 @@ def _loop(kind: str) -> str:
     return kind
 
 
-class LoopTable(Table):
+class LoopTable(KindTable):
     """[loops.NAME]: closed tool paths that begin at the tool's start; a range [a, b] is drawn from evenly.
 
     `size` is the largest extent in metres; `share` says it as a share of the arm's length instead.
     """
 
     kind: Annotated[str, AfterValidator(_loop)]
-    key: str | None = None
+    key: Annotated[str | None, needed_by("given")] = None
     size: Positive | tuple[Positive, Positive] | None = None
     share: Share | tuple[Share, Share] | None = None
     plane: Plane | Row = "random"
@@ -73,8 +73,6 @@ class LoopTable(Table):
 
     @model_validator(mode="after")
     def _one_size(self) -> LoopTable:
-        if self.kind != "given" and self.key is not None:
-            raise ValueError(f"a {self.kind} does not use key; leave it out")
         if self.kind != "given" and (self.size is None) == (self.share is None):
             fact = "neither size nor share says" if self.size is None else "size and share both say"
             raise ValueError(f"{fact} how large it is; give one of them")
