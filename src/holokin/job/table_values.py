@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -75,6 +75,20 @@ class KindTable(Table):
 
 
 Filled = TypeVar("Filled", bound=Table)
+
+
+def by_kind(models: Iterable[type[Filled]]) -> dict[str, type[Filled]]:
+    """Kind -> model; a model may have several kinds."""
+    return {str(word): model for model in models for word in get_args(model.model_fields["kind"].annotation)}
+
+
+def kinds(parent: type[Filled]) -> dict[str, type[Filled]]:
+    """Kind -> model of every table below one, in the order of their file; those below these come last."""
+    models = parent.__subclasses__()
+    found = by_kind(model for model in models if "kind" in model.model_fields)
+    for model in models:
+        found |= kinds(model)
+    return found
 
 
 def filled(table: type[Filled], key: str, values: dict[str, Any]) -> Filled:

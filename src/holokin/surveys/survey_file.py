@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ..errors import JobError, closest
 from ..job.job_file import Form, dotted
+from ..job.table_values import by_kind
 from .survey_laws import OF_A_JOB, OWN_KINDS, Given
 from .survey_tables import LOOPS, SurveyTable
 
-KINDS = {
-    str(word): model
-    for model in (*OF_A_JOB, *OWN_KINDS)
-    if model is not Given
-    for word in get_args(model.model_fields["kind"].annotation)
-}
+KINDS = by_kind(model for model in (*OF_A_JOB, *OWN_KINDS) if model is not Given)
 """Every kind of law that a survey may hold, and its model."""
 
 
