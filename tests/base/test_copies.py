@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import analysis, constraints, laws, motion, recording, surveys
+from holokin import analysis, constraints, inverse_kinematics, laws, motion, recording, surveys
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -124,7 +124,7 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value(Q).tolist()
     if isinstance(value, hk.Path):
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
-    if isinstance(value, motion.InverseKinematics):
+    if isinstance(value, inverse_kinematics.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
     if isinstance(value, analysis.LeafFunction):
         return value(Q + 0.02).tolist()
@@ -138,7 +138,8 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(planar_3r: hk
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        if isinstance(value, hk.Strategy | hk.Constraint | motion.InverseKinematics | analysis.LeafFunction | hk.Path):
+        asked = hk.Strategy | hk.Constraint | inverse_kinematics.InverseKinematics | analysis.LeafFunction | hk.Path
+        if isinstance(value, asked):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue
             assert answer(there.task if isinstance(there, hk.Strategy) else task, there) == answer(task, value), name
