@@ -6,13 +6,14 @@ import copy
 import dataclasses
 import pickle
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import analysis, constraints, laws, motion, recording
+from holokin import analysis, constraints, inverse_kinematics, laws, motion, recording, surveys
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -123,7 +124,7 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value(Q).tolist()
     if isinstance(value, hk.Path):
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
-    if isinstance(value, motion.InverseKinematics):
+    if isinstance(value, inverse_kinematics.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
     if isinstance(value, analysis.LeafFunction):
         return value(Q + 0.02).tolist()
@@ -137,7 +138,8 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(planar_3r: hk
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        if isinstance(value, hk.Strategy | hk.Constraint | motion.InverseKinematics | analysis.LeafFunction | hk.Path):
+        asked = hk.Strategy | hk.Constraint | inverse_kinematics.InverseKinematics | analysis.LeafFunction | hk.Path
+        if isinstance(value, asked):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue
             assert answer(there.task if isinstance(there, hk.Strategy) else task, there) == answer(task, value), name
@@ -179,3 +181,23 @@ def test_a_law_made_with_a_function_of_ones_own_says_why_it_is_not_pickled(
         pickle.dumps(made)
     assert "\n" not in str(caught.value)
     assert copy.deepcopy(made) is made
+
+
+def test_an_error_comes_from_another_process_as_it_was(planar_3r: hk.Robot) -> None:
+    """Of arguments, of a walk that stops, of a survey: with their message, their facts and the walk so far."""
+    tool = planar_3r.pose(Q)[:3, 3]
+    law = hk.moore_penrose(hk.pose(planar_3r, rows=[0, 1]))
+    asked: list[Callable[[], Any]] = [
+        lambda: hk.load("pandda"),
+        lambda: hk.circle(tool, center=[0, 0, 0], speed=-1.0),
+        lambda: hk.follow(law, hk.polyline([tool, 9 * tool]), Q),
+        lambda: surveys.Store.opened(Path("nowhere.sqlite"), None).__enter__(),
+    ]
+    for ask in asked:
+        with pytest.raises(HolokinError) as told:
+            ask()
+        problem = told.value
+        sent = pickle.loads(pickle.dumps(problem))
+        assert (type(sent), str(sent), set(vars(sent))) == (type(problem), str(problem), set(vars(problem)))
+        if (walk := getattr(problem, "trajectory", None)) is not None:
+            np.testing.assert_array_equal(sent.trajectory.q, walk.q)

@@ -221,7 +221,7 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ('kind = "circle"\n', ("a circle needs center",)),
+        ('kind = "circle"\n', ("kind = 'circle' needs center",)),
         ('kind = "circle"\ncenter = [0, 0]\nrelative = true\n', ("radius",)),
         ('kind = "circle"\ncenter = [0.1, 0]\nnormal = [1, 0, 0]\nrelative = true\n', ("perpendicular",)),
         ('kind = "arc"\ncenter = [0, 0]\nangle_deg = 90\ncycles = 2\n', ("closed path",)),

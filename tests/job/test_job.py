@@ -14,13 +14,14 @@ import pytest
 import holokin as hk
 from conftest import urdf
 from holokin.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
+from holokin.job.metrics import METRICS
 from holokin.job.schema import Bound, Job
 from holokin.output import animate as films
 from holokin.output.animate import animate
 from holokin.output.job_figures import figures
 from holokin.output.job_report import write_report
-from holokin.output.job_result import METRICS, JobResult
-from holokin.output.job_table import number, print_result, row
+from holokin.output.job_result import JobResult
+from holokin.output.job_table import number, print_result, rows
 from sketches import sketches
 
 RESULTS = (Path(__file__).parents[2] / "docs" / "paper.md").read_text("utf-8")
@@ -48,8 +49,8 @@ def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
 def test_the_tables_shown_are_what_the_jobs_print_today(job: str) -> None:
     """Every printed cell that is not round-off."""
     printed = [{cell.strip() for cell in line.split("│")} for line in RESULTS.splitlines() if "│" in line]
-    for strategy in done(job).drawn:
-        wanted = [cell for cell in row(strategy)[1:] if not ("e-" in cell and float(cell) < 1e-9)]
+    for shown in rows(done(job)):
+        wanted = [cell for cell in shown[1:] if not ("e-" in cell and float(cell) < 1e-9)]
         assert any(set(wanted) <= cells for cells in printed), wanted
     assert f"report: out/{job}/report.html" in RESULTS
 

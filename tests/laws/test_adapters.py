@@ -11,10 +11,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.laws import PostureTask, mink_law, pink_law, placo_law
+from holokin.laws import PostureTask
+from holokin.laws.libraries import LIBRARIES
 from holokin.robot import to_mjcf, to_urdf
 
-LIBRARIES = {"pink": pink_law, "mink": mink_law, "placo": placo_law}
 every = pytest.mark.parametrize("library", LIBRARIES)
 
 
@@ -22,7 +22,7 @@ def maker(library: str) -> Callable[..., hk.ControlLaw]:
     """Skips where placo is not installed: alone of the three it is no part of the test extra."""
     if library == "placo":
         pytest.importorskip(library)
-    return LIBRARIES[library]
+    return LIBRARIES[library].law
 
 
 @pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])

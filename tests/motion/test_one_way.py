@@ -14,7 +14,7 @@ from holokin.job import open_job, run_job
 from holokin.motion.trajectory import Status
 from holokin.output.job_report import write_report
 from holokin.output.job_result import JobResult
-from holokin.output.job_table import print_result, row
+from holokin.output.job_table import print_result, rows
 
 JOB = """
 title = "a path"
@@ -64,7 +64,7 @@ def test_a_path_is_not_compared_with_itself(more: str, tmp_path: Path) -> None:
     page, printed, facts = written(result, tmp_path)
     compared = more == "closed = true"
     assert (strategy.ways is not None) == compared == np.isfinite(strategy.metrics["spread"])
-    assert (row(strategy)[3] == "-") != compared
+    assert (rows(result)[0][3] == "-") != compared
     assert ("do not depend on the way" in page) == compared == (facts["two_ways"] == "compared")
     for text in (page, printed):
         assert ("Two ways were not compared: the path" in text) != compared

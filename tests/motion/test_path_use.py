@@ -208,7 +208,7 @@ def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: flo
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ('kind = "spline"\n', ("a spline needs points",)),
+        ('kind = "spline"\n', ("kind = 'spline' needs points",)),
         ('kind = "raster"\nspacing = 0.1\n', ("along and across",)),
         ('kind = "figure-eight"\nwidth = 0.1\nradius = 1\n', ("does not use radius",)),
         ('kind = "waypoints"\nfile = "none.csv"\n', ("none.csv", "no such file")),

@@ -21,7 +21,7 @@ from holokin.output.animate import ways_frames
 from holokin.output.job_figures import figures, robot_figure
 from holokin.output.job_report import write_report
 from holokin.output.job_result import JobResult
-from holokin.output.job_table import columns, remarks, row
+from holokin.output.job_table import columns, remarks, rows
 from holokin.output.words import away, largest, speed_warning, stopped, ways_end
 from short_jobs import shortened
 
@@ -201,17 +201,17 @@ def test_a_robot_without_speed_limits_has_no_peak_speed(tmp_path: Path) -> None:
     )
     result = run_job("job", job, tmp_path / "job.toml")
     assert np.isnan(result.strategies[0].metrics["peak_speed"])
-    assert row(result.strategies[0])[-2:] == ["-", "-"]
+    assert rows(result)[0][-2:] == ["-", "-"]
     assert speed_warning(result, result.strategies[0]) == ""
 
 
 def test_nothing_expected_is_not_ok(ppr_cycle: JobResult, half_lost: JobResult) -> None:
-    assert [row(s)[-1] for s in ppr_cycle.strategies] == ["-"] * 3
-    assert [row(s)[-1] for s in half_lost.strategies] == ["FAILED"]  # of every strategy its path's end is expected
+    assert [cells[-1] for cells in rows(ppr_cycle)] == ["-"] * 3
+    assert [cells[-1] for cells in rows(half_lost)] == ["FAILED"]  # of every strategy its path's end is expected
     name, job, file = open_job("ppr-half-circle")
     path = job.path.model_copy(update={"samples": 20})
     some = job.model_copy(update={"path": path, "expect": {"paper": ExpectTable(holonomic=True)}})
-    assert [row(s)[-1] for s in run_job(name, some, file).strategies] == ["-", "ok", "-"]
+    assert [cells[-1] for cells in rows(run_job(name, some, file))] == ["-", "ok", "-"]
 
 
 # --- verdicts ---

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..export.robot_program import LANGUAGES
+from ..export import LANGUAGES
 from .outcome import show
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
@@ -98,5 +98,5 @@ _MORE = """With it joints.csv: every sample. Limits are those of the job's [timi
 
 Where the job has [checks] and the motion fails them, nothing is written and the exit code is 1, but with --anyway."""
 
-for _language, _help in LANGUAGES.items():
-    exporting.command(_language, help=f"{_help}\n\n{_MORE}")(_export_motion(_language))
+for _name, _language in LANGUAGES.items():
+    exporting.command(_name, help=f"{_language.about}\n\n{_MORE}")(_export_motion(_name))

@@ -74,3 +74,11 @@ class HolokinError(Exception):
 
     def __init__(self, message: object = "") -> None:
         super().__init__(brief(message, LONGEST))
+
+    def __reduce__(self) -> Any:
+        """Pickled as message and facts: the children are made from other arguments than their message."""
+        return _again, (type(self), self.args), vars(self)
+
+
+def _again(kind: type[HolokinError], arguments: tuple[Any, ...]) -> HolokinError:
+    return kind.__new__(kind, *arguments)

@@ -7,6 +7,7 @@ from .c_folder import Exported, export_c
 from .c_folder import c_name as c_name
 from .fanuc import to_fanuc
 from .krl import to_krl
+from .languages import LANGUAGES as LANGUAGES
 from .rapid import to_rapid
 from .robot_program import Program, Wiring
 from .ros import to_ros, write_mcap

@@ -23,16 +23,6 @@ Entry = str | float
 """Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
 
 
-LANGUAGES = {
-    "ros": "ROS 2: a trajectory_msgs/JointTrajectory, as YAML.",
-    "rapid": "ABB RAPID: a module of MoveAbsJ.",
-    "krl": "KUKA KRL: a .src of SPTP, and its .dat.",
-    "urscript": "Universal Robots URScript: servoj at 2 or 8 ms, else movej.",
-    "ls": "FANUC TP: an .LS of joint motions.",
-}
-"""What motion can be written in, and what that is."""
-
-
 @dataclass(frozen=True)
 class Program:
     """A robot program: its files by name, and how it was cut down from the samples.

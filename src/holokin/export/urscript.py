@@ -5,6 +5,8 @@ Grammar: Universal Robots, "The URScript Programming Language" (version 5): move
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..base.arguments import typed
 from ..base.types import Vector
 from ..errors import ArgumentError
@@ -61,6 +63,11 @@ def to_urscript(
     lines += ["  stopj(2.0)"] * every
     files = {f"{short}.script": "\n".join([f"def {short}():", *lines, "end", ""])}
     return Program(files, len(found.q), found.deviation)
+
+
+def by_step(timed: TimedTrajectory, **given: Any) -> Program:
+    """As `to_urscript`: by "servoj" at the step of a controller, else by "movej"."""
+    return to_urscript(timed, style="servoj" if timed.dt in STEPS else "movej", **given)
 
 
 def _list(row: Vector) -> str:

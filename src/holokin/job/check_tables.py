@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ..checking import CheckReport, check
 from ..motion import TimedTrajectory
@@ -12,7 +12,7 @@ from ..motion.trajectory import Trajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
 from ..tasks.task import Task
 from .robot_tables import FrameTable
-from .table_values import Length, Positive, Table
+from .table_values import KindTable, Length, Positive, Table, needed_by
 
 MOST_OBSTACLES = 100
 """Shapes round a robot; each is looked at with each link."""
@@ -23,29 +23,16 @@ MOST_IGNORED = 1000
 NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
 
-_USES = {"box": ("sides",), "sphere": ("radius",), "capsule": ("radius", "length"), "cylinder": ("radius", "length")}
-"""The keys that a kind of obstacle needs."""
 
-
-class ObstacleTable(FrameTable):
+class ObstacleTable(KindTable, FrameTable):
     """[[checks.obstacles]]: a box, ball, capsule or cylinder at xyz, rpy in the frame of the base, or `on` a tip."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     on: str | None = None
     kind: Literal["box", "sphere", "capsule", "cylinder"]
-    sides: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
-    radius: Positive | None = None
-    length: Positive | None = None
-
-    @model_validator(mode="after")
-    def _complete(self) -> ObstacleTable:
-        for key in ("sides", "radius", "length"):
-            needed, given = key in _USES[self.kind], getattr(self, key) is not None
-            if needed and not given:
-                raise ValueError(f"kind = {self.kind!r} needs {key}; add it")
-            if given and not needed:
-                raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
-        return self
+    sides: Annotated[Annotated[list[Positive], Field(min_length=3, max_length=3)] | None, needed_by("box")] = None
+    radius: Annotated[Positive | None, needed_by("sphere", "capsule", "cylinder")] = None
+    length: Annotated[Positive | None, needed_by("capsule", "cylinder")] = None
 
     def standing(self) -> LinkShape:
         """The same as a value, where it stands."""
@@ -80,11 +67,9 @@ class ChecksTable(Table):
         shaped = robot if self.radius is None else with_capsules(robot, self.radius)
         for table in self.obstacles:
             shaped = shaped if table.on is None else table.carried(shaped)
-        return check(
-            motion, shaped, task=task, floor=self.floor, clearance=self.clearance, self_collision=self.self_collision,
-            obstacles=self.standing(), ignore=[(a, b) for a, b in self.ignore],
-            limits=self.limits, margin=self.margin, rcond=self.rcond,
-        )  # fmt: skip
+        own = self.model_dump(exclude={"radius", "ignore", "obstacles"})
+        ignore = [(a, b) for a, b in self.ignore]
+        return check(motion, shaped, task=task, obstacles=self.standing(), ignore=ignore, **own)
 
     def standing(self) -> tuple[LinkShape, ...]:
         """The obstacles that stand still."""

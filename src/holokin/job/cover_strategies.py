@@ -44,9 +44,7 @@ class Covering(Value):
         slices = ()
         if isinstance(space, PoseRange) and asked.slices:
             slices = coverage_slices(strategy, begin, space, steps=max(2, asked.slices), limits=asked.limits)
-        least = float(covers.rcond[covers.reached].min()) if covers.reached.any() else np.nan
-        metrics = result.metrics | {"coverage": covers.share, "coverage_rcond": least}
-        return replace(result, metrics=metrics, coverage=covers, slices=slices)
+        return replace(result, coverage=covers, slices=slices)
 
 
 def build_covering(job: Job, task: Task, start: Vector, file: FilePath) -> Covering | None:

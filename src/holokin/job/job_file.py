@@ -7,39 +7,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.text_files import read_toml
-from .check_tables import ChecksTable, ObstacleTable
-from .motion_tables import ProgramTable, TimingTable
-from .path_tables import PathTable
-from .physics_table import PhysicsTable
-from .robot_tables import FrameTable, PartTable, RobotTable
-from .schema import (
-    Bound,
-    ExpectTable,
-    Job,
-    StartTable,
-    VerdictTable,
-    WorkspaceTable,
-)
+from .schema import Job, WorkspaceTable
 from .strategy_tables import KINDS
 from .table_values import Table
-from .task_tables import TaskTable
 
 Key = tuple[str, ...]
 """The way to a value: the names and numbers of the tables and lists around it, and its own."""
-
-_TABLES: dict[str, type[BaseModel]] = {
-    "robot": RobotTable, "task": TaskTable, "start": StartTable, "path": PathTable, "expect": ExpectTable,
-    "verdict": VerdictTable, "workspace": WorkspaceTable, "timing": TimingTable, "program": ProgramTable,
-    "physics": PhysicsTable,
-    "checks": ChecksTable,
-    "bound": Bound,
-}  # fmt: skip
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
 _CURES = {
@@ -70,7 +49,6 @@ class Form(Generic[Model]):
     model: type[Model]
     named: str
     kinds: Mapping[str, type[BaseModel]]
-    tables: Mapping[str, type[BaseModel]]
     where: str = "check the path"
     more: str = "check its spelling: {}"
     example: str = "add it"
@@ -186,19 +164,19 @@ def _kind_at(key: Key, table: dict[str, Any], form: Form[Any]) -> str:
 
 def _known_keys(key: Key, kind: str, form: Form[Any]) -> list[str]:
     """The keys that stand beside a key; of what has a kind those of its kind."""
-    top, *rest = key
-    if not rest:
-        return list(form.model.model_fields)
-    if top == form.named:
-        return list(form.kinds[kind].model_fields) if kind else ["kind"]
-    if top == "path" and len(rest) > 1:
-        return list(FrameTable.model_fields)
-    if top == "robot" and len(rest) > 1:
-        last = next(part for part in reversed(rest[:-1]) if not part.isdigit())
-        return list((PartTable if last == "parts" else FrameTable).model_fields)
-    if top == "checks" and len(rest) > 1:
-        return list(ObstacleTable.model_fields)
-    return list(form.tables["bound" if len(rest) > 2 else top].model_fields)
+    if len(key) > 2 and key[0] == form.named:
+        return keys_beside(form.kinds[kind], key[2:]) if kind else ["kind"]
+    return keys_beside(form.model, key)
+
+
+def keys_beside(of: Any, key: Key) -> list[str]:
+    """The keys that may stand where a key does, in a table, or in a value of another type that may hold tables."""
+    if isinstance(of, type) and issubclass(of, BaseModel):
+        field = of.model_fields.get(key[0])
+        return list(of.model_fields) if len(key) == 1 else keys_beside(field.annotation if field else None, key[1:])
+    if get_origin(of) in (list, dict):  # the first part is the place or the name
+        return keys_beside(get_args(of)[-1], key[1:]) if len(key) > 1 else []
+    return list(dict.fromkeys(found for one in get_args(of) for found in keys_beside(one, key)))
 
 
 def _key(loc: tuple[int | str, ...], table: Any) -> Key:
@@ -221,7 +199,7 @@ def _no_survey(path: Path, table: dict[str, Any]) -> None:
 
 _WRITES = "`holokin new` writes a complete example"
 _JOB = Form(
-    Job, "strategies", KINDS, _TABLES, "check the path; `holokin jobs` lists the packaged ones",
+    Job, "strategies", KINDS, "check the path; `holokin jobs` lists the packaged ones",
     f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}", _no_survey,
 )  # fmt: skip
-_WORKSPACE = Form(_Workspace, "", {}, _TABLES)
+_WORKSPACE = Form(_Workspace, "", {})

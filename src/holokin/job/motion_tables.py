@@ -36,12 +36,9 @@ class TimingTable(Table):
 
     def timed(self, trajectory: Trajectory, robot: Robot) -> TimedTrajectory:
         """A trajectory, timed as the table says; one that does not repeat is never endless. Raises: as `retime`."""
-        endless = self.endless and joint_curve(trajectory).repeats
         speed = None if self.speed == "fastest" else self.speed
-        return retime(
-            trajectory, robot, acceleration=self.acceleration, jerk=self.jerk, velocity=self.velocity,
-            profile=self.profile, speed=speed, endless=endless, dt=self.dt,
-        )  # fmt: skip
+        endless = self.endless and joint_curve(trajectory).repeats
+        return retime(trajectory, robot, **self.model_dump() | {"speed": speed, "endless": endless})
 
 
 class ProgramTable(Table):

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from ..base.types import Matrix
 from ..robot import FARTHEST
 from .robot_tables import MOST_PARTS, FrameTable, Names, Three
-from .table_values import Formula, Length, Number, Positive, Table
+from .table_values import Formula, KindTable, Length, Number, Positive, needed_by, of
 
 MOST_POINTS = 10_000
 """Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""
@@ -29,28 +29,14 @@ MOST_PASSES = 1_000
 
 Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
 Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Points = Annotated[list[Point], Field(max_length=MOST_POINTS)]
+Turns = Annotated[list[Three], Field(max_length=MOST_POINTS)]
+Times = Annotated[list[Length], Field(max_length=MOST_POINTS)]
+Poses = Annotated[list[FrameTable], Field(max_length=MOST_POINTS)]
+Count = Annotated[int, Field(ge=1, le=MOST_POINTS)]
 Kind = Literal[
     "circle", "arc", "polyline", "spline", "poses", "waypoints", "svg", "figure-eight", "raster", "spiral"
 ]  # fmt: skip
-
-_OF = {
-    "center": ("circle", "arc"), "normal": ("circle", "arc", "figure-eight", "spiral"), "angle_deg": ("arc",),
-    "clockwise": ("circle", "arc", "spiral"), "points": ("polyline", "spline"), "turns_deg": ("polyline",),
-    "closed": ("polyline", "spline", "poses", "waypoints"), "times": ("spline", "poses"), "poses": ("poses",),
-    "through": ("poses", "waypoints"), "file": ("waypoints", "svg"), "units": ("waypoints",), "angles": ("waypoints",),
-    "order": ("waypoints",), "ignore": ("waypoints",), "pixel": ("svg",), "outline": ("svg",),
-    "at": ("circle", "arc", "svg", "figure-eight", "raster", "spiral"),
-    "width": ("figure-eight",), "height": ("figure-eight",), "along": ("figure-eight", "raster", "spiral"),
-    "across": ("raster",), "spacing": ("raster", "spiral"), "radius": ("spiral",), "inward": ("spiral",),
-    "surface": ("raster", "spiral"), "tool": ("raster", "spiral"),
-}  # fmt: skip
-"""The kinds of path that use a key; the other keys serve all."""
-
-_NEEDED = {
-    "circle": ("center",), "arc": ("center", "angle_deg"), "polyline": ("points",), "spline": ("points",),
-    "poses": ("poses",), "waypoints": ("file",), "svg": ("file",), "figure-eight": ("width",),
-    "raster": ("along", "across", "spacing"), "spiral": ("radius", "spacing"),
-}  # fmt: skip
 
 _OF_ALL = {"samples", "cycles", "entry", "others"}
 """Keys of [path] that `others` do not have."""
@@ -58,7 +44,7 @@ _OF_ALL = {"samples", "cycles", "entry", "others"}
 _OPEN = ("arc", "raster", "spiral")
 
 
-class PathTable(Table):
+class PathTable(KindTable):
     """[path]: a curve of the tool, and what is made of it.
 
     `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
@@ -66,33 +52,33 @@ class PathTable(Table):
     """
 
     kind: Kind
-    center: Point | None = None
-    normal: Row = Field(default=[0.0, 0.0, 1.0])
-    angle_deg: Length | None = None
-    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | None = None
-    turns_deg: Annotated[list[Three], Field(max_length=MOST_POINTS)] | None = None
-    closed: bool = False
-    clockwise: bool = False
-    times: Annotated[list[Length], Field(max_length=MOST_POINTS)] | None = None
-    poses: Annotated[list[FrameTable], Field(max_length=MOST_POINTS)] | None = None
-    through: Literal["spline", "lines"] = "spline"
-    file: str | None = None
-    units: Literal["m", "mm"] | None = None
-    angles: Literal["rad", "deg"] | None = None
-    order: Literal["xyzw", "wxyz"] | None = None
-    ignore: Names = Field(default=[])
-    pixel: Positive | None = None
-    outline: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
-    at: Point | None = None
-    width: Positive | None = None
-    height: Positive | None = None
-    along: Three | None = None
-    across: Three | None = None
-    spacing: Positive | None = None
-    radius: Positive | None = None
-    inward: bool = False
-    surface: Formula | None = None
-    tool: Literal["start", "normal"] | None = None
+    center: Annotated[Point | None, needed_by("circle", "arc")] = None
+    normal: Annotated[Row, of("circle", "arc", "figure-eight", "spiral")] = Field(default=[0.0, 0.0, 1.0])
+    angle_deg: Annotated[Length | None, needed_by("arc")] = None
+    points: Annotated[Points | None, needed_by("polyline", "spline")] = None
+    turns_deg: Annotated[Turns | None, of("polyline")] = None
+    closed: Annotated[bool, of("polyline", "spline", "poses", "waypoints")] = False
+    clockwise: Annotated[bool, of("circle", "arc", "spiral")] = False
+    times: Annotated[Times | None, of("spline", "poses")] = None
+    poses: Annotated[Poses | None, needed_by("poses")] = None
+    through: Annotated[Literal["spline", "lines"], of("poses", "waypoints")] = "spline"
+    file: Annotated[str | None, needed_by("waypoints", "svg")] = None
+    units: Annotated[Literal["m", "mm"] | None, of("waypoints")] = None
+    angles: Annotated[Literal["rad", "deg"] | None, of("waypoints")] = None
+    order: Annotated[Literal["xyzw", "wxyz"] | None, of("waypoints")] = None
+    ignore: Annotated[Names, of("waypoints")] = Field(default=[])
+    pixel: Annotated[Positive | None, of("svg")] = None
+    outline: Annotated[Count | None, of("svg")] = None
+    at: Annotated[Point | None, of("circle", "arc", "svg", "figure-eight", "raster", "spiral")] = None
+    width: Annotated[Positive | None, needed_by("figure-eight")] = None
+    height: Annotated[Positive | None, of("figure-eight")] = None
+    along: Annotated[Three | None, of("figure-eight", "spiral"), needed_by("raster")] = None
+    across: Annotated[Three | None, needed_by("raster")] = None
+    spacing: Annotated[Positive | None, needed_by("raster", "spiral")] = None
+    radius: Annotated[Positive | None, needed_by("spiral")] = None
+    inward: Annotated[bool, of("spiral")] = False
+    surface: Annotated[Formula | None, of("raster", "spiral")] = None
+    tool: Annotated[Literal["start", "normal"] | None, of("raster", "spiral")] = None
     relative: bool = False
     frame: FrameTable | None = None
     blend: Positive | None = None
@@ -111,12 +97,6 @@ class PathTable(Table):
 
     @model_validator(mode="after")
     def _complete(self) -> PathTable:
-        missing = [key for key in _NEEDED[self.kind] if getattr(self, key) is None]
-        if missing:
-            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
-        for key in sorted(self.model_fields_set & _OF.keys()):
-            if self.kind not in _OF[key]:
-                raise ValueError(f"a {self.kind} does not use {key}; leave it out")
         if self.relative and self.frame is not None:
             raise ValueError("relative and frame both say from where it counts; leave out one")
         for key in sorted(self.model_fields_set & {"offset", "lift", "same_way"}):

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..checking import CheckReport
 from ..errors import ArgumentError
-from ..export import Program, to_fanuc, to_krl, to_rapid, to_ros, to_urscript
+from ..export import LANGUAGES, Program
 from ..motion import TimedTrajectory, follow
 from .export_strategy import job_strategy
 from .job_parts import naming
@@ -60,23 +60,18 @@ def _written(
 ) -> Program:  # fmt: skip
     """The program of a timed motion; names: the strategy's label, its name, the robot's."""
     label, law, robot = names
-    how = job.program or ProgramTable()
-    about = f"Job {name}: {law} on {robot}, {job.title}"
-    common: dict[str, Any] = {"name": short or _word(f"{robot}_{label}", language), "about": about}
-    if language == "ros":
-        return to_ros(timed, about=about)
-    common |= {"wiring": how.wiring, "tolerance": how.tolerance}
+    written, how = LANGUAGES[language], job.program or ProgramTable()
+    given = {
+        "name": short or _word(f"{robot}_{label}", written.longest),
+        "about": f"Job {name}: {law} on {robot}, {job.title}",
+        "wiring": how.wiring, "tolerance": how.tolerance, "coupled": how.coupled,
+    }  # fmt: skip
     with naming(file, "program"):
-        if language == "ls":
-            return to_fanuc(timed, coupled=how.coupled, **common)
-        if language == "urscript":
-            style = "servoj" if timed.dt in (0.002, 0.008) else "movej"
-            return to_urscript(timed, style=style, **common)
-        return {"rapid": to_rapid, "krl": to_krl}[language](timed, **common)
+        return written.write(timed, **{key: given[key] for key in written.takes})
 
 
-def _word(text: str, language: str) -> str:
-    """A name that the language takes."""
+def _word(text: str, longest: int) -> str:
+    """A name of letters, digits and underscores."""
     letters = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
     letters = letters if letters[:1].isalpha() else f"p_{letters}"
-    return letters[: {"rapid": 30, "krl": 24, "ls": 8}.get(language, 64)].rstrip("_")
+    return letters[:longest].rstrip("_")

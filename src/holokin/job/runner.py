@@ -32,17 +32,10 @@ from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
-from ..symbolic import Function
-from ..tasks.task import Task
-from .check_tables import ChecksTable
 from .cover_strategies import build_covering
 from .job_file import read_job
-from .job_parts import (
-    build_begin,
-    build_strategy,
-    build_tasks,
-    naming,
-)
+from .job_parts import build_begin, build_strategy, build_tasks, naming
+from .metrics import METRICS, Run, apart
 from .motion_tables import TimingTable
 from .path_building import build_entry
 from .schema import ExpectTable, Job
@@ -62,15 +55,6 @@ PLACES = 65
 
 RETRACED = 1e-6
 """Share of a path's size by which its halves may differ and still be one way: beyond round-off, below any drawing."""
-
-_UNKNOWN = {
-    "coverage": "the strategy has no leaves", "coverage_rcond": "it reaches none of the poses, or has no leaves",
-    "residual": "the strategy has no leaves", "invariant": "the strategy names none",
-    "spread": "the path has no two ways, or not both were gone to their end",
-    "same_joints": "there is one representation", "speed": "the path has no length",
-    "peak_speed": "the joints have no speed limits", "clearance": "no distances are looked at in [checks]",
-}  # fmt: skip
-"""Why a figure that is expected is not known; of the others, drifts, because no cycle was done to its end."""
 
 
 def packaged_jobs() -> tuple[str, ...]:
@@ -139,15 +123,16 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     strategy = build_strategy(job, label, task, start, title)
                     begin, note = build_begin(table, strategy, start)
                     begin, entry = build_entry(job, strategy, path, begin)
-                    found = _run_strategy(job, label, strategy, path, begin, table.method, invariant)
+                    found = _run_strategy(job, label, strategy, path, begin, table.method)
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
                     if job.checks is not None:
                         with naming(file, "checks"):
-                            found = _looked_at(found, job.checks, robot, task)
+                            report = job.checks.checked(found.timed or found.cycles, robot, task)
+                        found = replace(found, motion_check=report)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
-                    variants.append(found)
+                    variants.append(replace(found, metrics=Run(strategy, path, invariant, found).measured()))
                     about = f"{about} {note} {entry}".strip()
             except HolokinError as problem:
                 if not isinstance(problem.__cause__ or problem, OF_ONE_STRATEGY):
@@ -156,11 +141,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                 failed.append(
                     NotRun(title, f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))
                 )
-        apart = _apart(variants)
+        same = {"same_joints": apart(variants)}
         expect = job.expect.get(label)
-        for variant in variants:
-            metrics = variant.metrics | {"same_joints": apart}
-            results.append(_checked(variant, metrics, expect))
+        results += [_checked(replace(v, metrics=v.metrics | same), expect) for v in variants]
     if first is not None and not results:
         raise first
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
@@ -169,13 +152,13 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
+        {key: metric.meaning for key, metric in METRICS.items()},
     )  # fmt: skip
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None,
-    invariant: Function | None,
-) -> StrategyResult:  # fmt: skip
+    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None
+) -> StrategyResult:
     asked = job.verdict
     region = around(start, asked.radius)
     verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
@@ -198,48 +181,10 @@ def _run_strategy(
         ways = (run(a, half, 1), run(b, half, 1))
     walks = [cycles, *(ways or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
-    metrics = _metrics(strategy, verdict.defect, path, cycles, ways, invariant)
     trouble = troubles[0] if troubles else ""
     done = cycles.status is Status.COMPLETE
     share = 1.0 if done else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
-    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, metrics, followed=share)
-
-
-def _metrics(
-    strategy: Strategy, defect: float, path: AnyPath, cycles: Trajectory, ways: tuple[Trajectory, Trajectory] | None,
-    invariant: Function | None,
-) -> dict[str, float]:  # fmt: skip
-    walks = [cycles, *(ways or ())]
-    metrics = dict.fromkeys(("drift", "drift_mean", "drift_total", "drift_least", "drift_most", "spread"), np.nan)
-    if path.closed and cycles.cycles:
-        each = np.abs(cycles.drift()).max(axis=1)
-        total = float(np.abs(cycles.drift_since_start()[-1]).max())
-        metrics |= {
-            "drift": float(each[0]), "drift_total": total, "drift_mean": float(each.mean()),
-            "drift_least": float(each.min()), "drift_most": float(each.max()),
-        }  # fmt: skip
-    if ways is not None and all(w.status is Status.COMPLETE for w in ways):
-        metrics["spread"] = float(np.abs(ways[0].q[-1] - ways[1].q[-1]).max())
-    J, _ = strategy.task.jacobian_batch(cycles.q)
-    least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, cycles.dq)
-    size = float(np.sqrt(np.sum(least**2)))
-    limits = strategy.task.robot.max_velocity
-    peak = max(float((np.abs(w.dq) / limits).max()) for w in walks) if np.isfinite(limits).any() else np.nan
-    kept = np.nan
-    if invariant is not None:
-        values = [invariant.batch(w.q).reshape(len(w), -1) for w in walks]
-        kept = max(float(np.abs(v - values[0][0]).max()) for v in values)
-    return metrics | {
-        "defect": defect,
-        "tracking": max(w.tracking_error(unit) for w in walks for unit in dict.fromkeys(w.row_units)),
-        "sigma": min(float(w.sigma.min()) for w in walks),
-        "speed": float(np.sqrt(np.sum(cycles.dq**2))) / size if size > 0 else np.nan,
-        "peak_speed": peak,
-        "residual": max(float(w.residual.max()) for w in walks) if isinstance(strategy, HolonomicStrategy) else np.nan,
-        "invariant": kept,
-        "coverage": np.nan, "coverage_rcond": np.nan, "time": np.nan, "limit_distance": np.nan,
-        "clearance": np.nan,
-    }  # fmt: skip
+    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, {}, followed=share)
 
 
 def one_way(path: AnyPath) -> str:
@@ -261,46 +206,26 @@ def one_way(path: AnyPath) -> str:
 def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyResult:
     """With its cycles timed. Raises: as `retime`."""
     timed = table.timed(found.cycles, robot)
-    more = {"time": timed.duration, "limit_distance": timed.nearest_limit.distance}
     trouble = found.trouble
     if table.endless and timed.loop is None:
         trouble = trouble or "its cycles do not end where they started: they are timed one after the other, not endless"
-    return replace(found, timed=timed, metrics=found.metrics | more, trouble=trouble)
+    return replace(found, timed=timed, trouble=trouble)
 
 
-def _looked_at(found: StrategyResult, table: ChecksTable, robot: Robot, task: Task) -> StrategyResult:
-    """With what is found of its motion: timed, where it is. Raises: as `check`."""
-    report = table.checked(found.timed or found.cycles, robot, task)
-    return replace(found, motion_check=report, metrics=found.metrics | {"clearance": report.clearance})
-
-
-def _apart(variants: list[StrategyResult]) -> float:
-    """Largest joint difference between the same walks of different representations; NaN for a single one."""
-    if len(variants) < 2:
-        return np.nan
-    worst = 0.0
-    first = variants[0].trajectories()
-    for other in variants[1:]:
-        for key, walk in other.trajectories().items():
-            k = min(len(walk), len(first[key]))
-            worst = max(worst, float(np.abs(walk.q[:k] - first[key].q[:k]).max()))
-    return worst
-
-
-def _checked(result: StrategyResult, metrics: dict[str, float], expect: ExpectTable | None) -> StrategyResult:
+def _checked(result: StrategyResult, expect: ExpectTable | None) -> StrategyResult:
     """With its checks; one of which nothing is expected must be followed to its end all the same."""
     complete = result.status is Status.COMPLETE
     if expect is None:
         if complete:
-            return replace(result, metrics=metrics)
+            return result
         expect = ExpectTable()
     checks = [Check("completes", str(expect.completes).lower(), result.status.value, complete == expect.completes)]
     if expect.holonomic is not None:
         found = result.verdict.holonomic
         checks.append(Check("holonomic", str(expect.holonomic).lower(), str(found).lower(), found == expect.holonomic))
-    for key, value in metrics.items():
+    for key, value in result.metrics.items():
         bound = getattr(expect, key)
         if bound is not None:
-            why = f"not known: {_UNKNOWN.get(key, 'no cycle was done to its end')}"
+            why = f"not known: {METRICS[key].unknown}"
             checks.append(Check(key, str(bound), why if np.isnan(value) else f"{value:.6g}", bound.holds(value)))
-    return replace(result, metrics=metrics, checks=tuple(checks))
+    return replace(result, checks=tuple(checks))

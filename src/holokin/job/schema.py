@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from ..errors import brief, closest
 from ..robot import FARTHEST
 from .check_tables import ChecksTable
+from .metrics import METRICS
 from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
 from .robot_tables import Names, RobotTable
 from .strategy_tables import AnyStrategy, Fitted
-from .table_values import Few, Length, Positive, Table
+from .table_values import Few, KindTable, Length, Positive, Table, needed_by, of
 from .task_tables import TaskTable
 
 MOST_POSTURES = 65_536
@@ -39,6 +40,10 @@ LONGEST_ABOUT = 10_000
 """Characters of the paragraph in a report."""
 
 Figure = Annotated[float, Field(allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
+HalfTurn = Annotated[float, Field(ge=0, le=180)]
+Rotation = Annotated[list[Row], Field(min_length=3, max_length=3)]
+SOLIDS = ("box", "cylinder", "sphere")
 
 
 class StartTable(Table):
@@ -86,30 +91,17 @@ class Bound(Table):
         return " and ".join(parts)
 
 
-class ExpectTable(Table):
-    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1)."""
+class Expected(Table):
+    """[expect.NAME]: what a strategy must show, or the job fails (exit code 1); every metric may have a bound, too."""
 
     holonomic: bool | None = None
     completes: bool = True
-    defect: Bound | None = None
-    drift: Bound | None = None
-    drift_mean: Bound | None = None
-    drift_total: Bound | None = None
-    drift_least: Bound | None = None
-    drift_most: Bound | None = None
-    spread: Bound | None = None
-    tracking: Bound | None = None
-    sigma: Bound | None = None
-    speed: Bound | None = None
-    peak_speed: Bound | None = None
-    residual: Bound | None = None
-    invariant: Bound | None = None
-    same_joints: Bound | None = None
-    coverage: Bound | None = None
-    coverage_rcond: Bound | None = None
-    time: Bound | None = None
-    limit_distance: Bound | None = None
-    clearance: Bound | None = None
+
+
+if TYPE_CHECKING:
+    ExpectTable = Expected
+else:
+    ExpectTable = create_model("ExpectTable", __base__=Expected, **dict.fromkeys(METRICS, (Bound | None, None)))
 
 
 class VerdictTable(Table):
@@ -126,41 +118,23 @@ class VerdictTable(Table):
         return self
 
 
-class WorkspaceTable(Table):
+class WorkspaceTable(KindTable):
     """[workspace]: tool poses in the frame of the base; every strategy with leaves is asked how many it reaches."""
 
     kind: Literal["box", "cylinder", "sphere", "poses"]
-    center: Point | None = None
-    half: Point | None = None
-    radius: Positive | None = None
-    half_height: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)] | None = None
-    file: str | None = None
-    ignore: Names = Field(default=[])
-    rotation: Literal["down", "start"] | Annotated[list[Row], Field(min_length=3, max_length=3)] = "down"
-    tilt_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
-    spin_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
+    center: Annotated[Point | None, needed_by(*SOLIDS)] = None
+    half: Annotated[Point | None, needed_by("box")] = None
+    radius: Annotated[Positive | None, needed_by("cylinder", "sphere")] = None
+    half_height: Annotated[Size | None, needed_by("cylinder")] = None
+    file: Annotated[str | None, needed_by("poses")] = None
+    ignore: Annotated[Names, of("poses")] = Field(default=[])
+    rotation: Annotated[Literal["down", "start"] | Rotation, of(*SOLIDS)] = "down"
+    tilt_deg: Annotated[HalfTurn, of(*SOLIDS)] = 0.0
+    spin_deg: Annotated[HalfTurn, of(*SOLIDS)] = 0.0
     samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
     seed: Annotated[int, Field(ge=0)] = 0
     limits: bool = True
     slices: Annotated[int, Field(ge=0, le=MOST_CELLS)] = 31
-
-    @model_validator(mode="after")
-    def _complete(self) -> WorkspaceTable:
-        shape = {"center", "rotation", "tilt_deg", "spin_deg"}
-        uses = {
-            "box": {"half"} | shape, "cylinder": {"radius", "half_height"} | shape, "sphere": {"radius"} | shape,
-            "poses": {"file", "ignore"},
-        }[self.kind]  # fmt: skip
-        missing = [
-            key
-            for key in ("center", "half", "radius", "half_height", "file")
-            if key in uses and getattr(self, key) is None
-        ]
-        if missing:
-            raise ValueError(f"kind = {self.kind!r} needs {' and '.join(missing)}; add it")
-        for key in sorted(self.model_fields_set - uses - {"kind", "samples", "seed", "limits", "slices"}):
-            raise ValueError(f"kind = {self.kind!r} does not use {key}; leave it out")
-        return self
 
 
 class Job(Table):

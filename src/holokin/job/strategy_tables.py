@@ -5,7 +5,7 @@ A new kind is one more class here: `kind` and its keys, each with a default unle
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -19,7 +19,7 @@ from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
-from .table_values import LARGEST, Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, matrix
+from .table_values import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, kinds, matrix
 
 MOST_RADIAL_STEPS = 100
 """Runge-Kutta steps of a radial strategy: each lengthens the expressions; beyond these the error is round-off."""
@@ -271,20 +271,10 @@ class Stationary(ConstraintTable):
         return constraints.stationary(cost, free=None if self.free is None else tuple(self.free))
 
 
-def _kinds(parent: type[StrategyTable]) -> dict[str, type[StrategyTable]]:
-    """Kind -> model of every table below one, in the order of this file: constraints last."""
-    models = parent.__subclasses__()
-    named = [model for model in models if "kind" in model.model_fields]
-    found = {str(word): model for model in named for word in get_args(model.model_fields["kind"].annotation)}
-    for model in models:
-        found |= _kinds(model)
-    return found
-
-
 if TYPE_CHECKING:
     AnyConstraint = ConstraintTable
 else:
-    AnyConstraint = Annotated[Union[tuple(_kinds(ConstraintTable).values())], Field(discriminator="kind")]  # noqa: UP007
+    AnyConstraint = Annotated[Union[tuple(kinds(ConstraintTable).values())], Field(discriminator="kind")]  # noqa: UP007
 
 
 class Stack(ConstraintTable):
@@ -343,7 +333,7 @@ class Fitted(StrategyTable):
     of: str
     radius: Positive = 0.1
     turn_deg: Annotated[float, Field(ge=0, le=180)] = 0.0
-    along: Annotated[float, Field(ge=0, le=LARGEST)] = 0.2
+    along: Annotated[Number, Field(ge=0)] = 0.2
     degree: Annotated[int, Field(ge=1, le=MOST_DEGREE)] = 4
     samples: Annotated[int, Field(ge=1, le=MOST_FITTED)] = 200
 
@@ -368,7 +358,7 @@ class Fitted(StrategyTable):
             raise BranchError(fact, f"fit it to a smaller region: give a smaller {smaller}") from problem
 
 
-KINDS = _kinds(StrategyTable)
+KINDS = kinds(StrategyTable)
 """Every kind of strategy that a job may hold, and its model."""
 
 if TYPE_CHECKING:

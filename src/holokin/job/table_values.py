@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, TypeVar
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Annotated, Any, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ..analysis import MOST_JOINTS
 from ..errors import ArgumentError
@@ -34,7 +35,60 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """Beside the type of a key: the kinds of its table that use it, and whether they need it."""
+
+    names: tuple[str, ...]
+    needed: bool
+
+
+def of(*kinds: str) -> Kinds:
+    """A key that these kinds may have."""
+    return Kinds(kinds, False)
+
+
+def needed_by(*kinds: str) -> Kinds:
+    """A key that these kinds must have."""
+    return Kinds(kinds, True)
+
+
+class KindTable(Table):
+    """A table with a `kind`, of which each uses keys of its own, see `of` and `needed_by`; other keys serve all."""
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Self:
+        kind, missing, unused = vars(self)["kind"], [], []
+        for key, field in type(self).model_fields.items():
+            kinds = [mark for mark in field.metadata if isinstance(mark, Kinds)]
+            own = [mark for mark in kinds if kind in mark.names]
+            given = key in self.model_fields_set and getattr(self, key) is not None
+            if any(mark.needed for mark in own) and not given:
+                missing.append(key)
+            if kinds and not own and given:
+                unused.append(key)
+        if missing:
+            raise ValueError(f"kind = {kind!r} needs {' and '.join(missing)}; add it")
+        if unused:
+            raise ValueError(f"kind = {kind!r} does not use {unused[0]}; leave it out")
+        return self
+
+
 Filled = TypeVar("Filled", bound=Table)
+
+
+def by_kind(models: Iterable[type[Filled]]) -> dict[str, type[Filled]]:
+    """Kind -> model; a model may have several kinds."""
+    return {str(word): model for model in models for word in get_args(model.model_fields["kind"].annotation)}
+
+
+def kinds(parent: type[Filled]) -> dict[str, type[Filled]]:
+    """Kind -> model of every table below one, in the order of their file; those below these come last."""
+    models = parent.__subclasses__()
+    found = by_kind(model for model in models if "kind" in model.model_fields)
+    for model in models:
+        found |= kinds(model)
+    return found
 
 
 def filled(table: type[Filled], key: str, values: dict[str, Any]) -> Filled:

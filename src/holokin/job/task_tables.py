@@ -12,57 +12,38 @@ from ..tasks.frame_tasks import custom_task, line_of_sight, pose, position, rela
 from ..tasks.task import Task
 from ..tasks.task_kinds import stacked
 from .robot_tables import MOST_PARTS, Three
-from .table_values import MOST_JOINTS, Formula, Table, column
+from .table_values import MOST_JOINTS, Formula, KindTable, column, needed_by, of
 
 Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
+Orientations = Annotated[list[Orientation], Field(min_length=1)]
 Axis = Literal["x", "y", "z"] | Three
-
-_OF = {
-    "orientation": ("pose", "relative-pose"), "rows": ("position", "pose", "relative-pose"),
-    "axis": ("pose", "relative-pose", "line-of-sight"), "tip": ("position", "pose", "relative-pose", "line-of-sight"),
-    "other": ("relative-pose",),
-    "point": ("line-of-sight",), "expressions": ("custom",), "units": ("custom",), "names": ("custom",),
-    "parts": ("stacked",),
-}  # fmt: skip
-"""The kinds of task that use a key."""
-
-_NEEDED = {
-    "relative-pose": ("tip", "other"),
-    "line-of-sight": ("point",),
-    "custom": ("expressions", "units"),
-    "stacked": ("parts",),
-}
+Rows = Field(min_length=1, max_length=MOST_JOINTS)
+Parts = Field(min_length=2, max_length=MOST_PARTS)
 
 
-class TaskTable(Table):
+class TaskTable(KindTable):
     """[task]: position, pose, the pose of one tip in another's frame, a camera's line of sight, formulas, or several.
 
     A list of orientations runs every strategy once for each.
     """
 
     kind: Literal["position", "pose", "relative-pose", "line-of-sight", "custom", "stacked"] = "position"
-    orientation: Orientation | Annotated[list[Orientation], Field(min_length=1)] = "twist"
-    axis: Axis = "z"
-    rows: Annotated[list[int], Field(max_length=6)] | None = None
-    tip: str | None = None
-    other: str | None = None
-    point: Three | None = None
-    expressions: Annotated[list[Formula], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
-    units: Annotated[list[str], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
-    names: Annotated[list[str], Field(min_length=1, max_length=MOST_JOINTS)] | None = None
-    parts: Annotated[list[TaskTable], Field(min_length=2, max_length=MOST_PARTS)] | None = None
+    orientation: Annotated[Orientation | Orientations, of("pose", "relative-pose")] = "twist"
+    axis: Annotated[Axis, of("pose", "relative-pose", "line-of-sight")] = "z"
+    rows: Annotated[Annotated[list[int], Field(max_length=6)] | None, of("position", "pose", "relative-pose")] = None
+    tip: Annotated[str | None, of("position", "pose", "line-of-sight"), needed_by("relative-pose")] = None
+    other: Annotated[str | None, needed_by("relative-pose")] = None
+    point: Annotated[Three | None, needed_by("line-of-sight")] = None
+    expressions: Annotated[Annotated[list[Formula], Rows] | None, needed_by("custom")] = None
+    units: Annotated[Annotated[list[str], Rows] | None, needed_by("custom")] = None
+    names: Annotated[Annotated[list[str], Rows] | None, of("custom")] = None
+    parts: Annotated[Annotated[list[TaskTable], Parts] | None, needed_by("stacked")] = None
 
     @model_validator(mode="after")
-    def _of_its_kind(self) -> TaskTable:
+    def _complete(self) -> TaskTable:
         kinds = self.orientation
         if isinstance(kinds, list) and len(set(kinds)) < len(kinds):
             raise ValueError(f"orientation = {kinds} names one twice; name each once")
-        missing = [key for key in _NEEDED.get(self.kind, ()) if getattr(self, key) is None]
-        if missing:
-            raise ValueError(f"a {self.kind} needs {' and '.join(missing)}; add it")
-        for key in sorted(self.model_fields_set & _OF.keys()):
-            if self.kind not in _OF[key]:
-                raise ValueError(f"a task of kind {self.kind!r} does not use {key}; leave it out")
         if "axis" in self.model_fields_set and self.kind != "line-of-sight" and "axis" not in self._orientations:
             raise ValueError('axis serves orientation = "axis"; leave it out')
         if any(isinstance(part.orientation, list) or part.kind == "stacked" for part in self.parts or []):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -169,6 +169,20 @@ def placo_law(
         return step
 
     return ControlLaw(name or _label("placo", posture, None, limits), begin)
+
+
+@dataclass(frozen=True)
+class Library:
+    """A law of a robot and a posture task, and the package that has the library; the extra is named like its module."""
+
+    law: Callable[..., ControlLaw]
+    package: str
+
+
+LIBRARIES = {
+    "pink": Library(pink_law, "pin-pink"), "mink": Library(mink_law, "mink"), "placo": Library(placo_law, "placo"),
+}  # fmt: skip
+"""By the names of their modules, which are kinds of law of a survey."""
 
 
 def _label(library: str, posture: PostureTask, leaf: HolonomicStrategy | None, limits: bool) -> str:

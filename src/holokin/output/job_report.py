@@ -16,7 +16,7 @@ from ..motion import TimedTrajectory
 from .check_section import check_section
 from .html_page import html_table, page, svg_figure
 from .job_figures import figures
-from .job_result import METRICS, JobResult
+from .job_result import JobResult
 from .job_table import NOTHING, columns, remarks, rows
 from .result_folder import FACTS, renewed
 from .words import joint_unit, ways_words
@@ -216,7 +216,7 @@ def _film(file: FilePath, caption: str) -> str:
 
 def _all_figures(result: JobResult) -> str:
     rows: list[list[str]] = []
-    for key, meaning in METRICS.items():
+    for key, meaning in result.meanings.items():
         values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
             cells = [_measured(value) for value in values]

@@ -19,29 +19,6 @@ from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath
 from ..robot import LinkShape, Robot
 
-METRICS: dict[str, str] = {
-    "defect": "curvature near the start, its largest (defect): joint error of a small loop over its area",
-    "drift": "drift of the first cycle: its largest joint's [joint]",
-    "drift_mean": "mean over the cycles of each one's drift [joint]",
-    "drift_total": "largest joint's distance from the start after the last cycle [joint]",
-    "drift_least": "least of the cycles' drifts [joint]",
-    "drift_most": "greatest of the cycles' drifts [joint]",
-    "spread": "largest joint difference between the two ways [joint]",
-    "tracking": "worst tracking error [m or rad]",
-    "sigma": "least singular value of the task Jacobian",
-    "speed": "joint speed (rms) over that of the pseudo-inverse",
-    "peak_speed": "greatest joint speed over that joint's limit",
-    "residual": "how far the joints left their leaf: the largest change of g(q)",
-    "invariant": "largest change of the given invariants",
-    "same_joints": "largest joint difference between orientation representations [joint]",
-    "coverage": "share of the workspace that the leaf reaches",
-    "coverage_rcond": "least rcond of [J; J_g] over the poses of the workspace that it reaches",
-    "time": "seconds that the cycles take within the limits of [timing]",
-    "clearance": "least distance of two links, or of a link and the floor or an obstacle [m]",
-    "limit_distance": "least distance of a joint to a limit of its position, in the timed motion [joint]",
-}
-"""Every metric of a strategy, and its meaning; [joint] stands for the joints' unit. NaN where the job has none."""
-
 
 @dataclass(frozen=True)
 class Check(NoTruthValue, ask="`.passed`"):
@@ -126,8 +103,11 @@ class NotRun:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """A whole job's findings. obstacles: those of [checks] that stand still; one_way: why its path has no two ways to a
-    pose, at which joints could be compared, or empty."""
+    """A whole job's findings.
+
+    obstacles: those of [checks] that stand still. one_way: why its path has no two ways to a pose, at which joints
+    could be compared, or empty. meanings: of the metrics of its strategies; [joint] there stands for the joints' unit.
+    """
 
     name: str
     title: str
@@ -143,6 +123,7 @@ class JobResult:
     workspace: str = ""
     obstacles: tuple[LinkShape, ...] = ()
     one_way: str = ""
+    meanings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,66 +15,6 @@ from .words import check_words, joint_unit, speed_warning, ways_words
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
 
-Column = tuple[str, Literal["left", "right"]]
-
-
-def columns(result: JobResult) -> tuple[Column, ...]:
-    """Heading, with its unit, and alignment of each column."""
-    joints = joint_unit(result.robot)
-    task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
-    narrow = result.workspace or looked_at(result)
-    return (
-        ("strategy", "left"),
-        ("verdict", "left"),
-        (f"drift / cycle\n[{joints}]", "right"),
-        (f"two ways\napart [{joints}]" if narrow else f"two ways apart\n[{joints}]", "right"),
-        (f"tracking\n[{task}]", "right"),
-        ("sigma\nmin", "right"),
-        ("speed\n/ MP", "right"),
-        ("peak\nspeed", "right"),
-        *((("clear.\n[m]", "right"),) if looked_at(result) else ()),
-        *((("work-\nspace", "right"),) if result.workspace else ()),
-        ("expected", "left"),
-    )
-
-
-def looked_at(result: JobResult) -> bool:
-    """Whether distances are known: those that [checks] asks for."""
-    return any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
-
-
-def row(result: StrategyResult, workspace: bool = False, clearance: bool = False) -> list[str]:
-    """The cells of one strategy; with clearance and share of the workspace in a job that has them."""
-    f = result.metrics
-    covers = f"{f['coverage']:.1%}" if np.isfinite(f["coverage"]) else "-"
-    return [
-        result.name,
-        "holonomic" if result.verdict.holonomic else "NOT holonomic",
-        number(f["drift_mean"]),
-        number(f["spread"]),
-        number(f["tracking"]),
-        number(f["sigma"]),
-        f"{f['speed']:.3f}" if np.isfinite(f["speed"]) else "-",
-        number(f["peak_speed"]),
-        *([number(f["clearance"])] if clearance else []),
-        *([covers] if workspace else []),
-        "FAILED" if not result.passed else "ok" if result.checks or result.motion_check is not None else "-",
-    ]
-
-
-def rows(result: JobResult) -> list[list[str]]:
-    """The cells of every strategy: those that could not be run last."""
-    width = len(columns(result))
-    failed = [[one.name, "NOT run", *["-"] * (width - 3), "FAILED"] for one in result.not_run]
-    return [*(row(s, bool(result.workspace), looked_at(result)) for s in result.strategies), *failed]
-
-
-def remarks(result: JobResult) -> list[tuple[str, str]]:
-    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
-    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
-    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
-    return [(name, text) for name, text in found if text]
-
 
 def number(value: float) -> str:
     """Three digits; a dash where there is none, 0 for what is below all round-off."""
@@ -82,6 +23,64 @@ def number(value: float) -> str:
     if abs(value) < NOTHING:
         value = 0.0
     return f"{value:.3f}" if 1e-2 <= abs(value) < 100 else f"{value:.1e}"
+
+
+Column = tuple[str, Literal["left", "right"]]
+"""Heading and alignment."""
+
+
+class _Column(NamedTuple):
+    heading: str
+    cell: Callable[[StrategyResult], str]
+    side: Literal["left", "right"] = "right"
+
+
+def _columns(result: JobResult) -> list[_Column]:
+    """The columns; clearance and share of the workspace in a job that has them."""
+
+    def figure(key: str, form: Callable[[float], str] = number) -> Callable[[StrategyResult], str]:
+        return lambda s: form(s.metrics[key]) if np.isfinite(s.metrics[key]) else "-"
+
+    joints = joint_unit(result.robot)
+    task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
+    looked_at = any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
+    narrow = result.workspace or looked_at
+    found = [
+        _Column("strategy", lambda s: s.name, "left"),
+        _Column("verdict", lambda s: "holonomic" if s.verdict.holonomic else "NOT holonomic", "left"),
+        _Column(f"drift / cycle\n[{joints}]", figure("drift_mean")),
+        _Column(f"two ways\napart [{joints}]" if narrow else f"two ways apart\n[{joints}]", figure("spread")),
+        _Column(f"tracking\n[{task}]", figure("tracking")),
+        _Column("sigma\nmin", figure("sigma")),
+        _Column("speed\n/ MP", figure("speed", "{:.3f}".format)),
+        _Column("peak\nspeed", figure("peak_speed")),
+    ]
+    found += [_Column("clear.\n[m]", figure("clearance"))] if looked_at else []
+    found += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
+    return [*found, _Column("expected", _expected, "left")]
+
+
+def _expected(s: StrategyResult) -> str:
+    return "FAILED" if not s.passed else "ok" if s.checks or s.motion_check is not None else "-"
+
+
+def columns(result: JobResult) -> list[Column]:
+    """Heading, with its unit, and alignment of each column."""
+    return [(column.heading, column.side) for column in _columns(result)]
+
+
+def rows(result: JobResult) -> list[list[str]]:
+    """The cells of every strategy: those that could not be run last."""
+    shown = _columns(result)
+    failed = [[one.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for one in result.not_run]
+    return [*([column.cell(s) for column in shown] for s in result.strategies), *failed]
+
+
+def remarks(result: JobResult) -> list[tuple[str, str]]:
+    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
+    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    return [(name, text) for name, text in found if text]
 
 
 def print_result(result: JobResult, console: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import faulthandler
 import math
 import multiprocessing
 import os
@@ -12,16 +11,16 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import islice
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from ..errors import HolokinError, SurveyError
+from ..errors import SurveyError
 from .batches import SECONDS, Batch
 from .cases import Cases
 from .objects import keep, sendable
@@ -29,8 +28,8 @@ from .one_case import Row, fault, forget_built, prepare, run_case
 from .survey_tables import SurveyTable
 from .user_functions import forget_imported
 
-HARD = 2.0
-"""Time limits after which a process that does not answer, in native code, ends."""
+HARD, MORE = 2.0, 1.0
+"""Time limits, and seconds more, after which a process that does not answer, in native code, is killed."""
 
 BUILDING = 60.0
 """Seconds at least that robot, law and native code may take to build: no time of the case that is the first."""
@@ -60,14 +59,18 @@ class _Late(BaseException):
     """The case takes too long."""
 
 
+_board: Any = [-1.0, 0.0, 0.0]
+"""The number of the case that is done now, since when, how long it may take; a process for cases shares it."""
+
+
 class _Watch:
-    """Ends what takes too long: in Python by an exception, in native code, if `hard`, with the process.
+    """Ends by an exception what takes too long in Python.
 
     One thread watches all cases of a batch: one for each would cost more than a short case.
     """
 
-    def __init__(self, seconds: float, hard: bool) -> None:
-        self._look_again, self._hard, self._armed = min(LOOK, seconds / 4), hard, (-math.inf, 0.0)
+    def __init__(self, seconds: float) -> None:
+        self._look_again = min(LOOK, seconds / 4)
         self._thread, self._lock = ctypes.c_ulong(threading.get_ident()), threading.Lock()
         self._until, self._over = math.inf, threading.Event()
 
@@ -77,8 +80,6 @@ class _Watch:
 
     def __exit__(self, *_problem: object) -> None:
         self._over.set()
-        if self._hard:
-            faulthandler.cancel_dump_traceback_later()
 
     def _look(self) -> None:
         while not self._over.wait(self._look_again):
@@ -88,12 +89,10 @@ class _Watch:
                     ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_Late))
 
     @contextmanager
-    def limited(self, seconds: float) -> Iterator[None]:
-        """Around what may take so many seconds. Raises: _Late."""
-        now, (since, allowed) = time.monotonic(), self._armed
-        if self._hard and (now - since > LOOK or allowed != seconds):
-            self._armed = now, seconds
-            faulthandler.dump_traceback_later(HARD * seconds + 1.0, exit=True, file=2)
+    def limited(self, number: int, seconds: float) -> Iterator[None]:
+        """Around what may take so many seconds of a case. Raises: _Late."""
+        now = time.monotonic()
+        _board[:] = number, now, seconds
         with self._lock:
             self._until = now + seconds
         try:
@@ -123,51 +122,39 @@ def cases_of(table: str, folder: str) -> Cases:
     return _cases[key]
 
 
-def run_batch(
-    table: str, folder: str, batch: Batch, seconds: float = SECONDS, *,
-    hard: bool = False, at: Callable[[int, float], None] = lambda _number, _seconds: None,
-) -> Iterator[Row]:  # fmt: skip
+def run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) -> Iterator[Row]:
     """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
 
     Args:
         seconds: that the batch is to take; after twice as many the rest of it is handed back.
-        hard: end the process where native code hangs. at: is told the number of each case, and
-            the seconds that it may take, before it begins, and before what it shares with others is built.
     """
     cases, began = cases_of(table, folder), time.monotonic()
     limit = cases.table.time_limit
-    with _Watch(limit, hard) as watch:
+    with _Watch(limit) as watch:
         for k, number in enumerate(batch):
             if k and time.monotonic() - began > LATE * seconds:
                 return
             case, allowed = cases.case(number), max(limit, BUILDING)
             try:
-                at(number, allowed)
-                with watch.limited(allowed):
+                with watch.limited(number, allowed):
                     ready = prepare(case, cases)
                 allowed = limit
-                at(number, allowed)
-                with watch.limited(allowed):
+                with watch.limited(number, allowed):
                     row = run_case(case, cases, ready)
             except _Late:
                 row = fault(case, f"took longer than {allowed:g} s", allowed)
-            except Exception as problem:  # noqa: BLE001  whatever a law of the user's own throws is a row
-                row = fault(case, f"{type(problem).__name__}: {problem}")
-            except (SystemExit, KeyboardInterrupt) as problem:
-                if isinstance(problem, KeyboardInterrupt) and not hard:  # the user's, in this process
-                    raise
+            except (Exception, SystemExit, KeyboardInterrupt) as problem:  # a row, whatever a law of the user's throws
+                if isinstance(problem, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                    raise  # the user's own
                 row = fault(case, f"{type(problem).__name__}: {problem}")
             yield row
 
 
-_board: Any = None
-"""Of a process for cases: the number of its case, since when, how long it may take."""
-
-
-def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
-    """The first a process does. Ctrl-C is not for it, and it ends with the one that began it."""
+def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
+    """What a process for cases does. Ctrl-C is not for it, and it ends with the one that began it."""
     global _board
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    multiprocessing.current_process().daemon = False  # laws may have processes of their own
     os.environ.update(environment)
     keep(objects)
     _board = board
@@ -180,16 +167,18 @@ def _begin(board: Any, objects: Mapping[str, Any], environment: dict[str, str]) 
 
     threading.Thread(target=follow_parent, daemon=True).start()
     with suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the stack of a case that is ended by force is nobody's
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what goes wrong is said in rows
+    with suppress(OSError, EOFError):
+        while True:
+            pipe.send(_some(*pipe.recv()))
 
 
-def _run_some(table: str, folder: str, batch: Batch) -> list[Row]:
-    """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS."""
-
-    def at(number: int, seconds: float) -> None:
-        _board[:] = number, time.monotonic(), seconds
-
-    return list(islice(run_batch(table, folder, batch, CHUNK / LATE, hard=True, at=at), ROWS))
+def _some(table: str, folder: str, batch: Batch) -> list[Row] | str:
+    """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS; or why not."""
+    try:
+        return list(islice(run_batch(table, folder, batch, CHUNK / LATE), ROWS))
+    except Exception as problem:  # noqa: BLE001  it is told where the rows are awaited
+        return f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
 
 
 _starting = threading.Lock()
@@ -199,14 +188,14 @@ _starting = threading.Lock()
 class Guarded:
     """A process for cases; a new one takes its place when it dies. For one thread at a time.
 
-    It is a pool of one: of a pool all processes end with the first that dies, and neighbours would begin again.
+    A pool of several, of the standard library or of pebble, ends with all its processes when one of them is killed at
+    a bad moment, and neighbours would begin again.
     """
 
     def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._objects, self._closed, self._unborn = dict(objects), False, 0
         self._board: Any = multiprocessing.RawArray("d", 3)
-        self._pool: ProcessPoolExecutor | None = None
-        self._process: BaseProcess | None = None
+        self._running: tuple[BaseProcess, Connection] | None = None
 
     def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
         """The rows of a batch: all, or up to where it took too long.
@@ -218,20 +207,48 @@ class Guarded:
         while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
             self._board[:] = -1, 0.0, 0.0
             try:
-                rows = self._some(table, folder, tuple(left))
+                rows = self._answer(table, folder, tuple(left))
                 self._unborn = 0
-            except BrokenExecutor:
+            except (OSError, EOFError):  # it died; or the server that forks did, and a new one begins with the next try
                 rows = self._after_death(table, folder, left, deaths)
+            if isinstance(rows, str):
+                raise SurveyError("survey", rows, SEE)
             for row in rows:
                 left.remove(row.number)
                 deaths.pop(row.number, None)
             found += rows
         return found
 
+    def _answer(self, table: str, folder: str, batch: Batch) -> list[Row] | str:
+        """As `_some`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
+        process, pipe = self._running or self._begun()
+        pipe.send((table, folder, batch))
+        while not (ready := wait((pipe, process.sentinel), LOOK)):
+            number, since, allowed = self._board
+            if number >= 0 and time.monotonic() - since > HARD * allowed + MORE:
+                process.kill()
+        if pipe not in ready:
+            raise EOFError
+        return pipe.recv()
+
+    def _begun(self) -> tuple[BaseProcess, Connection]:
+        """A new process, and the way to it. Raises: OSError, EOFError: it did not begin, or is closed."""
+        context: Any = multiprocessing.get_context(_start_method(self._objects))
+        objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
+        with _starting, _without_main():
+            multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
+            pipe, its = context.Pipe()
+            process = context.Process(target=_serve, args=(its, self._board, objects, dict(os.environ)), daemon=True)
+            process.start()
+            its.close()
+        self._running = process, pipe
+        if self._closed:
+            raise EOFError
+        return self._running
+
     def _after_death(self, table: str, folder: str, left: list[int], deaths: Counter[int]) -> list[Row]:
         """The row of the case at which the process died, if it is a fault now. Raises: SurveyError."""
-        end = self._ended()
-        number, since, allowed = int(self._board[0]), self._board[1], self._board[2]
+        end, (number, since, allowed) = self._ended(), self._board
         if self._closed:
             return []
         if number not in left:
@@ -240,56 +257,25 @@ class Guarded:
                 raise SurveyError("survey", f"its processes die before they begin ({end})", SEE)
             time.sleep(PAUSE * self._unborn)  # until the system has taken a server away that was killed
             return []
-        deaths[number] += 1
+        deaths[int(number)] += 1
         seconds = time.monotonic() - since
         if seconds > HARD * allowed:
             why = f"hung in native code for {seconds:.0f} s"
-        elif deaths[number] == TRIES:
+        elif deaths[int(number)] == TRIES:
             why = f"its process died {TRIES} times ({end})"
         else:
             return []
-        return [fault(cases_of(table, folder).case(number), why, seconds)]
-
-    def _some(self, table: str, folder: str, batch: Batch) -> list[Row]:
-        """The rows of the first cases of a batch. Raises: BrokenExecutor: the process died. SurveyError."""
-        try:
-            pool = self._begun()
-        except (OSError, EOFError) as problem:  # the server that forks was killed; a new one begins with the next try
-            raise BrokenExecutor from problem
-        try:
-            return pool.submit(_run_some, table, folder, batch).result()
-        except (BrokenExecutor, HolokinError):
-            raise
-        except Exception as problem:
-            fact = f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
-            raise SurveyError("survey", fact, SEE) from problem
-
-    def _begun(self) -> ProcessPoolExecutor:
-        """The pool, whose process is ready. Raises: BrokenExecutor, OSError: it is not, or is closed."""
-        if self._pool is not None:
-            return self._pool
-        context: Any = multiprocessing.get_context(_start_method(self._objects))
-        objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
-        with _starting:
-            multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
-            begin = (self._board, objects, dict(os.environ))
-            self._pool = pool = ProcessPoolExecutor(1, context, initializer=_begin, initargs=begin)
-            with _without_main():
-                first = pool.submit(os.getpid)
-        begun = first.result()
-        self._process = next((child for child in multiprocessing.active_children() if child.pid == begun), None)
-        if self._closed:
-            raise BrokenExecutor
-        return pool
+        return [fault(cases_of(table, folder).case(int(number)), why, seconds)]
 
     def _ended(self) -> str:
         """How the process died, in a word; nothing of it is left."""
-        process, pool, self._pool, self._process = self._process, self._pool, None, None
-        if pool is not None:
-            pool.shutdown(wait=True, cancel_futures=True)
-        if process is None:
+        running, self._running = self._running, None
+        if running is None:
             return "it did not start"
+        process, pipe = running
+        process.kill()  # it may be alive, and the server that forked it dead
         process.join()
+        pipe.close()
         code = process.exitcode or 0
         with suppress(ValueError):
             return signal.Signals(-code).name
@@ -301,8 +287,8 @@ class Guarded:
         A thread that waits for rows gets those there are.
         """
         self._closed = True
-        if (process := self._process) is not None:
-            process.kill()
+        if (running := self._running) is not None:
+            running[0].kill()
 
 
 @contextmanager

@@ -5,12 +5,10 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from ..errors import ArgumentError, MissingExtraError
+from ..laws.libraries import LIBRARIES
 from .cases import Cases, Stratum
 from .survey_laws import Library, Own
 from .user_functions import imported
-
-PACKAGES = {"pink": ("pink", "pin-pink"), "mink": ("mink", "mink"), "placo": ("placo", "placo")}
-"""Of each library its module and its package."""
 
 
 def check_laws(cases: Cases, *, here: bool = True) -> None:
@@ -26,10 +24,8 @@ def check_laws(cases: Cases, *, here: bool = True) -> None:
     for name, law in cases.table.laws.items():
         if name in asked and isinstance(law, Own):
             imported(law.function, cases.folder)
-        if name in asked and isinstance(law, Library):
-            module, package = PACKAGES[law.kind]
-            if here and find_spec(module) is None:
-                raise MissingExtraError(package, law.kind)
+        if name in asked and isinstance(law, Library) and here and find_spec(law.kind) is None:
+            raise MissingExtraError(LIBRARIES[law.kind].package, law.kind)
     for stratum in cases.strata:
         _check_tasks(stratum, cases)
 

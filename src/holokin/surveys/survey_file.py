@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ..errors import JobError, closest
 from ..job.job_file import Form, dotted
-from ..job.robot_tables import RobotTable
-from ..job.task_tables import TaskTable
+from ..job.table_values import by_kind
 from .survey_laws import OF_A_JOB, OWN_KINDS, Given
-from .survey_tables import LOOPS, LoopTable, StartsTable, SurveyTable, WithoutTable
+from .survey_tables import LOOPS, SurveyTable
 
-KINDS = {
-    str(word): model
-    for model in (*OF_A_JOB, *OWN_KINDS)
-    if model is not Given
-    for word in get_args(model.model_fields["kind"].annotation)
-}
+KINDS = by_kind(model for model in (*OF_A_JOB, *OWN_KINDS) if model is not Given)
 """Every kind of law that a survey may hold, and its model."""
 
 
@@ -36,13 +30,7 @@ def _no_objects(path: Path, table: dict[str, Any]) -> None:
                 raise JobError(path, dotted((named, name, "kind")), "is 'given'", closest("given", kinds))
 
 
-_SURVEY = Form(
-    SurveyTable,
-    "laws",
-    KINDS,
-    {"starts": StartsTable, "loops": LoopTable, "robots": RobotTable, "tasks": TaskTable, "without": WithoutTable},
-    check=_no_job,
-)
+_SURVEY = Form(SurveyTable, "laws", KINDS, check=_no_job)
 
 
 def read_survey(path: Path) -> SurveyTable:

@@ -23,11 +23,9 @@ from ..laws import (
     closed_loop,
     damped,
     gradient_projection,
-    mink_law,
-    pink_law,
-    placo_law,
     repetitive_motion,
 )
+from ..laws.libraries import LIBRARIES
 from ..laws.textbook import GAIN
 from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
@@ -88,7 +86,10 @@ class GradientProjection(LawTable):
         return gradient_projection(task, cost, self.weight, self.gain, name=name)
 
 
-LIBRARIES = {"pink": pink_law, "mink": mink_law, "placo": placo_law}
+if TYPE_CHECKING:
+    LibraryName = str
+else:
+    LibraryName = Literal[tuple(LIBRARIES)]
 
 
 class Library(LawTable):
@@ -97,7 +98,7 @@ class Library(LawTable):
     Without `preferred` that prefers the start.
     """
 
-    kind: Literal["pink", "mink", "placo"]
+    kind: LibraryName
     posture_cost: Gain = 1e-3
     posture_gain: Gain = 1.0
     preferred: Annotated[list[Length], Few] | None = None
@@ -105,11 +106,11 @@ class Library(LawTable):
     def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
         """As `pink_law`, `mink_law` or `placo_law`. Raises: ArgumentError: a task that is no whole pose."""
         if task.orientation != "twist" or task.m != (3 if task.robot.planar else 6):
-            cure = "pink, mink and placo follow whole poses here: use kind = 'pose'"
+            cure = f"{', '.join(LIBRARIES)} follow whole poses here: use kind = 'pose'"
             raise ArgumentError("the task", task.name, cure)
         preferred = None if self.preferred is None else tuple(self.preferred)
         posture = PostureTask(self.posture_cost, self.posture_gain, preferred)
-        return LIBRARIES[self.kind](task.robot, posture, name=name)
+        return LIBRARIES[self.kind].law(task.robot, posture, name=name)
 
 
 class Own(LawTable):

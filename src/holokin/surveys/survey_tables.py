@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import fnmatch
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..errors import brief, closest
 from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
 from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
-from ..job.table_values import Positive, Table
+from ..job.table_values import KindTable, Positive, Table, needed_by
 from ..job.task_tables import TaskTable
 from .survey_laws import AnyLaw, ClosedLoop
 
@@ -23,6 +23,9 @@ MOST_OF_A_KIND = 1_000_000
 """Starts or loops of one kind."""
 
 Share = Annotated[float, Field(gt=0, le=1)]
+Pair = BeforeValidator(lambda given: tuple(given) if isinstance(given, list) else given)
+"""TOML has lists; a range is a pair."""
+
 Plane = Literal["xy", "yz", "xz", "random"]
 Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f]+$")]
 
@@ -56,25 +59,23 @@ def _loop(kind: str) -> str:
     return kind
 
 
-class LoopTable(Table):
+class LoopTable(KindTable):
     """[loops.NAME]: closed tool paths that begin at the tool's start; a range [a, b] is drawn from evenly.
 
     `size` is the largest extent in metres; `share` says it as a share of the arm's length instead.
     """
 
     kind: Annotated[str, AfterValidator(_loop)]
-    key: str | None = None
-    size: Positive | tuple[Positive, Positive] | None = None
-    share: Share | tuple[Share, Share] | None = None
+    key: Annotated[str | None, needed_by("given")] = None
+    size: Annotated[Positive | tuple[Positive, Positive] | None, Pair] = None
+    share: Annotated[Share | tuple[Share, Share] | None, Pair] = None
     plane: Plane | Row = "random"
     way: Literal["counter-clockwise", "clockwise", "random"] = "random"
-    speed: Positive | tuple[Positive, Positive] = 0.1
+    speed: Annotated[Positive | tuple[Positive, Positive], Pair] = 0.1
     count: Annotated[int, Field(ge=1, le=MOST_OF_A_KIND)] = 1
 
     @model_validator(mode="after")
     def _one_size(self) -> LoopTable:
-        if self.kind != "given" and self.key is not None:
-            raise ValueError(f"a {self.kind} does not use key; leave it out")
         if self.kind != "given" and (self.size is None) == (self.share is None):
             fact = "neither size nor share says" if self.size is None else "size and share both say"
             raise ValueError(f"{fact} how large it is; give one of them")
@@ -131,20 +132,6 @@ class SurveyTable(Table):
     limits: bool = True
     cases: Annotated[int, Field(ge=1, le=MOST_CASES)] | None = None
     time_limit: Annotated[float, Field(gt=0, le=86_400)] = 60.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _ranges(cls, given: Any) -> Any:
-        """TOML has lists; a range is a pair."""
-        if not isinstance(given, dict) or not isinstance(given.get("loops"), dict):
-            return given
-        loops = {
-            name: {k: tuple(v) if k in ("size", "share", "speed") and isinstance(v, list) else v for k, v in t.items()}
-            if isinstance(t, dict)
-            else t
-            for name, t in given["loops"].items()
-        }
-        return given | {"loops": loops}
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyTable:
