@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import weakref
 from collections.abc import Callable
 
@@ -12,6 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import PPR_START
+from holokin.base.types import kept
 from holokin.errors import ArgumentError
 from holokin.inverse_kinematics.branch import extended_jacobian
 from holokin.inverse_kinematics.leaf import leaf_step
@@ -60,6 +62,18 @@ def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk
         assert verb(held) is verb(held)
     hk.curvature(held, PPR_START), hk.analysis.filtration(held, PPR_START)
     hk.follow(held, hk.line(*(held.task.robot.pose(PPR_START)[:3, 3] + s for s in (0.0, 0.01))), PPR_START, samples=3)
+    gone = weakref.ref(held)
+    del held
+    gc.collect()
+    assert gone() is None
+
+
+def test_what_is_built_may_hold_its_strategy_and_still_goes_with_it(ppr_task: hk.Task) -> None:
+    pair = kept(lambda strategy, more: (strategy, more))
+    held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
+    assert pair(held, 1) is pair(held, 1)
+    assert pair(held, 1) is not pair(held, 2)
+    assert "_kept" not in vars(pickle.loads(pickle.dumps(held)))
     gone = weakref.ref(held)
     del held
     gc.collect()

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import wraps
 from typing import Any, ClassVar, Concatenate, NoReturn, ParamSpec, TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,16 +187,15 @@ More = ParamSpec("More")
 
 
 def kept(build: Callable[Concatenate[Noun, More], Result]) -> Callable[Concatenate[Noun, More], Result]:
-    """Memoise what a function builds of an object and of further plain arguments, weakly: as long as the object lives.
+    """`cached_property` for a function: what it builds of an object and of plain arguments is kept in the object.
 
-    What is built must not refer to the object, which would then live for ever.
+    It lives as long as the object, and is neither pickled nor copied with a `Value`.
     """
-    known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Result]] = WeakKeyDictionary()
 
     @wraps(build)
     def called(noun: Noun, *more: More.args, **named: More.kwargs) -> Result:
-        results = known.setdefault(noun, {})
-        key = (*more, *named.items())
+        results = vars(noun).setdefault("_kept", {})
+        key = (build, *more, *named.items())
         if key not in results:
             results[key] = build(noun, *more, **named)
         return results[key]

@@ -3,11 +3,10 @@
 Uses `path` and `robot`. Read first: `log.py`, `joint_files.py`.
 """
 
-from .csv_log import TIMES
+from .joint_columns import TIMES
 from .joint_files import SLACK, read_recording
 from .log import GAP, Recording
-from .pose_table import read_workspace
+from .pose_table import read_waypoints, read_workspace
 from .svg_outlines import read_svg
-from .waypoint_table import read_waypoints
 
 __all__ = ["GAP", "SLACK", "TIMES", "Recording", "read_recording", "read_svg", "read_waypoints", "read_workspace"]

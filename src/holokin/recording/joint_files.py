@@ -13,8 +13,8 @@ from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
 from .bag import read_bag
-from .columns import Columns
 from .csv_log import read_csv
+from .joint_columns import Columns
 from .log import Recording, Samples
 
 SLACK = 0.5

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from ..errors import ArgumentError, RecordingError
-from .csv_log import csv_pieces
+from .csv_table import read_table
 from .joint_files import is_folder
 from .log import listed, shown
 
@@ -128,7 +128,7 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
         chosen.append(_columns(file, header, said))
         return chosen[0].wanted
 
-    pieces = csv_pieces(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
+    pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
     found = [(table, places) for table, _, places in pieces]
     if not found:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")

@@ -1,4 +1,4 @@
-"""`read_workspace`: tool poses from a CSV file."""
+"""`read_waypoints` and `read_workspace`: points or poses of the tool from a CSV file, with the units it declares."""
 
 from __future__ import annotations
 
@@ -9,10 +9,57 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, check_rotation, finite
-from ..errors import ArgumentError
+from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
+from ..errors import ArgumentError, RecordingError
+from ..path import Waypoints
 from ..path.workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 from .pose_columns import Units, pose_rows
+
+WIDE = np.deg2rad(170)
+"""Turns [rad] from one waypoint to the next beyond which the shorter way round may not be the one that was meant."""
+
+
+@typed
+def read_waypoints(
+    path: str | Path,
+    *,
+    units: Literal["m", "mm"] | None = None,
+    angles: Literal["rad", "deg"] | None = None,
+    order: Literal["xyzw", "wxyz"] | None = None,
+    ignore: Sequence[str] = (),
+) -> Waypoints:
+    """Waypoints of the tool from a CSV file, a line each; `hk.spline` and `hk.polyline` lead a path through them.
+
+    The header names the columns, in any order: x, y, z; for the orientation, if there is one, qx, qy, qz, qw, or q1 to
+    q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
+    ry, rz, a rotation vector, or a, b, c, KUKA's angles, R = Rz(a) Ry(b) Rx(c) [KSS]; for the time, if there is one, t
+    or time [s]; or T00, T01, ..., T23, the first three rows of the pose's matrix. A unit may stand at the end of a
+    name: x_mm, roll_deg, t_ms, "x [mm]". Columns named name, label, comment, remark, note, id, index, number, point,
+    line or row are passed over; any other is refused.
+
+    Args:
+        units: of x, y, z where the header names none. Nobody guesses: one of the two must say it.
+        angles: of roll, pitch, yaw and of rotation vectors, likewise.
+        order: of the numbers of a quaternion in columns q1 to q4 or q0 to q3.
+        ignore: columns to leave out, by their names in the header, or patterns with *, as in ["speed", "tool_*"].
+
+    Returns:
+        Waypoints whose `notes` say what was repaired, and what looks odd.
+
+    Raises:
+        RecordingError: no such file, unreadable; missing columns, columns that are not understood,
+            no unit; text or NaN in a cell, with line and column;
+            values that look like another unit; quaternions that are not of unit length; times that do not rise.
+    """
+    file = Path(path)
+    read = pose_rows(file, "waypoint", Units(units, angles, order, False, tuple(ignore)))
+    if len(read.points) < 2:
+        raise RecordingError(file, "has one waypoint", "give two at least")
+    if read.rotations is not None:
+        _note_wide_turns(read.rotations, read.lines, read.notes)
+    times = None if read.times is None else _from_start(file, read.times, read.lines)
+    _check_rests(file, read.points, read.rotations, times, read.lines)
+    return Waypoints(read.points, read.rotations, times, str(file), tuple(read.notes))
 
 
 @typed
@@ -55,3 +102,39 @@ def read_workspace(
     else:
         poses[:, :3, :3] = read.rotations
     return pose_cloud(poses, source)
+
+
+def _note_wide_turns(rotations: Array, lines: Indices, notes: list[str]) -> None:
+    from scipy.spatial.transform import Rotation
+
+    turns = (Rotation.from_matrix(rotations[:-1]).inv() * Rotation.from_matrix(rotations[1:])).magnitude()
+    if turns.max() > WIDE:
+        i = int(np.argmax(turns))
+        notes.append(
+            f"from line {lines[i]} to line {lines[i + 1]} the tool turns by {np.degrees(turns[i]):.0f} degrees, by the "
+            "shorter way: put a waypoint between if it is not meant"
+        )
+
+
+def _from_start(file: Path, t: Vector, lines: Indices) -> Vector:
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        i = int(back[0])
+        what = "stands still" if t[i + 1] == t[i] else "runs backward"
+        fact = f"time {what} from line {lines[i]} ({t[i]:.9g} s) to line {lines[i + 1]} ({t[i + 1]:.9g} s)"
+        raise RecordingError(file, fact, "give rising times in seconds")
+    return t - t[0]
+
+
+def _check_rests(file: Path, points: Matrix, rotations: Array | None, times: Vector | None, lines: Indices) -> None:
+    """Raises: RecordingError: a waypoint repeats the one before, where no times say how long it rests there."""
+    if times is not None:
+        return
+    same = (points[1:] == points[:-1]).all(axis=1)
+    if rotations is not None:
+        same &= (rotations[1:] == rotations[:-1]).all(axis=(1, 2))
+    if same.any():
+        i = int(np.argmax(same))
+        raise RecordingError(
+            file, f"line {lines[i + 1]} repeats line {lines[i]}", "delete it, or give a column t of times"
+        )

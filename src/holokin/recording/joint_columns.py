@@ -8,13 +8,23 @@ from pathlib import Path
 
 from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
 from ..robot import Robot
-from .log import shown
+from .log import joints_missing, listed, shown
+
+TIMES = ("t", "time", "stamp", "secs", "timestamp")
+"""Names of a time column; a prefix ('header.stamp') and capitals do not matter."""
 
 Columns = str | Sequence[str] | Mapping[str, str]
 """Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
 
 NUMBER = "%d"
 """Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0."""
+
+
+_OTHER = re.compile(
+    r"(^|[^a-z])(d|dq|vel|velocity|velocities|eff|effort|torque|tau|acc|accel|acceleration|current|desired|target|cmd|"
+    r"command|commanded|goal|error)([^a-z]|$)"
+)
+_POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECASE)
 
 
 def in_si(name: str) -> str:
@@ -79,3 +89,39 @@ def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] |
     if all(between for _, between, _ in pairs) and not set(parts) <= set(header):
         return {joint.strip(): column.strip() for joint, _, column in pairs}
     return parts
+
+
+def time_column(file: Path, header: Sequence[str]) -> list[int]:
+    """The time column; with a second one of nanoseconds where stamps are split ('secs', 'nsecs')."""
+    words = [re.split(r"[^a-z]+", name.lower().strip("_"))[-1] for name in header]
+    for name in TIMES:
+        exact = [i for i, column in enumerate(header) if column.lower() == name]
+        found = exact or [i for i, word in enumerate(words) if word == name]
+        if found:
+            parts = [i for i, word in enumerate(words) if word in ("nsecs", "nanosec", "nsec")]
+            return [found[0], *parts[:1]] if name == "secs" else found[:1]
+    cure = f"name the column of seconds one of {', '.join(TIMES)}; the columns are {listed(header)}"
+    raise RecordingError(file, "there is no time column", cure)
+
+
+def joint_columns(file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str]) -> list[int]:
+    """The places of joints by their own names, with or without a prefix. Raises: RecordingError."""
+    chosen, missing = [], []
+    for joint in joints:
+        exact = [i for i, column in enumerate(header) if column == joint]
+        ends = re.compile(rf"(^|[^A-Za-z0-9]){re.escape(joint)}$")
+        near = exact or [i for i, column in enumerate(header) if ends.search(_POSITION.sub("", column))]
+        if len(near) > 1 and not exact:
+            rates = [i for i in near if _OTHER.search(header[i].lower().replace(joint.lower(), ""))]
+            near = [i for i in near if i not in rates]
+        if len(near) > 1:
+            names = listed([repr(header[i]) for i in near])
+            fact = f"joint {joint!r} could be any of the columns {names}"
+            raise RecordingError(file, fact, "keep or name one of them")
+        if near:
+            chosen.append(near[0])
+        else:
+            missing.append(joint)
+    if missing:
+        raise joints_missing(file, missing, header, "columns", robot)
+    return chosen

@@ -1,0 +1,137 @@
+"""Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in memory as a whole."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, islice
+from math import isfinite
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from ..base.types import Matrix
+from ..errors import RecordingError
+from .log import shown
+
+PIECE = 10_000
+"""Rows that are text at one time: some megabytes."""
+
+LONGEST_LINE = 1_000_000
+"""Characters of a line; a file with a longer one is no table, and may be gigabytes of one line."""
+
+
+def read_table(
+    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str
+) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:
+    """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
+
+    Args:
+        wanted: the columns that are read, of the header's names.
+        cure: for a file without a header or rows. names: of the columns that it should have.
+
+    Raises:
+        RecordingError: it cannot be read, has no header, or a cell that is no finite number.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            lines = _lines(file, stream)
+            first = next(lines, "")
+            delimiter = max(",;\t", key=first.count)
+            if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
+                delimiter, first = ",", ",".join(first.split())
+                lines = (",".join(line.split()) + "\n" for line in lines)
+            cells = next(csv.reader([first], delimiter=delimiter), [])
+            header = [cell.strip().strip("#").strip() for cell in cells]
+            if not any(header):
+                fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
+                raise RecordingError(file, fact, cure)
+            if _number(header[0]) is not None:
+                raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
+            yield from _pieces(file, header, _told_apart(file, header, wanted(header)), lines, delimiter)
+    except (OSError, UnicodeError, csv.Error) as problem:
+        fact = f"cannot be read as text ({shown(str(problem), 200)})"
+        raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+def _number(text: str) -> float | None:
+    """The number that a cell holds; None for text."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _told_apart(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
+    """The wanted columns, each of a name that no other has. Raises: RecordingError."""
+    for c in wanted:
+        if header.count(header[c]) > 1:
+            fact = f"its header has {header.count(header[c])} columns {shown(header[c])!r}"
+            raise RecordingError(file, fact, "rename or delete all but one")
+    return wanted
+
+
+def _lines(file: Path, stream: TextIO) -> Iterator[str]:
+    while line := stream.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE and not line.endswith(("\n", "\r")):
+            fact = f"a line has over {LONGEST_LINE} characters"
+            raise RecordingError(file, fact, "give a CSV file with a line a sample")
+        yield line
+
+
+def _pieces(
+    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str
+) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:
+    """The wanted columns of some rows as numbers, the first of them, the time, as text too, and the rows' lines."""
+    done = 1
+    while piece := list(islice(lines, PIECE)):
+        plain = not any('"' in line for line in piece)
+        fits = plain and max(line.count(delimiter) for line in piece) < len(header)
+        table = _plain_numbers(piece, wanted, delimiter) if fits else None
+        if table is not None:
+            c = wanted[0]
+            texts = [line.split(delimiter, c + 1)[c].strip() for line in piece]
+            yield table, texts, range(done + 1, done + len(piece) + 1)
+            done += len(piece)
+            continue
+        # A quoted cell may run on beyond the piece: from here to the end, or to that of a piece without quotes.
+        reader = csv.reader(piece if plain else chain(piece, lines), delimiter=delimiter)
+        rows = ((done + reader.line_num, row) for row in reader if any(cell.strip() for cell in row))
+        while some := list(islice(rows, PIECE)):
+            table = _row_numbers(file, header, wanted, some)
+            yield table, [row[wanted[0]].strip() for _, row in some], [line for line, _ in some]
+        done += reader.line_num
+
+
+def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) -> Matrix | None:
+    """Columns of lines without quotes, several times as fast as cell by cell; None where one is not a finite number."""
+    if not all(map(str.strip, lines)):
+        return None
+    try:
+        table = np.loadtxt(lines, delimiter=delimiter, usecols=wanted, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return table if len(table) == len(lines) and np.isfinite(table).all() else None
+
+
+def _row_numbers(
+    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]]
+) -> Matrix:
+    """Columns of rows, cell by cell. Raises: RecordingError: one is no finite number; rows too long or short."""
+    lengths = f"cells, the header {len(header)}"
+    for line, row in rows:
+        if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+            cure = "delete what is too much; write decimals with a point, not a comma"
+            raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
+    table = np.empty((len(rows), len(wanted)))
+    for k, (line, row) in enumerate(rows):
+        for j, c in enumerate(wanted):
+            if c >= len(row):
+                raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
+            number = _number(row[c])
+            if number is None or not isfinite(number):
+                fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
+                raise RecordingError(file, fact, "correct or delete the line")
+            table[k, j] = number
+    return table
