@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.tolerances import TOLERANCES
-from ..base.types import Matrix, Vector
+from ..base.types import Flags, Indices, Matrix, Vector
 from ..constraints import Arm
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..inverse_kinematics.leaf import DONE, NEWTONS, leaf_step, leaf_value
+from ..inverse_kinematics.newton import newton
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from ..strategies.self_motions import correction
 from ..symbolic import runge_kutta
@@ -112,16 +113,14 @@ class ElbowField(TangentField):
             q = self._predicted(q, u, v) if float(np.linalg.norm(v - u)) > SMALL else q
         except SingularityError:
             return None
-        before = np.inf
-        for _ in range(NEWTONS):
-            dq = self.correction(q, v)
-            size = np.inf if dq is None else float(np.abs(dq).max())
-            if dq is None or not size <= max(CONTRACTION * before, DONE) or not np.abs(q + dq - start).max() < NEAR:
-                return None
-            q, before = q + dq, size
-            if size <= DONE:
-                return q
-        return None
+
+        def correct(at: Matrix, _: Indices) -> tuple[Matrix, Flags]:
+            dq = self.correction(at[0], v)
+            found = np.full(at.shape, np.nan) if dq is None else dq[None]
+            return found, np.abs(at + found - start).max(axis=1) < NEAR  # NaN is not
+
+        found, arrived = newton(correct, q[None], steps=NEWTONS, exact=DONE, contraction=CONTRACTION)
+        return found[0] if arrived[0] else None
 
     def _predicted(self, q: Vector, u: Vector, v: Vector) -> Vector:
         """Carried by the strategy from u to v, to the fourth order: near a pole the elbow swings far on a short way."""

@@ -14,6 +14,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..inverse_kinematics.leaf import leaf_step
+from ..inverse_kinematics.newton import newton
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function
@@ -83,20 +84,15 @@ def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels
     return lines.ends(q, share)
 
 
-def _newton(correct: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
+def _newton(step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
     """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
-    at, good, last = q.copy(), np.ones(len(q), dtype=bool), np.full(len(q), FIRST / TOLERANCES.contraction)
-    for _ in range(NEWTONS):
-        here = np.flatnonzero(good & (last > EXACT))
-        if not len(here):
-            break
-        dq, rcond, margin, now = correct.batch(at[here], p[here], R[here], level[here])
-        size = np.abs(dq).max(axis=1)
-        sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[here])
-        good[here] = sound & (size <= np.maximum(TOLERANCES.contraction * last[here], EXACT))  # NaN is not
-        at[here] += np.where(good[here, None], dq, 0.0)
-        last[here] = size
-    return at, good & (last <= EXACT)
+
+    def correct(at: Matrix, i: Indices) -> tuple[Matrix, Flags]:
+        dq, rcond, margin, now = step.batch(at, p[i], R[i], level[i])
+        sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[i])
+        return dq, sound & (np.abs(dq).max(axis=1) <= FIRST)
+
+    return newton(correct, q, steps=NEWTONS, exact=EXACT, contraction=TOLERANCES.contraction)
 
 
 def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
