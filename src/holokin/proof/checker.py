@@ -181,7 +181,7 @@ class Checker:
             need(all(arb(x).is_finite() for x in (value, *slopes, *bends.values())), "the constraint may have a kink")
             values.append(value)
             sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
-            for k, ((i, j), a) in product(orders[1:], bends.items()):
+            for k, ((i, j), a) in product(orders[1:], list(bends.items())):
                 if those[i] and those[j]:
                     sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
             jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
