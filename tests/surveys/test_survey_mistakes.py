@@ -263,7 +263,7 @@ def test_a_results_file_with_a_value_of_another_kind_is_refused(change: str, tmp
     out = tmp_path / "s.sqlite"
     table = read_survey(survey_file(tmp_path, '[laws.p]\nkind = "moore-penrose"\n'))
     with Store.opened(out, table, tmp_path) as store:
-        names = dict.fromkeys(NAMES, "x")
+        names: dict[str, str] = dict.fromkeys(NAMES, "x")
         store.add([Row("0a", 0, names, "complete", "")])
     with sqlite3.connect(out) as db:
         db.execute(change)
