@@ -105,7 +105,7 @@ def residual(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
     """E in doubles, by another reading of the operations."""
     rules: Any = {
         "add": operator.add, "sub": operator.sub, "mul": operator.mul, "sq": lambda a: a * a, "inv": lambda a: 1 / a,
-        "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "atan": math.atan,
+        "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "atan2": math.atan2,
     }  # fmt: skip
     values = [*q.tolist(), float(u), *piece["numbers"], *data["level"], *data["constants"]]
     for name, *of in data["operations"]:

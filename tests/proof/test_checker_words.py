@@ -134,9 +134,9 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
-        "from holokin import cli; from holokin.proof import checker; "
+        "from holokin.commands import main; from holokin.proof import checker; "
         "checker.below = lambda *_: signal.raise_signal(signal.SIGINT); "
-        f"sys.argv = ['holokin', 'check-certificate', {str(file)!r}]; cli.main()"
+        f"sys.argv = ['holokin', 'check-certificate', {str(file)!r}]; main.main()"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr

@@ -252,3 +252,21 @@ def test_a_certificate_that_is_not_there_is_said_in_words(holokin: Command, tmp_
     pytest.importorskip("flint")
     ran = holokin("check-certificate", tmp_path / "nothere.json")
     assert ran.code == 2 and "there is no such file" in ran.err and "Errno" not in ran.err
+
+
+@pytest.mark.parametrize("change", [
+    "UPDATE cases SET drift = 'x'", "UPDATE cases SET reason = x'ff'", "UPDATE cases SET number = 'x'",
+    "UPDATE survey SET folder = x'ff'", "UPDATE survey SET folder = NULL",
+])  # fmt: skip
+def test_a_results_file_with_a_value_of_another_kind_is_refused(change: str, tmp_path: Path) -> None:
+    """SQLite keeps any value in any column."""
+    out = tmp_path / "s.sqlite"
+    table = read_survey(survey_file(tmp_path, '[laws.p]\nkind = "moore-penrose"\n'))
+    with Store.opened(out, table, tmp_path) as store:
+        names: dict[str, str] = dict.fromkeys(NAMES, "x")
+        store.add([Row("0a", 0, names, "complete", "")])
+    with sqlite3.connect(out) as db:
+        db.execute(change)
+    with Store.opened(out, None) as store, pytest.raises(SurveyError):
+        store.folder()
+        list(store.rows())

@@ -65,6 +65,11 @@ RULES: Any = {  # of balls: (value, first derivatives, second derivatives)
     "sin": lambda a: (a.sin(), (a.cos(),), {(0, 0): -a.sin()}),
     "cos": lambda a: (a.cos(), (-a.sin(),), {(0, 0): -a.cos()}),
     "atan": lambda a: (a.atan(), (v := 1 / (1 + a * a),), {(0, 0): -2 * a * v * v}),
+    "atan2": lambda y, x: (  # no number where x + i y may lie on the cut
+        arb.atan2(y, x) if x > 0 or y > 0 or y < 0 else NAN,
+        (x * (v := 1 / (x * x + y * y)), -y * v),
+        {(0, 0): (w := -2 * x * y * v * v), (0, 1): (m := (y * y - x * x) * v * v), (1, 0): m, (1, 1): -w},
+    ),
     "sign": lambda a: (arb(1) if a > 0 else arb(-1) if a < 0 else NAN, (0,), {}),
 }
 
@@ -176,8 +181,9 @@ class Checker:
             need(all(arb(x).is_finite() for x in (value, *slopes, *bends.values())), "the constraint may have a kink")
             values.append(value)
             sums: list[Any] = [[J[k] * a for J, a in zip(those, slopes, strict=True) if J] for k in orders]
-            for k, ((i, j), a) in product(orders[1:], (bends if all(those) else {}).items()):
-                sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
+            for k, ((i, j), a) in product(orders[1:], list(bends.items())):
+                if those[i] and those[j]:
+                    sums[k].append(those[j][0] * (those[i][0][0, k - 1] * a))
             jets.append([sum(terms[1:], terms[0]) for terms in sums] if any(those) else None)
         need(all(values[i] > 0 for i in self.data["outputs"][n:]), "the tool may face the other way")
         found = [arb_mat([jets[i][k].entries() if jets[i] else [0] * (d + n) for i in rows]) for k in orders]
@@ -239,8 +245,10 @@ class Checker:
         for one, other in product(*([c for c in of if at in c.sides[axis]] for of in (lower, upper))):
             face = [(max(a, c), min(b, d)) for (a, b), (c, d) in zip(one.sides, other.sides, strict=True)]
             if all(a < b or k == axis for k, (a, b) in enumerate(face)):
-                p, q = (cell.at([(arb(a) + b) / 2 for a, b in face])[1] for cell in (one, other))
-                need(below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho), "it may jump")
+                u = [(arb(a) + b) / 2 for a, b in face]
+                p, q = (cell.at(u)[1] for cell in (one, other))
+                near = below(size(p - q) + one.r, other.rho) or below(size(p - q) + other.r, one.rho)
+                need(near or below(size(self.root(one, u) - q), other.rho), "it may jump")
                 one.joined.update(other.joined)
                 for cell in other.joined:
                     cell.joined = one.joined
@@ -250,32 +258,30 @@ class Checker:
         """How far the root at u is from the joints q at most. All cells are joined to the one there."""
         holding = [c for c in cells if all(a <= x <= b for x, (a, b) in zip(u, c.sides, strict=True))]
         need(len(holding) > 0 and len(holding[0].joined) == len(cells), f"the cells are not joined to the one at {u}")
-        cell, (y, p) = holding[0], holding[0].at(u)
+        return self.off(holding[0], u, q)
+
+    def off(self, cell: Cell, u: Any, q: Any) -> Any:
+        """How far a cell's root at u is from the joints q at most."""
+        y, p = cell.at(u)
         s = arb_mat([[x] for x in q]) - p
         need(below(size(s), cell.rho), f"the joints at {u} are not near their root")
         return max(size((self.one - cell.M).solve(size(cell.Y * self.enclose(cell, y, s)[0]))).entries())
 
-    def root(self, cells: list[Cell], u: Any) -> list[Any]:
-        """Balls (n,) of the unknowns at a place u."""
-        cell = next(c for c in cells if all(a <= x <= b for x, (a, b) in zip(u, c.sides, strict=True)))
+    def root(self, cell: Cell, u: Any) -> Any:
+        """Balls (n, 1) of a cell's root at u."""
         y, p = cell.at(u)
         s = arb_mat(self.n, 1)
         for _ in range(3):
             s = arb_mat([[x.mid()] for x in (s - cell.Y * self.enclose(cell, y, s)[0]).entries()])
         q = [x.mid() for x in (p + s).entries()]
-        return [x + self.away(cells, u, q) * UNIT for x in q]
+        off = self.off(cell, u, q)
+        return arb_mat([[x + off * UNIT] for x in q])
 
     def verify(self) -> Verified:
         """All that is claimed, and what is found. Raises: RejectedError."""
         data, claims, pieces = self.data, self.claims, self.data["pieces"]
-        after, turns, closed, moved, start, last = (
-            [*pieces[1:], pieces[0]],
-            claims["turns"],
-            False,
-            None,
-            pieces[0]["q"],
-            [],
-        )
+        after, start, turns = [*pieces[1:], pieces[0]], pieces[0]["q"], claims["turns"]
+        closed, moved, last = False, None, []
         for k, (piece, follower) in enumerate(zip(pieces, after, strict=True)):
             self.whole, is_last = claims["whole"] or k + 1 < len(pieces), k + 1 == len(pieces)
             self.numbers, following = (
@@ -289,11 +295,11 @@ class Checker:
                 steps = [self.value(self.numbers, piece["q"], [arb(k) / 4 * most]) for k in range(5)]
                 for step in pairwise(steps):
                     self.moved = [x + float(abs(a - b).upper()) for x, a, b in zip(self.moved, *step, strict=True)]
-                torn = max(abs(x) for x in self.apart(self.numbers, [1], following, [0], follower["q"]))
-                need(is_last or torn <= TORN, "the path is torn where pieces meet")
+                meet = all(abs(x) <= TORN for x in self.apart(self.numbers, [1], following, [0], follower["q"]))
+                need(is_last or meet, "the path is torn where pieces meet")
                 if not is_last:
                     need(self.away(cells, [1], follower["q"]) <= claims["gap"], "the path may not go on")
-                closed, last = bool(torn <= TORN) and claims["whole"], cells
+                closed, last = meet and claims["whole"], cells
         if turns is not None:
             need(closed, "the path is not closed, or not all of it is covered")
             need(len(turns) == self.n, "it has other turns than joints")
@@ -304,7 +310,8 @@ class Checker:
             q = [x + 2 * arb.pi() * k for x, k in zip(start, turns, strict=True)]
             need(self.away(last, [1], q) <= claims["gap"], "the path may not close")
         elif closed:
-            moved = [b - x - claims["gap"] * UNIT for x, b in zip(start, self.root(last, [1]), strict=True)]
+            end = self.root(last[-1], [1]).entries()
+            moved = [b - x - claims["gap"] * UNIT for x, b in zip(start, end, strict=True)]
         return Verified(
             claims["whole"] and (turns is not None or not closed), self.lines(closed, turns, moved), self.words(), data
         )

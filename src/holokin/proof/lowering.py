@@ -1,8 +1,8 @@
-"""A list of operations in the few words that the checker knows: sums, products, reciprocals and eight functions.
+"""A list of operations in the few words that the checker knows: sums, products, reciprocals and nine functions.
 
-Every change is one of real numbers: atan2(y, x) = 2 atan(y / (r + x)), which has no value on its cut. A comparison is
-made of signs, which are no number where they are not known: the checker refuses what lies across a kink. A row that
-counts up to whole turns, a sum of angles, becomes the angle of the product of the complex numbers e^(i angle).
+Every change is one of real numbers. A comparison is made of signs, which are no number where they are not known: the
+checker refuses what lies across a kink. A row that counts up to whole turns, a sum of angles, becomes the angle of the
+product of the complex numbers e^(i angle).
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ class Lowered:
 
     def angle(self, y: Place, x: Place) -> Place:
         """atan2(y, x)."""
-        r = self.do("sqrt", self.do("add", self.do("sq", x), self.do("sq", y)))
-        half = self.do("atan", self.do("mul", y, self.do("inv", self.do("add", r, x))))
-        found = self.do("add", half, half)
+        found = self.do("atan2", y, x)
         self.angles[found] = y, x
         return found
 

@@ -92,7 +92,10 @@ class Revisits(Value):
             left = np.all((low <= most) & (least <= high), axis=1)
             apart = np.maximum(high - least, most - low)[left]
             a, b = some(a, left), some(b, left)
-            for i in np.flatnonzero((apart <= SAME).all(axis=1) & self._may_differ(a, b))[:tries].tolist():
+            same = np.flatnonzero((apart <= SAME).all(axis=1))  # most often none
+            if len(same):
+                same = same[self._may_differ(some(a, same), some(b, same))]
+            for i in same[:tries].tolist():
                 tries -= 1
                 moved = self._moved(some(a, slice(i, i + 1)), some(b, slice(i, i + 1)))
                 if moved is not None:

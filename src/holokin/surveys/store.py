@@ -24,6 +24,9 @@ COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)
 FORM = 2
 """Of the file; a later form is another number."""
 
+KINDS: dict[str, tuple[type, ...]] = {"number": (int,), **dict.fromkeys(("id", *NAMES, "status", "reason"), (str,))}
+"""Of the values of columns; the others hold numbers, or nothing."""
+
 DIGITS = 19
 """Of a number that SQLite does not hold."""
 
@@ -152,7 +155,17 @@ class Store:
         """All rows, by the number of the case: column -> value."""
         cursor = self._db.execute(f"SELECT {', '.join(COLUMNS)} FROM cases ORDER BY number")
         for values in cursor:
-            yield dict(zip(COLUMNS, values, strict=True))
+            yield self._row(values)
+
+    def _row(self, values: Sequence[object]) -> dict[str, object]:
+        """Column -> value, each of its kind: SQLite keeps any value in any column. Raises: SurveyError."""
+        row = dict(zip(COLUMNS, values, strict=True))
+        for name, value in row.items():
+            kinds = KINDS.get(name, (float, int, type(None)))
+            if not isinstance(value, kinds):
+                fact = f"has a row whose {name} is {str(value)[:40]!r}, which no survey writes"
+                raise SurveyError(self.file, fact, "run the survey anew")
+        return row
 
     def row_of(self, case: str) -> dict[str, object]:
         """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
@@ -163,11 +176,14 @@ class Store:
         if found is None:
             cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
             raise ArgumentError("the case", case, cure)
-        return dict(zip(COLUMNS, found, strict=True))
+        return self._row(found)
 
     def folder(self) -> Path:
         """From which files of robots counted."""
-        return Path(self._db.execute("SELECT folder FROM survey").fetchone()[0])
+        (found,) = self._db.execute("SELECT folder FROM survey").fetchone()
+        if not isinstance(found, str) or "\0" in found:
+            raise SurveyError(self.file, "names no folder that its robots are in", "run the survey anew")
+        return Path(found)
 
     def content(self) -> SurveyTable:
         """The survey that the results are of."""
