@@ -123,7 +123,7 @@ def test_threads_share_a_strategy_while_native_code_takes_over(panda: hk.Robot, 
 def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: Path) -> None:
     code = (
         "import os, sys, threading, numpy as np\n"
-        "from holokin.codegen import evaluator, later\n"
+        "from holokin.codegen import background as later, evaluator\n"
         "from holokin.symbolic import Function, symbol\n"
         "evaluator.HEAVY = 5\n"
         "x = symbol('x', 3); f = Function('forked', {'x': x}, {'y': 11 * x}); v = np.ones(3)\n"
@@ -145,7 +145,7 @@ def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: 
 @compiled
 def test_processes_share_the_cache(tmp_path: Path) -> None:
     code = (
-        "import numpy as np; from holokin.codegen import evaluator, later\n"
+        "import numpy as np; from holokin.codegen import background as later, evaluator\n"
         "from holokin.symbolic import Function, symbol\n"
         "x = symbol('x', 3); f = Function('shared', {'x': x}, {'y': 13 * x})\n"
         "for _ in range(evaluator.HEAVY): f(np.ones(3))\n"

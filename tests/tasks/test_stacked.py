@@ -359,7 +359,7 @@ def test_a_job_with_paths_or_parts_that_its_hands_do_not_have_is_refused(tmp_pat
     many = MOVING.replace("}]", "}, " + MOVING.split("[", 1)[1].split("}")[0] + "}]")
     for text, fault in (
         (JOB.replace("OTHERS", many), "number of frames with a path is 3"),
-        (JOB.replace("OTHERS", "").replace('kind = "position",', 'kind = "stacked",'), "stacked needs parts"),
+        (JOB.replace("OTHERS", "").replace('kind = "position",', 'kind = "stacked",'), "stacked. needs parts"),
         (JOB.replace("OTHERS", MOVING.replace("center", "cycles = 2, center")), "others hold cycles"),
         (JOB.replace("OTHERS", 'entry = "joints"'), "leads one tool to its path"),
         (JOB.replace("OTHERS", "cycles = 2\n" + LINE), "2 cycles of a path that ends 0.02"),
