@@ -145,7 +145,7 @@ class Continuation:
 def exported(case: Case) -> Callable[[np.ndarray], np.ndarray | None]:
     """pose -> q by the exported C, None where it refuses."""
     s, home = case.strategy, tempfile.TemporaryDirectory()
-    made = export_c(s, Path(home.name), start=case.start, name="law", limits=False, vectors_count=1)
+    made = export_c(s, Path(home.name), q0=case.start, name="law", limits=False, vectors_count=1)
     source = (Path(home.name) / "law.c").read_text("utf-8")
     loaded: Any = native.library(source, long=True, includes=(home.name,))
     leaf = np.atleast_1d(s.constraint_value(case.start)).astype(float)

@@ -233,7 +233,7 @@ def calls() -> dict[str, Call]:
         "design": (hk.design, (task, k["space"], q), {
             "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
             "rcond": 0.0, "samples": 16, "seed": 0}),
-        "nearest": (hk.nearest, (law, region), {
+        "nearest": (hk.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "start": q, "say": lambda _: None}),

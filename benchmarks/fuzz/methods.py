@@ -152,7 +152,7 @@ def things() -> dict[str, Any]:
     log = hk.recording.Recording(tuple(robot.joint_names), around.t, around.q, "here")
     made: dict[str, Callable[[], Any]] = {
         "ik": lambda: hk.inverse(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
-        "controller": lambda: hk.controller(held, dt=0.02, start=q), "constraint": lambda: hk.lock(2),
+        "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
         "check": lambda: hk.check(walk, robot),
         "drift": lambda: hk.drift(held, k["loop"], q, samples=4), "timed": lambda: k["timed"],
         "postures": lambda: hk.all_postures(held, robot.pose(q), held.g(q), starts=8),
@@ -164,7 +164,7 @@ def things() -> dict[str, Any]:
         "arm": lambda: hk.constraints.find_arm(hk.pose(hk.load("panda"))),
         "other solids": lambda: Cylinder(np.zeros(3), 0.1, 0.2), "sphere": lambda: Sphere(np.zeros(3), 0.1),
         "box": lambda: Box(np.zeros(3), np.ones(3)), "cloud": lambda: pose_cloud(np.array([k["pose"]])),
-        "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], start=q, dt=0.5, cycles=3),
+        "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], q0=q, dt=0.5, cycles=3),
         "log": lambda: log, "log audit": lambda: hk.audit_recording(log, robot),
         "played": lambda: hk.physics.play(held, k["loop"], q, servo="velocity", dt=0.02),
         "certificate": lambda: hk.certify(held, k["loop"], q, budget=60),
@@ -176,8 +176,8 @@ def things() -> dict[str, Any]:
         "predicted": lambda: analysis.predicted_drift(law, k["loop"], q),
         "drift free": lambda: analysis.drift_free(law, q), "objective": lambda: hk.Objective(squared_speed=1.0),
         "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
-        "metrics": lambda: hk.designing.section_metrics(held, q, space),
-        "slices": lambda: hk.designing.coverage_slices(held, q, space, steps=3)[0],
+        "metrics": lambda: hk.designing.section_metrics(held, space, q),
+        "slices": lambda: hk.designing.coverage_slices(held, space, q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
         "spread": lambda: hk.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
         "plant": lambda: hk.physics.make_plant(robot, hk.robot.servo(robot, "velocity", q)),

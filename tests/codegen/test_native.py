@@ -127,7 +127,7 @@ def servos(strategy: hk.Strategy, monkeypatch: Patch, **more) -> list[hk.motion.
     out = []
     for flag in ("1", "0"):
         monkeypatch.setenv("HOLOKIN_NATIVE", flag)
-        out.append(hk.controller(strategy, start=PANDA_START, **{"dt": 1e-3} | more))
+        out.append(hk.controller(strategy, q0=PANDA_START, **{"dt": 1e-3} | more))
     monkeypatch.setenv("HOLOKIN_NATIVE", "1")
     return out
 

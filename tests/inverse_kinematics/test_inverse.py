@@ -91,7 +91,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
 ) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     strategy = hk.holonomic(hk.pose(panda), hk.lock(2))
-    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     point = hk.controller(hk.moore_penrose(hk.position(panda)), dt=1e-3)
     pose = panda.pose(PANDA_START)
     turned, lost = np.ascontiguousarray(pose.T), pose.copy()
@@ -165,7 +165,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert np.array_equal(again.q, found.q[sorted_order])
     away, worst = poses[0].copy(), 0.0
     away[:3, 3] = [1.4, 0.3, 0.2]
-    q = ik.start
+    q = ik.q0
     for k, i in enumerate(sorted_order):
         if k % 1000 == 999:
             with pytest.raises(HolokinError):
@@ -261,7 +261,7 @@ def test_after_its_engine_is_asked_no_call_builds_anything(
     for module, name in ((inverse_kernel, "library"), (evaluator, "_module"), (evaluator, "bound_call")):
         monkeypatch.setattr(module, name, None)
     assert planar_3r.pose(ik([1.5, 0.5]))[:2, 3] == pytest.approx([1.5, 0.5], abs=1e-12)
-    assert ik.near([1.5, 0.5], ik.start) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
+    assert ik.near([1.5, 0.5], ik.q0) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
 
 
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:

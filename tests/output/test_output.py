@@ -231,7 +231,7 @@ def test_a_verdict_is_a_sentence_that_a_small_loop_confirms(panda_circle: JobRes
     assert "comes" not in told and held.verdict.sentence.startswith("lock-3, pose (twist) of panda, is holonomic")
     ppr = shortened(cycles=1)
     strategy = hk.moore_penrose(hk.position(ppr.robot))
-    q = ppr.start
+    q = ppr.q0
     corner = ppr.robot.pose(q)[:3, 3]
     side = 0.01
     loop = hk.polyline([corner, corner + [side, 0, 0], corner + [side, side, 0], corner + [0, side, 0]], closed=True)

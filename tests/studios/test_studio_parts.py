@@ -205,7 +205,7 @@ def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
 
 def test_another_home_makes_radial_laws_anew() -> None:
     robot = hk.load("ppr")
-    session = session_of_robot(robot, start=PPR_START)
+    session = session_of_robot(robot, q0=PPR_START)
     q = session.move_self("pseudo-inverse", 0.3).law("pseudo-inverse").q
     radial = session.laws[-1]
     snap = session.set_home(q)

@@ -184,7 +184,7 @@ def test_a_controller_takes_a_pose_and_a_twist_for_each_hand(
     pose, twist = hands.pose(Q0 + 0.001), rng.uniform(-0.05, 0.05, (2, 6))
     for native in ("1", "0"):
         monkeypatch.setenv("HOLOKIN_NATIVE", native)
-        c = hk.controller(hk.holonomic(hands, hk.lock(*THIRDS)), dt=0.01, start=Q0, limits=False)
+        c = hk.controller(hk.holonomic(hands, hk.lock(*THIRDS)), dt=0.01, q0=Q0, limits=False)
         dq = c.step(Q0, pose, twist)
         answers.append(dq)
         error = hands.error(Q0, *hands.target(pose)) - 0.01 * twist.ravel()
@@ -295,7 +295,7 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         "points": hk.holonomic(points, hk.lock(1, 4)),
     }
     for name, law in laws.items():
-        written = hk.export_c(law, tmp_path / name, start=q0, name="arms", vectors_count=4)
+        written = hk.export_c(law, tmp_path / name, q0=q0, name="arms", vectors_count=4)
         if name == "poses":  # the other one's numbers are those of an allocation, which is looked at as well
             assert all(line.endswith("passed") for line in hk.export.check(written))
         size = {"poses": (32, 12), "points": (6, 6)}[name]

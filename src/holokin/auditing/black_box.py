@@ -130,7 +130,7 @@ def audit(
     task: Task | None = None,
     loops: Sequence[Path] | None = None,
     *,
-    start: ArrayLike,
+    q0: ArrayLike,
     dt: float = 0.01,
     cycles: int = 6,
     tolerance: float = TOLERANCE,
@@ -145,9 +145,9 @@ def audit(
         law: a function (q, pose, twist, dt) -> dq, see `motion.Step`; a `ControlLaw`, such as
             a compiled `controller`; or a `Strategy`.
         task: what the tool must do; its full pose by default.
-        loops: closed paths that begin at the tool pose of `start`; a circle and a square of 0.1 m, and a loop in every
+        loops: closed paths that begin at the tool pose of `q0`; a circle and a square of 0.1 m, and a loop in every
             plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
-        start: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
+        q0: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
         tolerance: joint difference that counts as one [joint units].
         patience: seconds after which a call that does not return is given up.
 
@@ -162,7 +162,7 @@ def audit(
     _of_this_robot(law, robot)
     if chosen.robot is not robot:
         raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
-    q0 = robot.checked(start, "the start posture")
+    q0 = robot.checked(q0, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
         raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
     setup = AuditSetup(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)

@@ -41,7 +41,7 @@ class Cycles:
     left_out: cycles that span a gap in time; path: the tool's path by arc length.
     """
 
-    start: Vector
+    q0: Vector
     stop: Vector
     direction: Indices
     duration: Vector
@@ -58,7 +58,7 @@ class Cycles:
     path: ToolPath
 
     def __len__(self) -> int:
-        return len(self.start)
+        return len(self.q0)
 
     @property
     def ends(self) -> Matrix:

@@ -174,7 +174,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                 {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
                  "moving_s": float(m), "drift": drift.tolist()}
                 for a, b, d, s, m, drift in zip(
-                    c.start, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
+                    c.q0, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
             ],
             "drift_since_start": self.since_start.tolist(),
             "worst_joint": self.worst_joint,

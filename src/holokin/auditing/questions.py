@@ -63,7 +63,7 @@ class AuditSetup:
 
     law: ControlLaw
     task: Task
-    start: Vector
+    q0: Vector
     dt: float
     cycles: int
     patience: float
@@ -72,17 +72,17 @@ class AuditSetup:
     @cached_property
     def tool(self) -> Matrix:
         """The tool pose (4, 4) at the start."""
-        return self.task.pose(self.start)
+        return self.task.pose(self.q0)
 
-    def run(self, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
+    def run(self, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
         """One run of the law. Raises: ControllerError."""
-        return self.run_of(self.law, path, start, cycles=cycles, dt=dt)
+        return self.run_of(self.law, path, q0, cycles=cycles, dt=dt)
 
     def run_of(
-        self, law: ControlLaw, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None
+        self, law: ControlLaw, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None
     ) -> Trajectory:
         """One run of another law, such as this one watched. Raises: ControllerError."""
-        begin = self.start if start is None else start
+        begin = self.q0 if q0 is None else q0
         return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
 
     def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
@@ -290,10 +290,10 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
-    curve = self_motion(setup.task, setup.start, step=0.02, length=0.1)
+    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1)
     other = curve.q[int(np.argmax(np.abs(curve.s)))]
-    before = largest(other - setup.start)
-    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.start, other)]
+    before = largest(other - setup.q0)
+    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]
     after = largest(ends[1] - ends[0])
     metrics = {"before": before, "after": after}
     said = "forgets" if after < 0.5 * before else "keeps"

@@ -88,7 +88,7 @@ class Law(Value):
     name: str
     keys: Mapping[str, Any]
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     coverage: float
     served: Flags
     easy: float
@@ -149,7 +149,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     @property
     def start(self) -> Vector:
         """The posture (n,) to begin at with the best law."""
-        return self.best.start
+        return self.best.q0
 
     def __str__(self) -> str:
         return "\n".join([self.subject, *self.reasons])
@@ -171,7 +171,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
                     "margin": law.margin if np.isfinite(law.margin) else None,
                     "rcond": law.rcond if np.isfinite(law.rcond) else None,
                     "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,
-                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.start.tolist(),
+                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.q0.tolist(),
                 }
                 for law in self.laws
             ],

@@ -83,7 +83,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     joint_units: tuple[str, ...]
     lower: Vector
     upper: Vector
-    start: Vector
+    q0: Vector
     tool: Matrix
     turn: float
     poses: Array

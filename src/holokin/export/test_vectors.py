@@ -75,7 +75,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
                 break
         if best is None:
             cure = "nothing near it is regular and within the limits: choose another start"
-            raise ArgumentError("the start posture", source.start.tolist(), cure)
+            raise ArgumentError("the start posture", source.q0.tolist(), cure)
         tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
         found.append(best)
     return found
@@ -83,7 +83,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
 
 def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestVector | None:
     s, robot = source.strategy, source.strategy.task.robot
-    lower, upper = np.maximum(robot.lower, source.start - REACH), np.minimum(robot.upper, source.start + REACH)
+    lower, upper = np.maximum(robot.lower, source.q0 - REACH), np.minimum(robot.upper, source.q0 + REACH)
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
@@ -136,7 +136,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
 
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
-    task, start = strategy.task, source.start
+    task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
     way = straight_way(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
     try:
@@ -222,11 +222,11 @@ def _nudged(values: Matrix, rng: np.random.Generator, least: float = 1.0) -> Mat
 
 def singular_posture(source: Source) -> Vector | None:
     """A posture (n,) at which the strategy is singular, all joints but a few as at the start; None if none is met."""
-    n, gain = len(source.start), source.strategy.gain
+    n, gain = len(source.q0), source.strategy.gain
     for keep in (0, n - 1, n - 2):
         for value in (0.0, np.pi / 2, -np.pi / 2):
             for first in range(n):
-                q = source.start.copy()
+                q = source.q0.copy()
                 q[(first + np.arange(n - keep)) % n] = value
                 _, rcond, margin = gain(q)
                 if np.isfinite(rcond) and min(rcond, margin) < 1e-13:

@@ -138,7 +138,7 @@ class Edge(Value):
     """
 
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     length: float
     margin: float
     lower: Vector
@@ -147,18 +147,18 @@ class Edge(Value):
     @cached_property
     def leaf(self) -> Vector:
         """The level g(start) (r,)."""
-        return frozen(leaf_value(self.strategy, self.start))
+        return frozen(leaf_value(self.strategy, self.q0))
 
     @cached_property
     def side(self) -> float:
         """The sign of det [J; J_g] on the branch."""
-        return float(leaf_step(self.strategy)(self.start, *self.tool(self.start), self.leaf)[3])
+        return float(leaf_step(self.strategy)(self.q0, *self.tool(self.q0), self.leaf)[3])
 
     @cached_property
     def context(self) -> Vector:
         """All of it in a row, for native code."""
-        p, R = self.tool(self.start)
-        parts = self.start, p, R.ravel(), self.leaf, self.lower, self.upper, [self.side, self.length, self.margin]
+        p, R = self.tool(self.q0)
+        parts = self.q0, p, R.ravel(), self.leaf, self.lower, self.upper, [self.side, self.length, self.margin]
         return np.concatenate(parts)
 
     @cached_property
@@ -199,7 +199,7 @@ class Edge(Value):
     @cached_property
     def ray(self) -> bool:
         """Whether straight ways from the start are rays."""
-        return on_ray(self.strategy, self.start)
+        return on_ray(self.strategy, self.q0)
 
     def walk(self, q: Vector, way: Way, tries: int) -> tuple[Vector, bool]:
         """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""

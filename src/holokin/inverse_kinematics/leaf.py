@@ -318,14 +318,14 @@ def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
 
 
 @typed
-def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
+def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
     `stationary(cost)`, to hold a certain arm angle on that angle's leaf: begin from here.
 
     Args:
-        leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
+        level: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
         SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
@@ -335,7 +335,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     start = start_posture(task.robot, q0)
     strategy(start)
     at = leaf_value(strategy, start)
-    wanted = finite("the leaf", leaf)
+    wanted = finite("the leaf", level)
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)

@@ -116,8 +116,8 @@ def down(
 
 def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     """The look where the straight way from the start ends; True where at the goal, within the constraints."""
-    way = edge.straight(edge.tool(edge.start), goal)
-    q, reached = edge.walk(edge.start, way, TRIES) if careful else edge.glance(edge.start, way)
+    way = edge.straight(edge.tool(edge.q0), goal)
+    q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
     at = edge.look(q, goal)
     return at, reached and at.excess <= WITHIN
 
@@ -139,9 +139,9 @@ def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tu
 def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
     """The look at a goal, where the way down leads to it from where the straight way from the start ends."""
     within = inside(edge, at, goal, False)
-    end = at if within is None else descend(edge, within, goal, False, edge.start, None, ALONG)[0]
+    end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
     reached = end.distance <= REACHED and end.excess <= WITHIN
-    return end if reached and edge.joined(edge.start, edge.tool(edge.start), end) else None
+    return end if reached and edge.joined(edge.q0, edge.tool(edge.q0), end) else None
 
 
 def cold(edge: Edge, goal: Goal) -> Look:
@@ -149,8 +149,8 @@ def cold(edge: Edge, goal: Goal) -> Look:
     at, reached = reached_from_start(edge, goal)
     if reached:
         return at
-    found = down(edge, at, goal, False, edge.tool(edge.start), edge.start)
-    return found[0] if found is not None else descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
+    found = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
+    return found[0] if found is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
@@ -219,7 +219,7 @@ def nearest(
     else:
         found, moving = None, False
     if found is None or status is not InverseStatus.REACHED:
-        stays = edge.start if q is None else q  # without q, what is no pose was refused before
+        stays = edge.q0 if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
     joints, e, rcond, tool, slack = found
     pose = np.zeros((4, 4))

@@ -157,16 +157,16 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None
+    job: Job, label: str, strategy: Strategy, path: AnyPath, q0: Vector, method: str | None
 ) -> StrategyResult:
     asked = job.verdict
-    region = around(start, asked.radius)
+    region = around(q0, asked.radius)
     verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
     def run(part: AnyPath, samples: int, cycles: int) -> Trajectory:
         try:
-            return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
+            return follow(strategy, part, q0, samples=samples, cycles=cycles, method=method)
         except PathError as problem:
             if problem.trajectory is None:
                 raise

@@ -159,14 +159,14 @@ class _Sheet:
     def __init__(self, result: JobResult, panels: list[Panel], drift: bool) -> None:
         self.panels, self.robot = panels, result.robot
         walks = [walk for panel in panels for walk, _, _ in panel.walks]
-        postures = np.vstack([result.start[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
+        postures = np.vstack([result.q0[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
         curves = [Curve(points, LOOP) for walk in walks for points in tool_points(result, walk)]
         pairs = [(panel.walks[-1][0].q[-1], panel.walks[0][0].q[-1]) for panel in panels]
         if len(panels[0].walks) == 1:
-            pairs = [(result.start, panel.walks[0][0].q[-1]) for panel in panels]
+            pairs = [(result.q0, panel.walks[0][0].q[-1]) for panel in panels]
         self.stage = stage_of(self.robot, postures, curves, pairs=pairs, obstacles=result.obstacles, ratio=(0.6, 1.1))
         self.window = self.stage.scene.window(WIDTH)
-        self.start, self.drift = result.start, drift
+        self.start, self.drift = result.q0, drift
         self.unit, self.cycles = joint_unit(self.robot), result.cycles
         self._draw()
         base = [] if self.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * self.stage.unit)

@@ -273,7 +273,7 @@ def stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyRes
 
 def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
     """The postures to show of a strategy, and its tool's paths; the start is pale, the second way an outline."""
-    actors = [Actor(result.start, GREY, "ghost")]
+    actors = [Actor(result.q0, GREY, "ghost")]
     if strategy.ways is None:
         color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
         points = tool_points(result, strategy.cycles)

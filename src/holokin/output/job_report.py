@@ -87,7 +87,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
     """result.json, with the names of all files that a later run may replace: written last."""
     facts = {
         "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
-        "robot_source": result.robot.source, "task": result.task, "start": result.start.tolist(),
+        "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
         "path_length_m": result.path.length,
         "two_ways": ways_words(result) or "compared",
@@ -104,7 +104,7 @@ def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:  # fmt: skip
     robot = result.robot
-    start = posture_text(result.start, robot.joint_names)
+    start = posture_text(result.q0, robot.joint_names)
     verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",

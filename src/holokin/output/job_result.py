@@ -114,7 +114,7 @@ class JobResult:
     about: str
     robot: Robot
     task: str
-    start: Vector
+    q0: Vector
     path: AnyPath
     cycles: int
     strategies: tuple[StrategyResult, ...]

@@ -107,7 +107,7 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):
-        here = (at >= cycles.start[i]) & (at <= cycles.stop[i])
+        here = (at >= cycles.q0[i]) & (at <= cycles.stop[i])
         if here.any():
             axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())

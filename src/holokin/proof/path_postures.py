@@ -17,7 +17,7 @@ PIECES = 100
 near to it as it can; a proof ends long before, where its cells would be too small."""
 
 
-def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: int) -> tuple[Matrix, Extent, str]:
+def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int) -> tuple[Matrix, Extent, str]:
     """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
 
     Raises:
@@ -25,13 +25,13 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: i
         SingularityError, BranchError, TrackingError: not even a first step is possible.
     """
     task = strategy.task
-    strategy(start)
-    plan = make_plan(task, path, samples, task.place(start)[1])
-    check_start(task, start, *plan.first)
-    go, c = leaf_follower(strategy, start, PIECES), leaf_value(strategy, start)
+    strategy(q0)
+    plan = make_plan(task, path, samples, task.place(q0)[1])
+    check_start(task, q0, *plan.first)
+    go, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
     correct = leaf_step(strategy)
-    side = float(correct(start, *plan.first, c)[3])
-    found = [start]
+    side = float(correct(q0, *plan.first, c)[3])
+    found = [q0]
     for step in range(plan.steps):
         try:  # a posture on another branch would leave cells that do not join
             near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)

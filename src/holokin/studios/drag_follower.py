@@ -73,23 +73,23 @@ def poses_of(task: Task, pose: ArrayLike) -> Array:
     return poses
 
 
-def follower(law: Law, begin: Vector, limits: bool) -> Follower:
-    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `begin` (n,).
+def follower(law: Law, q0: Vector, limits: bool) -> Follower:
+    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `q0` (n,).
 
     Raises:
         HolokinError: the law is not defined there.
     """
     if isinstance(law.rule, HolonomicStrategy):
-        return _by_leaf(law.rule, begin, limits)
+        return _by_leaf(law.rule, q0, limits)
     if isinstance(law.rule, Strategy):
         return _by_velocity(law.rule, limits)
     return _by_steps(law.rule, law.task, limits)
 
 
-def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follower:
+def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
     """In a region round the start the same pose has the same joints, whatever the path of the tool."""
-    ik, task = inverse(strategy, begin, limits), strategy.task
-    level = leaf_value(strategy, begin)
+    ik, task = inverse(strategy, q0, limits), strategy.task
+    level = leaf_value(strategy, q0)
 
     def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
         pose = poses[0] if task.frames == 1 else poses
