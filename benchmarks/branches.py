@@ -87,7 +87,7 @@ def targets(case: Case, count: int, seed: int = 0) -> np.ndarray:
 
 
 class Continuation:
-    """The referee: small steps with its own control. `run` gives postures (k, n), NaN where the way ends."""
+    """The referee: small steps with its own control. `run` gives postures (k, n), NaN where the path ends."""
 
     def __init__(self, case: Case, poses: np.ndarray) -> None:
         s = case.strategy
@@ -185,7 +185,7 @@ def compare(case: Case, count: int, steps: int = STEPS, seed: int = 0) -> Count:
         except (BranchError, OutOfReachError, SingularityError):
             q = None
         if q is not None:
-            different += not np.abs(q - wanted).max() < 1e-6  # NaN, where the way ends, included
+            different += not np.abs(q - wanted).max() < 1e-6  # NaN, where the path ends, included
         else:
             refused += bool(np.isfinite(wanted).all())
         if c_ik is not None:

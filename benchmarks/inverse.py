@@ -88,7 +88,7 @@ def timed(call: Callable[[], object]) -> float:
 
 
 def measure(name: str, ik: InverseKinematics, count: int, ways: int) -> Times:
-    """Each pose alone, all at once on one thread, and along some of the ways there."""
+    """Each pose alone, all at once on one thread, and along some of the paths there."""
     robot, poses = ik.strategy.task.robot, poses_of_the_box(count)
     found = ik.batch(poses, threads=1)
     reached = poses[found.reached]

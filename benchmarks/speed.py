@@ -166,11 +166,11 @@ def main(arguments: list[str] | None = None) -> int:
     one = calls_page(times, floor)
     ready = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
     with environment(**{"HOLOKIN_NATIVE": "0"} if given.quick else {}):  # no compiler for eight poses
-        two_ways = poses_page(robot, ready, floor, given.quick)
+        two_paths = poses_page(robot, ready, floor, given.quick)
     text = page(
         rows,
         floor,
-        [*one, *two_ways],
+        [*one, *two_paths],
         loops,
         kept,
         (cold, warm, *others_first),

@@ -65,7 +65,7 @@ def _good() -> dict[str, Any]:
         "gain": 1.0, "expression": lambda q: [q[0]], "matrix": [[1.0, 0.0, -1.0]],
         "N_G": lambda q: [[1, 0], [0, 1], [q[0], 0]], "cost": k["cost"], "potential": k["cost"], "preferred": q,
         "rho": lambda x: x[0], "timed": k["timed"], "g": k["g"],
-        "leaf": [0.3], "thing": k["servo"], "ik": k["ik"], "max_acceleration": 1.0, "servo": "velocity",
+        "leaf": [0.3], "level": [0.3], "thing": k["servo"], "ik": k["ik"], "max_acceleration": 1.0, "servo": "velocity",
         "order": list(robot.joint_names), "A": lambda q: [[q[0], 1.0, 0.0]], "placement": np.eye(4),
         "rotations": np.eye(3), "rows": (0,), "stop": 0.5, "index": np.zeros(2, dtype=int), "u": np.array([0.0, 0.5]),
         "start_rotation": np.eye(3), "positions": np.zeros((2, 3)), "directions": np.eye(3), "dq": np.zeros(3),

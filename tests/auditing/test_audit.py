@@ -12,8 +12,8 @@ from black_boxes import locked, pull
 from conftest import PANDA_START, R3_START
 from holokin.errors import ArgumentError, OpenPathError, StartError
 
-COARSE = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
-FINER = {"start": PANDA_START, "dt": 0.02, "cycles": 3}
+COARSE = {"q0": PANDA_START, "dt": 0.04, "cycles": 3}
+FINER = {"q0": PANDA_START, "dt": 0.02, "cycles": 3}
 
 
 def pseudo_inverse(robot: hk.Robot):
@@ -51,7 +51,7 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
     assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert found["cycles, loop 1"].metrics["first"] == pytest.approx(0.1635, abs=2e-3)
-    assert found["ways"].metrics["apart"] > 0.1
+    assert found["paths"].metrics["apart"] > 0.1
     assert "does not depend" in found["speed"].sentence
     assert "no memory" in found["history"].sentence
     assert "keeps" in found["start"].sentence
@@ -68,7 +68,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
     assert "depends on speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
     assert "obey no area law" in found["small loops"].sentence
-    assert found["ways"].metrics["apart"] > 1e-2
+    assert found["paths"].metrics["apart"] > 1e-2
 
 
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
@@ -174,7 +174,7 @@ def test_a_law_that_answers_otherwise_when_asked_again_does_not_pass(panda: hk.R
     point = panda.pose(PANDA_START)[:3, 3]
     loops = [hk.circle(point, point - [0.05, 0, 0])]
     found = hk.audit(law, panda, loops=loops, q0=PANDA_START, dt=0.02, cycles=3, tolerance=0.05)
-    assert max(found["cycles"].metrics["first"], found["ways"].metrics["apart"]) < 0.05
+    assert max(found["cycles"].metrics["first"], found["paths"].metrics["apart"]) < 0.05
     assert found["history"].metrics["otherwise"] > 0
     assert found.exit_code == 1
     assert "asked the same again it answered otherwise" in found.sentence

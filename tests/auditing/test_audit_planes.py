@@ -14,7 +14,7 @@ from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
 from holokin.motion import as_control_law
 
-QUICK = {"start": PANDA_START, "dt": 0.06, "cycles": 3}
+QUICK = {"q0": PANDA_START, "dt": 0.06, "cycles": 3}
 ROWS = ("x", "y", "z", "wx", "wy", "wz")
 
 

@@ -89,7 +89,7 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
 def test_the_same_advice_is_given_twice(advice: Advice) -> None:
     again = hk.advise(arm(), PLANE)
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
-    assert np.array_equal(again.start, advice.start)
+    assert np.array_equal(again.q0, advice.q0)
     assert again.summary() == advice.summary()
 
 

@@ -361,9 +361,9 @@ def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SingularityError):
         export_c(hk.holonomic(hk.position(irb), hk.lock(0, 3, 4)), tmp_path / "x", q0=0.1 * np.ones(6))
     for more, error in (
-        ({"start": PANDA_START, "vectors_count": 0}, ArgumentError),
-        ({"start": PANDA_START, "dt": np.nan}, ArgumentError),
-        ({"start": PANDA_START, "name": "Law"}, ArgumentError),
+        ({"q0": PANDA_START, "vectors_count": 0}, ArgumentError),
+        ({"q0": PANDA_START, "dt": np.nan}, ArgumentError),
+        ({"q0": PANDA_START, "name": "Law"}, ArgumentError),
     ):
         with pytest.raises(error):
             export_c(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(0)), tmp_path / "x", **more)

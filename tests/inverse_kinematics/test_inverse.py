@@ -133,7 +133,7 @@ def test_a_posture_of_another_branch_is_refused_as_a_beginning(planar_3r: hk.Rob
 
 
 def test_limits_are_looked_at_only_when_asked(panda: hk.Robot, ik) -> None:
-    strict, poses = hk.inverse(ik.strategy, ik.start, limits=True), poses_of_the_box(20)
+    strict, poses = hk.inverse(ik.strategy, ik.q0, limits=True), poses_of_the_box(20)
     free, held = ik.batch(poses), strict.batch(poses)
     slack = 1e-9
     beyond = ((free.q < panda.lower - slack) | (free.q > panda.upper + slack)).any(axis=1)
@@ -179,7 +179,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
 
 @pytest.mark.parametrize("law", ["lock", "arm angle", "position"])
 def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The virtual machine walks in the small pieces of `follow`: the straight way, gone otherwise."""
+    """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
     if law == "position":
         rows = np.zeros((4, 7))
         rows[range(4), [0, 2, 4, 6]] = 1.0

@@ -82,7 +82,7 @@ def test_value_error_and_jacobian_of_any_two_tasks_belong_together(yumi: Robot, 
         J = task.jacobian(q)
         assert np.abs(J - np.vstack([part.jacobian(q) for part in parts])).max() < 1e-12
         assert np.abs(task(q) - np.concatenate([part(q) for part in parts])).max() < 1e-12
-        dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the way there
+        dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the path there
         moved = task.error(q - h * dq, *task.place(q + h * dq)) / (2 * h)
         assert np.abs(moved - J @ dq).max() < 1e-6
     several = task.error(Q0 + np.zeros((3, 14)), *task.place(Q0 + 0.1))
@@ -257,10 +257,10 @@ def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     assert np.abs(piece.at(shares * piece.duration).position - there.position).max() < 1e-9
 
 
-def test_the_two_ways_of_synchronized_loops_meet_half_way(hands: hk.Task, held: hk.Strategy) -> None:
+def test_the_two_paths_of_synchronized_loops_meet_half_way(hands: hk.Task, held: hk.Strategy) -> None:
     loop = circles(hands, 0.02)
     assert loop.closed
-    there, back = loop.ways()
+    there, back = loop.halves()
     assert np.abs(there.end - back.end).max() < 1e-12
     assert hk.path_spread(held, there, back, Q0, samples=40).largest < 1e-9
     assert hk.path_spread(hk.moore_penrose(hands), there, back, Q0, samples=40).largest > 1e-4

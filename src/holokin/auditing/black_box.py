@@ -36,7 +36,7 @@ from .questions import (
     ask_small_loops,
     ask_speed,
     ask_start,
-    ask_ways,
+    ask_two_paths,
     by_reason,
     of_cycles,
     step_alone,
@@ -178,7 +178,7 @@ def audit(
     ]
     planes = _planes(setup, paths, given=loops is not None)
     findings += _of_planes(setup, paths[0], planes, findings)
-    findings += [_asked("ways", lambda: ask_ways(setup, paths[0]))]
+    findings += [_asked("paths", lambda: ask_two_paths(setup, paths[0]))]
     findings += [_asked("speed", lambda: ask_speed(setup, paths[0]))]
     findings += [_asked("history", lambda: ask_history(setup, paths[0]))]
     findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
@@ -281,7 +281,7 @@ def _verdict(setup: AuditSetup, findings: list[Finding], planes: list[PlaneDrift
         seen.add(Repeatability.BUT_FOR_THE_STEP)
     if not all(_by_step(setup, p) for p in strayed) and Repeatability.DRIFTS not in seen:
         seen.add(Repeatability.CONVERGES)  # whatever the slower cycles in the worst plane say
-    others = [f.metrics for f in findings if f.question in ("ways", "speed", "history")]
+    others = [f.metrics for f in findings if f.question in ("paths", "speed", "history")]
     sound = all(
         f and f["apart"] <= setup.tolerance + f.get("of_the_step", 0.0) and f.get("could_move", 0.0) <= setup.tolerance
         for f in others

@@ -209,11 +209,11 @@ def not_tested(audit: LogAudit) -> list[str]:
     """What the log leaves open, in words."""
     open_ = []
     if audit.by_way is None:
-        open_.append("the way back (all cycles run one way)")
+        open_.append("the path back (all cycles run one way)")
     if audit.by_speed is None:
         open_.append("other speeds (all cycles at one speed)")
     if audit.at_crossings is None and audit.cycles.mirror is None:
-        open_.append("other ways to a pose within a cycle (the path does not cross itself)")
+        open_.append("other paths to a pose within a cycle (the path does not cross itself)")
     return [*open_, "other paths"]
 
 

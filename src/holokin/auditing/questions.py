@@ -20,7 +20,7 @@ from ..motion.trajectory import Trajectory, whole_turns
 from ..path import Path
 from ..tasks.task import Task
 from .equal_poses import Repeatability
-from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
+from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides
 
 Answer = tuple[str, dict[str, float]]
 
@@ -242,7 +242,7 @@ def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
     elif any(p.tested for p in planes):
         said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
     elif not planes:
-        said.append("a task of one row has none: every closed way goes there and back")
+        said.append("a task of one row has none: every closed path goes there and back")
     said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
     return "; ".join(said), metrics
 
@@ -256,14 +256,14 @@ def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
     return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
 
 
-def ask_ways(setup: AuditSetup, path: Path) -> Answer:
-    """Two ways to one tool pose from the start. Raises: ControllerError."""
-    a, b = path.ways()
+def ask_two_paths(setup: AuditSetup, path: Path) -> Answer:
+    """Two paths to one tool pose from the start. Raises: ControllerError."""
+    a, b = path.halves()
     fresh = largest(setup.run(a).q[-1] - setup.run(b).q[-1])
     finer = largest(setup.run(a, dt=setup.dt / 2).q[-1] - setup.run(b, dt=setup.dt / 2).q[-1])
     metrics = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
     same = fresh <= setup.tolerance + metrics["of_the_step"]
-    return f"{'the same' if same else 'not the same'} joints by two ways to one pose: {fresh:.2g} apart", metrics
+    return f"{'the same' if same else 'not the same'} joints by two paths to one pose: {fresh:.2g} apart", metrics
 
 
 def ask_speed(setup: AuditSetup, path: Path) -> Answer:
@@ -349,10 +349,10 @@ def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> floa
     """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
     ends = []
     for stairs in (0, STAIRS, 2 * STAIRS):
-        way = plane_way(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
-        slower = way.duration / 4.0
-        way = way.at_speed(way.speed * slower, way.angular_speed * slower)
-        q, finer = (setup.run(way, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
+        path = plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
+        slower = path.duration / 4.0
+        path = path.at_speed(path.speed * slower, path.angular_speed * slower)
+        q, finer = (setup.run(path, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
         ends.append(2 * finer - q)
     straight, coarse, fine = ends
     return largest(2 * fine - coarse - straight)

@@ -78,7 +78,7 @@ def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: flo
 class Law(Value):
     """A law on one leaf, and what it does in the workspace.
 
-    keys: what a job file says of it. start: the posture that its leaf goes through (n,). coverage: share of the poses
+    keys: what a job file says of it. q0: the posture that its leaf goes through (n,). coverage: share of the poses
     that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
     postures. margin: the least distance to a limit over the joint's
     range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
@@ -147,7 +147,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return self.laws[0]
 
     @property
-    def start(self) -> Vector:
+    def q0(self) -> Vector:
         """The posture (n,) to begin at with the best law."""
         return self.best.q0
 

@@ -47,7 +47,7 @@ def coverage(
 ) -> Coverage:
     """How much of a workspace the leaf through a posture reaches, and why the rest is not reached.
 
-    Each pose is gone to on the straight way from the tool pose at q0, as `inverse` does. Where the leaf does not get
+    Each pose is gone to on the straight path from the tool pose at q0, as `inverse` does. Where the leaf does not get
     there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
     shows whether the law fails there or no law can serve. A workspace that is out of reach altogether has the share 0.
 
@@ -103,7 +103,7 @@ def coverage(
 
 
 def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
-    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its ways end (k, n), statuses."""
+    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
     ik, n = inverse(strategy, q0), strategy.task.n
     q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
@@ -151,7 +151,7 @@ def _search(task: Task, poses: Array, near: Matrix, limits: bool) -> Reach:
 
 
 def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Indices) -> Indices:
-    """Why the ways to some poses ended at some postures."""
+    """Why the paths to some poses ended at some postures."""
     status = np.full(len(last), int(PoseStatus.STOPPED))
     known = np.flatnonzero(np.isfinite(last).all(axis=1))
     if not len(known):

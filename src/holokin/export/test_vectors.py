@@ -12,7 +12,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics.branch import extended_jacobian
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_way, tool_at
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_path, tool_at
 from ..inverse_kinematics.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -28,7 +28,7 @@ AWAY = 0.7
 """How far from the start, over the number of joints, the postures are drawn whose poses are solved from it."""
 
 PIECES = 200
-"""Pieces of the way to a wanted pose that the self-test allows; the vectors need at most half of them."""
+"""Pieces of the path to a wanted pose that the self-test allows; the vectors need at most half of them."""
 
 NUDGES = 4
 """Copies of a vector with all inputs moved by single precision's rounding, which show what it does to the results."""
@@ -113,7 +113,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_way(tool_at(task, q), task.target(pose), levels)
+                q, straight_path(tool_at(task, q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -138,9 +138,9 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    way = straight_way(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
+    path = straight_path(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
     try:
-        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, way)
+        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
         return None
     return np.ravel(_wanted(task, pose)[0]), found

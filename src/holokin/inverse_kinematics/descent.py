@@ -1,4 +1,4 @@
-"""The way down to the nearest pose: projected steps of Newton's method, in the tool's own coordinates.
+"""The path down to the nearest pose: projected steps of Newton's method, in the tool's own coordinates.
 
 With e, c and their slopes A of `edge`, each step solves
 
@@ -21,7 +21,7 @@ TRUST = 0.1
 """First step of the tool [m]; steps that succeed double it."""
 
 DONE = 1e-10
-"""Step of the tool [m] below which the way down has ended: round-off of a few metres is a ten thousandth of it."""
+"""Step of the tool [m] below which the path down has ended: round-off of a few metres is a ten thousandth of it."""
 
 WITHIN = 1e-10
 """Overshoot of a constraint, in metres of the tool, that counts as none."""
@@ -31,7 +31,7 @@ NEAR = 1e-4
 back at once, since beyond the margin, some millimetres away, there is a singular posture."""
 
 STEPS = 60
-"""Steps of the tool on one way down, at most; some five are usual."""
+"""Steps of the tool on one path down, at most; some five are usual."""
 
 AMPLE = 1.5
 """A step over how far its joint goes, up to which that is far enough."""
@@ -40,7 +40,7 @@ HALVINGS = 30
 """Times that one step is halved before there is none."""
 
 RETURNS = 12
-"""Steps back to the edge after one step along it, at most; two are usual, more where a way ends at a fold."""
+"""Steps back to the edge after one step along it, at most; two are usual, more where a path ends at a fold."""
 
 DESCENT = 1e-4
 """Share of the expected decrease that a step must bring. [NW06, section 3.1]"""
@@ -123,7 +123,7 @@ def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | Non
 def descend(
     edge: Edge, at: Look, goal: Goal, careful: bool, q0: Vector, step: Vector | None = None, least: float = 0.0
 ) -> tuple[Look, Look | None]:
-    """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
+    """The end of the path down from a posture within the constraints; and the place on it up to which no joint moves
     by more than a step (n,) from its beginning, None where that is its end.
 
     least: share of the distance below which a step along the edge is not worth it.

@@ -35,15 +35,15 @@ from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from .leaf import (
     REGULAR,
-    Way,
-    WayEnd,
+    LeafPath,
+    PathEnd,
     jump_on,
     jump_problem,
     leaf_problem,
     leaf_step,
     leaf_value,
     leaf_walk,
-    straight_way,
+    straight_path,
     tool_at,
 )
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
@@ -90,8 +90,8 @@ class InverseKinematics(Value):
     def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
 
-        The way leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
-        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two ways to
+        The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
+        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two paths to
         the pose, from the start by q and straight from the start, can be drawn into one another without passing a place
         where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
         by a full turn of a joint.
@@ -222,15 +222,15 @@ class InverseKinematics(Value):
         s = self.strategy
         return jump_on(s, q0, self._way(p, R, q0)[0], q, status in FAILED) if may_jump(s) else None
 
-    def _way(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Way, bool]:
-        """(the straight way to a pose and to the leaf, whether it stays on the leaf)."""
+    def _way(self, p: Vector, R: Matrix, q0: Vector) -> tuple[LeafPath, bool]:
+        """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
         s = self.strategy
         level = self._leaf if q0 is self.q0 else leaf_value(s, q0)
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        return straight_way(tool_at(s.task, q0), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(tool_at(s.task, q0), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _go(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Vector, InverseStatus]:
-        """(posture to which the way from a posture was gone, what became of it)."""
+        """(posture to which the path from a posture was gone, what became of it)."""
         if self._kernel is None:
             return self._walk(p, R, q0)
         q = q0[None].copy()
@@ -246,13 +246,13 @@ class InverseKinematics(Value):
                 return q0, InverseStatus.SINGULAR
             if side != self._side:
                 return q0, InverseStatus.OTHER_BRANCH
-        way, level = self._way(p, R, q0)
-        last, ended = leaf_walk(s, q0, ray=level and on_ray(s, q0))(q0, way)
-        if ended is WayEnd.REACHED:
+        path, level = self._way(p, R, q0)
+        last, ended = leaf_walk(s, q0, ray=level and on_ray(s, q0))(q0, path)
+        if ended is PathEnd.REACHED:
             beyond = self.limits and beyond_limits(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
         _, rcond, margin = s.gain(last)
-        if ended is WayEnd.TRIED or rcond > REGULAR:
+        if ended is PathEnd.TRIED or rcond > REGULAR:
             return last, InverseStatus.NOT_CONVERGED
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
@@ -266,7 +266,7 @@ class InverseKinematics(Value):
             raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
         if status is not InverseStatus.REACHED:
             ends = status is InverseStatus.LEAF_ENDS
-            raise leaf_problem(self.strategy, q, WayEnd.FOLD if ends else WayEnd.STOPPED)
+            raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
         return q
 
     def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
@@ -381,8 +381,8 @@ def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseK
     return InverseKinematics(strategy, q0, limits)
 
 
-def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
-    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its way was gone, what became of the pose).
+def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
+    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its path was gone, what became of the pose).
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.

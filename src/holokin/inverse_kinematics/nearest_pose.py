@@ -34,7 +34,7 @@ REACHED = 1e-9
 
 ALONG = 0.1
 """Share of what is missing by which a step along the edge must lead on, where it is to be known whether a slide from
-the start comes to a pose: below, the edge is square to the way there, and the slide as good as ended."""
+the start comes to a pose: below, the edge is square to the path there, and the slide as good as ended."""
 
 LEAST = 0.5
 """Steps by which a call must bring the joints nearer to where they belong, or they go straight: it takes twice as many
@@ -102,10 +102,10 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
 def down(
     edge: Edge, at: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
 ) -> tuple[Look, Look | None] | None:
-    """The end of the way down from a look, which may be outside; and how far a step leads, where that is not its end.
+    """The end of the path down from a look, which may be outside; and how far a step leads, where that is not its end.
 
     None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
-    shown to keep to the branch; else Newton steps alone lead down, and the straight way from q to the end is.
+    shown to keep to the branch; else Newton steps alone lead down, and the straight path from q to the end is.
     """
     within = inside(edge, at, goal, careful)
     if within is None:
@@ -115,7 +115,7 @@ def down(
 
 
 def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
-    """The look where the straight way from the start ends; True where at the goal, within the constraints."""
+    """The look where the straight path from the start ends; True where at the goal, within the constraints."""
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
     at = edge.look(q, goal)
@@ -125,7 +125,7 @@ def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
 def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
     """The same: what a glance does not reach is not reached; what it does reach is shown.
 
-    But where it comes to a posture that is known to be `near`: then two ways agree, and a way that passes close by a
+    But where it comes to a posture that is known to be `near`: then two paths agree, and a way that passes close by a
     singular posture takes milliseconds to show. Of 7,200 poses that were reached, a glance missed one, and came to
     another posture never. Rays are gone in Newton steps anyway.
     """
@@ -137,7 +137,7 @@ def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tu
 
 
 def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
-    """The look at a goal, where the way down leads to it from where the straight way from the start ends."""
+    """The look at a goal, where the path down leads to it from where the straight path from the start ends."""
     within = inside(edge, at, goal, False)
     end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
     reached = end.distance <= REACHED and end.excess <= WITHIN
@@ -172,7 +172,7 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     along = edge.look(limited(q, cut.q, step), goal)
     gone = steps(q, end.q, step) - steps(along.q, end.q, step) if belongs else steps(q, along.q, step)
     if gone < LEAST and not belongs and straight.distance + straight.excess >= along.distance:
-        return along, False  # the straight way there leads by worse places
+        return along, False  # the straight path there leads by worse places
     return (along if gone >= LEAST else straight), True
 
 

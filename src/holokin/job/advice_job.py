@@ -81,7 +81,7 @@ def advise_command(
     planar = chain.robot.planar
     space = None if workspace is None else parse_workspace(workspace, planar=planar, at_start=at_start)
     announce(f"{chain}. This takes {DURATION}.")
-    found = advise(robot, space, tip=tip, base=base, task=task, start=q0, say=say)  # type: ignore[arg-type]
+    found = advise(robot, space, tip=tip, base=base, task=task, q0=q0, say=say)  # type: ignore[arg-type]
 
     def write() -> FilePath:
         write_advice(path, found, robot, base=base, poses=poses)

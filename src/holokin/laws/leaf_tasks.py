@@ -82,7 +82,7 @@ def pink_task(
     strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
     joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
-    """The leaf of a strategy through a start as a `pink.tasks.Task`: e(q) = g(q) - g(start), J = dg/dq.
+    """The leaf of a strategy through a posture q0 as a `pink.tasks.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to pink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
     Joints are found in the model by their names; it may have others, as fingers or a floating base, on which g does
@@ -109,14 +109,14 @@ def mink_task(
     strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
     joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
-    """The leaf of a strategy through a start as a `mink.Task`: e(q) = g(q) - g(start), J = dg/dq.
+    """The leaf of a strategy through a posture q0 as a `mink.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to mink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
     Joints are found in the model by their names; it may have others, as fingers or a free joint, on which g does not
     depend.
 
     Args:
-        start, cost, gain, lm_damping, joints: as of `pink_task`.
+        q0, cost, gain, lm_damping, joints: as of `pink_task`.
 
     Raises:
         MissingExtraError: mink is not installed. Else as `pink_task`.

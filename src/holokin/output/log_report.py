@@ -81,7 +81,7 @@ def joints_at_start(axes: Any, audit: LogAudit) -> Any:
 
 
 def tool_cycles(axes: Any, audit: LogAudit) -> Any:
-    """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some."""
+    """The tool's path, cycles by colour, the path in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize, to_hex

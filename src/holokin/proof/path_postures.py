@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
-from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
+from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton
 from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
@@ -44,5 +44,5 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int)
     return np.array(found), Extent.WHOLE, ""
 
 
-def _way(plan: Plan, step: int, c: Vector) -> Way:
-    return Way(lambda share: (*plan.target(step, share), c), *plan.bends(step))
+def _way(plan: Plan, step: int, c: Vector) -> LeafPath:
+    return LeafPath(lambda share: (*plan.target(step, share), c), *plan.bends(step))

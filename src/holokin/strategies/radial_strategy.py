@@ -50,7 +50,7 @@ of the label. PPR arm, 4 steps, 300 random postures at 11 m: with no bound the l
 
 AT_CENTER = 1e-2
 """Way [joint units] added to a posture's own, so that round-off at the centre itself, in single precision 1e-6 of the
-joints, is no miss; so short a way has no error of the steps."""
+joints, is no miss; so short a path has no error of the steps."""
 
 WRONG = 0.01
 """Error of the gain, as a share of it, from which on it is refused; from less where the label's margin is below 1.

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
 from ..inverse_kinematics import inverse, move_to_leaf
-from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_value, native_leaf
+from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_value, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..motion import ControlLaw, approach
 from ..motion.follow_path import build_native
@@ -122,7 +122,7 @@ def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False)
 def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Stepper:
     """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
     follow, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
-    return lambda q, i: follow(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
+    return lambda q, i: follow(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
 def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
