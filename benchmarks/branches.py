@@ -87,7 +87,7 @@ def targets(case: Case, count: int, seed: int = 0) -> np.ndarray:
 
 
 class Continuation:
-    """The referee: small steps with its own control. `run` gives postures (k, n), NaN where the way ends."""
+    """The referee: small steps with its own control. `run` gives postures (k, n), NaN where the path ends."""
 
     def __init__(self, case: Case, poses: np.ndarray) -> None:
         s = case.strategy
@@ -145,7 +145,7 @@ class Continuation:
 def exported(case: Case) -> Callable[[np.ndarray], np.ndarray | None]:
     """pose -> q by the exported C, None where it refuses."""
     s, home = case.strategy, tempfile.TemporaryDirectory()
-    made = export_c(s, Path(home.name), start=case.start, name="law", limits=False, vectors_count=1)
+    made = export_c(s, Path(home.name), q0=case.start, name="law", limits=False, vectors_count=1)
     source = (Path(home.name) / "law.c").read_text("utf-8")
     loaded: Any = native.library(source, long=True, includes=(home.name,))
     leaf = np.atleast_1d(s.constraint_value(case.start)).astype(float)
@@ -185,7 +185,7 @@ def compare(case: Case, count: int, steps: int = STEPS, seed: int = 0) -> Count:
         except (BranchError, OutOfReachError, SingularityError):
             q = None
         if q is not None:
-            different += not np.abs(q - wanted).max() < 1e-6  # NaN, where the way ends, included
+            different += not np.abs(q - wanted).max() < 1e-6  # NaN, where the path ends, included
         else:
             refused += bool(np.isfinite(wanted).all())
         if c_ik is not None:

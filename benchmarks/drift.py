@@ -150,7 +150,7 @@ def paths(point: np.ndarray) -> dict[str, hk.Path]:
 
 
 def measure(name: str, kind: str, make: Callable[[], object], robot: hk.Robot, start: np.ndarray, cycles: int) -> Row:
-    """Run one law round every path and by both ways at every speed."""
+    """Run one law round every path and by both paths at every speed."""
     task = hk.pose(robot)
     point = robot.pose(start)[:3, 3]
     law = make()
@@ -171,7 +171,7 @@ def measure(name: str, kind: str, make: Callable[[], object], robot: hk.Robot, s
                 history = np.abs(walk.drift_since_start()).max(axis=1)
         ends = []
         for speed in SPEEDS:
-            a, b = paths(point)["circle"].at_speed(speed).ways()
+            a, b = paths(point)["circle"].at_speed(speed).halves()
             ends.append([hk.simulate(law, task, way, start, dt=DT, patience=5.0).q[-1] for way in (a, b)])
         apart = max(float(np.abs(a - b).max()) for a, b in ends)
         hurried = max(float(np.abs(pair[0] - ends[1][0]).max()) for pair in ends)
@@ -215,7 +215,7 @@ def run(cycles: int, only: tuple[str, ...] | None) -> tuple[dict[str, list[Row]]
 def table(rows: list[Row]) -> str:
     """A Markdown table."""
     head = (
-        "| law | rule | first cycle | a later cycle | two ways apart | slow against fast | tracking | speed / MP |\n"
+        "| law | rule | first cycle | a later cycle | two paths apart | slow against fast | tracking | speed / MP |\n"
         "|---|---|---:|---:|---:|---:|---:|---:|\n"
     )
     lines = []
@@ -258,7 +258,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     parts = [
         "# The drift benchmark\n",
         "Written by `python -m benchmarks.drift`; do not edit. Which laws return the joints, and do the joints at",
-        "a tool pose depend on the way or the speed?\n",
+        "a tool pose depend on the path or the speed?\n",
         f"Run with {versions()}.\n",
         f"Every law is called once a step of {DT} s, q <- q + dt dq, on the same kinematics, from the same start, at",
         "constant orientation: a circle of 0.1 m radius, a figure eight of two circles of 0.07 m, a square of 0.14 m,",
@@ -266,7 +266,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         f"Where a law has feedback it has the gain {GAIN:g}/s, to the path and to the leaf alike. With a leaf pink and",
         "mink have `hk.pink_task` or `hk.mink_task` as an equality constraint, gain 1, and no posture task.\n",
         "Numbers are the largest joint's [rad], worst of the paths: **first cycle** and **a later cycle** (the last):",
-        "drift of that cycle; **two ways apart**: joints at the pose opposite the start, reached clockwise and",
+        "drift of that cycle; **two paths apart**: joints at the pose opposite the start, reached clockwise and",
         "counter-clockwise; **slow against fast**: the same pose reached at another speed; **tracking**: worst",
         "distance of the tool; **speed / MP**: joint speed over the least that does the same tool motion.\n",
         "![drift on the Panda circle, and what a pose's joints depend on](drift.png)\n",
@@ -289,7 +289,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         "- It is good where that does not matter: nothing to choose but a posture, joint speed",
         f"  {span(posture, 'effort', '.3f')} times the least, no singularities of its own,",
         "  any number of redundant joints.",
-        "- On these paths a holonomic law's joints are a function of the pose: two ways agree to",
+        "- On these paths a holonomic law's joints are a function of the pose: two paths agree to",
         f"  {span(holonomic, 'ways')} rad, a later cycle drifts {span(holonomic, 'later')} rad.",
         "  What is left is the step of the loop: by `hk.follow`, which solves for the leaf at every sample,",
         f"  a cycle ends {max(round_off.values()):.0e} rad from where it began.",
@@ -303,7 +303,7 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
 
 
 def held_by_libraries(every: dict[str, dict[str, Row]]) -> list[str]:
-    """How much nearer two ways are when a library holds a leaf than with its posture task, where both were run."""
+    """How much nearer two paths are when a library holds a leaf than with its posture task, where both were run."""
     lines = []
     for library in ("pink", "mink"):
         soft, hard = f"{library}, cost 1e-3, gain 1", f"{library}, leaf of q1 - q3"
@@ -311,7 +311,7 @@ def held_by_libraries(every: dict[str, dict[str, Row]]) -> list[str]:
         if pairs:
             times = " and ".join(f"{a.ways / b.ways:,.0f}" for a, b in pairs)
             tracking = max(b.tracking / a.tracking for a, b in pairs)
-            lines.append(f"- {library} with our leaf instead of its posture task brings two ways {times} times nearer,")
+            lines.append(f"- {library}, our leaf instead of its posture task: two paths {times} times nearer,")
             lines.append(f"  at {tracking:.2f} times the tracking error or less.")
     return lines
 
@@ -343,7 +343,7 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     left.set_title("Does it repeat? The worst of each kind is named", loc="left", fontweight="bold")
     names = [r.law for r in rows][::-1]
     y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
-    for figure_name, marker, label in (("ways", "o", "two ways to it"), ("speeds", "D", "slow or fast")):
+    for figure_name, marker, label in (("ways", "o", "two paths to it"), ("speeds", "D", "slow or fast")):
         values = np.maximum([getattr(r, figure_name) for r in rows[::-1]], 1e-7)
         right.scatter(values, y, marker=marker, s=42, c=shades, edgecolors="white", lw=0.6, zorder=3)
         right.scatter([], [], marker=marker, c="0.4", label=label)

@@ -96,7 +96,7 @@ def grown(task: hk.Task, q0: np.ndarray, clock: Clock) -> Growth:
             with environment(HOLOKIN_CACHE=folder, HOLOKIN_NATIVE=flag):
                 hk.controller(hk.moore_penrose(hk.position(planar(2))), dt=1e-3)  # builds what all steps share
                 begin = time.perf_counter()
-                servo = hk.controller(hk.holonomic(task, hk.linear(rows)), dt=1e-3, start=q0)
+                servo = hk.controller(hk.holonomic(task, hk.linear(rows)), dt=1e-3, q0=q0)
                 build.append(time.perf_counter() - begin)
                 operations = servo.generated[0].instructions
                 times.append(clock(lambda servo=servo: servo.step(q0, target, twist), 60, 100)[0])

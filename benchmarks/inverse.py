@@ -88,7 +88,7 @@ def timed(call: Callable[[], object]) -> float:
 
 
 def measure(name: str, ik: InverseKinematics, count: int, ways: int) -> Times:
-    """Each pose alone, all at once on one thread, and along some of the ways there."""
+    """Each pose alone, all at once on one thread, and along some of the paths there."""
     robot, poses = ik.strategy.task.robot, poses_of_the_box(count)
     found = ik.batch(poses, threads=1)
     reached = poses[found.reached]
@@ -101,7 +101,7 @@ def measure(name: str, ik: InverseKinematics, count: int, ways: int) -> Times:
     for step, turn in SPACINGS if "native" in ik.engine else SPACINGS[-1:]:
         spent = steps = 0.0
         for pose in reached[:ways]:
-            hand, q = way(robot.pose(ik.start), pose, step, turn), ik.start
+            hand, q = way(robot.pose(ik.q0), pose, step, turn), ik.q0
             begin = time.process_time()
             for target in hand:
                 q = ik.near(target, q)
@@ -130,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--order", type=int, default=20_000, help="poses in two orders")
     given = parser.parse_args(arguments)
     robot = hk.load("panda")
-    controller = hk.controller(hk.holonomic(hk.pose(robot), hk.arm_angle()), dt=1e-3, start=READY)
+    controller = hk.controller(hk.holonomic(hk.pose(robot), hk.arm_angle()), dt=1e-3, q0=READY)
     step = Floor(controller, robot.pose(READY), np.zeros(6))
     floor = in_turns({"floor": step}, 5 if given.quick else 50, 1e-3)["floor"].median
     print(f"C floor: {1e6 * floor:.2f} us\n")

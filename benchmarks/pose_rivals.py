@@ -76,10 +76,10 @@ def rivals(robot: hk.Robot, start: np.ndarray) -> tuple[list[tuple[str, Begin]],
 
 @dataclass(frozen=True)
 class Compared:
-    """What one solver did at poses that were each reached on two ways, step by step, and on the legs between them.
+    """What one solver did at poses that were each reached on two paths, step by step, and on the legs between them.
 
     found: the poses that it found by the first way, to `TOLERABLE` and
-    within joint limits (k,). spread: largest joint difference between the two ways at each pose that it found by both
+    within joint limits (k,). spread: largest joint difference between the two paths at each pose that it found by both
     (j,) [rad]. worst: largest error of an answer [m, and of the rotation]. jumps: the legs on which its joints jump
     (k,). whole: the legs on which it answers every step within limits, without a jump (k,).
     """
@@ -120,7 +120,7 @@ def compared(
 
 
 def step_time(begin: Begin, robot: hk.Robot, start: np.ndarray, poses: np.ndarray, steps: int) -> float:
-    """Processor seconds of a step of the straight ways from the start: the median of the ways' means."""
+    """Processor seconds of a step of the straight paths from the start: the median of the ways' means."""
     times = []
     for pose in poses:
         way, solve = _legs([robot.pose(start), pose], steps), begin(start)
@@ -208,7 +208,7 @@ def poses_table(
     (steps, leg), count, by_any = cuts, len(done[0].found), int(np.any([c.found for c in done], axis=0).sum())
     lines = [
         "",
-        "## Inverse kinematics, on two ways to each pose",
+        "## Inverse kinematics, on two paths to each pose",
         "",
         f"Run with {_versions()}; a C floor took {1e6 * floor:.3g} us in this run.",
         "",
@@ -216,9 +216,9 @@ def poses_table(
         "the tool down, tilted by up to 40 degrees, spun by +-90: straight, and by way of another of them, each leg in",
         f"{steps} steps, each step asked from the last answer, or, as it is named, from the ready posture each time.",
         f"All poses count: {by_any} of them are found within joint limits by at least one row. Times are of the",
-        f"straight ways to the first {min(TIMED, count)}.",
+        f"straight paths to the first {min(TIMED, count)}.",
         "Found: at the end of the first way, within joint limits. Apart: the largest joint's difference between the",
-        f"two ways, in rad. Jumps: the share of the {count} straight legs from a pose to the next on which a joint",
+        f"two paths, in rad. Jumps: the share of the {count} straight legs from a pose to the next on which a joint",
         f"differs by more than {JUMP} rad between neighbouring steps: the leg is cut into {leg}, and a step that jumps",
         f"into {FINER} more, so a jump is one within a {leg * FINER:,}th of the leg; answers past the limits count",
         "here. Whole: the share of legs with an answer within limits at every step and no jump.",

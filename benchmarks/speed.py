@@ -113,11 +113,11 @@ def main(arguments: list[str] | None = None) -> int:
     pose[0, 3] += 1e-4
 
     def make() -> hk.motion.Controller:
-        return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, start=START)
+        return hk.controller(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle()), dt=DT, q0=START)
 
     def make_radial() -> hk.motion.Controller:
         task = hk.pose(hk.load("panda"))
-        return hk.controller(hk.radial(hk.moore_penrose(task), START), dt=DT, start=START)
+        return hk.controller(hk.radial(hk.moore_penrose(task), START), dt=DT, q0=START)
 
     servo, machine = make(), without_compiler(make)
     carried, slowly = make_radial(), without_compiler(make_radial)
@@ -166,11 +166,11 @@ def main(arguments: list[str] | None = None) -> int:
     one = calls_page(times, floor)
     ready = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
     with environment(**{"HOLOKIN_NATIVE": "0"} if given.quick else {}):  # no compiler for eight poses
-        two_ways = poses_page(robot, ready, floor, given.quick)
+        two_paths = poses_page(robot, ready, floor, given.quick)
     text = page(
         rows,
         floor,
-        [*one, *two_ways],
+        [*one, *two_paths],
         loops,
         kept,
         (cold, warm, *others_first),

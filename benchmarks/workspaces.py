@@ -67,7 +67,7 @@ def wrists(count: int) -> None:
                 law, cells = hk.holonomic(task, hk.arm_angle(definition=kind, joints=joints)), []
                 for swing in np.radians(swings):
                     start = hk.move_to_leaf(law, ready, law.g(ready) + swing) if swing else ready
-                    found = hk.coverage(law, start, BOX, samples=count, explain=False)
+                    found = hk.coverage(law, BOX, start, samples=count, explain=False)
                     aside = int((found.status <= PoseStatus.LIMIT).sum())
                     cells.append(f"{int(found.reached.sum())} ({aside})")
                 print(f"| {name} | {kind} | {wrist} | {' | '.join(cells)} |", flush=True)
@@ -88,7 +88,7 @@ def main(arguments: list[str] | None = None) -> int:
     reach = posture_reach(task, BOX, READY, samples=count)
     print(f"{BOX}; start {np.round(READY, 4).tolist()}\n\n| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
     for name, law, start, before in laws(task)[2:4] if asked.quick else laws(task):
-        found = hk.coverage(law, start, BOX, samples=count, reach=reach)
+        found = hk.coverage(law, BOX, start, samples=count, reach=reach)
         lost = sum(found.count(status) for status in LOST)
         none = found.count(PoseStatus.BEYOND_LIMITS) + found.count(PoseStatus.OUT_OF_REACH)
         rcond = found.rcond[found.reached].min(initial=np.inf)

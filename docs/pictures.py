@@ -23,7 +23,7 @@ from holokin.job import open_job, run_job
 from holokin.output.animate import cycles_frames, shown_laws
 from holokin.output.coverage_plots import coverage_figure
 from holokin.output.film import write_film
-from holokin.output.job_figures import cycles_figure, robot_figure, ways_figure
+from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_figure
 from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
 from holokin.output.physics_figures import pictures_figure, rendered
@@ -391,7 +391,7 @@ def jobs() -> None:
         elif name == "panda-circle":
             save(robot_figure(result), f"job-{name}")
         else:
-            save(ways_figure(result.drawn[0], result), f"job-{name}")
+            save(two_paths_figure(result.drawn[0], result), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
     save(robot_figure(result), "job-panda-strategies")
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""mink with one constraint more, the leaf of a holonomic strategy: a Panda draws circles, and half circles by two ways.
+"""mink with one constraint more, the leaf of a holonomic strategy: a Panda draws circles, and two half circles.
 
 Needs: pip install "holokin[mink]". New to a loop of mink are two lines: `hk.mink_task`, and `constraints=[leaf]`.
 """
@@ -39,4 +39,4 @@ leaf = hk.mink_task(strategy, Q0)
 for name, cost, constraints in (("no rule", 0.0, []), ("posture task", 1e-3, []), ("our leaf", 0.0, [leaf])):
     drift = np.abs(joints_after(2, cost, constraints) - Q0).max()
     ways = np.abs(joints_after(0.5, cost, constraints) - joints_after(-0.5, cost, constraints)).max()
-    print(f"mink, {name}: {drift:.6f} rad off after two circles, two ways {ways:.6f} rad apart")
+    print(f"mink, {name}: {drift:.6f} rad off after two circles, two paths {ways:.6f} rad apart")

@@ -35,7 +35,7 @@ for name, law in (
     data.qpos[:] = data.ctrl[drives] = q0
     mujoco.mj_step(model, data, 2000)  # the arm sags into its servos
     first = data.qpos.copy()
-    step = hk.controller(law, dt=DT, start=q0, gain=10, constraint_gain=10)
+    step = hk.controller(law, dt=DT, q0=q0, gain=10, constraint_gain=10)
     watch = hk.motion.LoopWatch(DT)  # warns if the arm does not follow
     command, pose = q0.copy(), start.copy()
     for _ in range(CYCLES):

@@ -1,6 +1,6 @@
 """A constraint of your own, as a CasADi expression: an elbow that opens as the arm turns; checked, then followed.
 
-Two ways to one tool pose end with the same joints, to the last digits.
+Two paths to one tool pose end with the same joints, to the last digits.
 """
 
 import casadi as ca
@@ -14,7 +14,7 @@ G = hk.holonomic(hk.pose(robot), g)
 print(hk.involutivity(G, hk.around(q0, 0.2)))
 
 start = robot.pose(q0)[:3, 3]
-one, other = hk.polyline([start, start + [0, 0.1, 0], start + [0, 0.1, 0.1], start + [0, 0, 0.1]], closed=True).ways()
+one, other = hk.polyline([start, start + [0, 0.1, 0], start + [0, 0.1, 0.1], start + [0, 0, 0.1]], closed=True).halves()
 spread = hk.path_spread(G, one, other, q0)
-print(f"two ways, largest joint difference: {spread.largest:.1e} rad")
+print(f"two paths, largest joint difference: {spread.largest:.1e} rad")
 spread.a.save("iiwa-one-way.csv")

@@ -172,13 +172,13 @@ def calls() -> dict[str, Call]:
             "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
         "path_spread": (hk.path_spread, (held, loop, loop, q), following),
-        "all_postures": (hk.all_postures, (held, k["pose"]), {"leaf": 0.0, "limits": True, "starts": 16}),
+        "all_postures": (hk.all_postures, (held, k["pose"]), {"level": 0.0, "limits": True, "starts": 16}),
         "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
-        "move_to_leaf": (hk.move_to_leaf, (held, q), {"leaf": [0.31]}),
+        "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
-            "dt": 0.01, "start": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
+            "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
         "closed_loop": (_begun(laws.closed_loop), (law, 10.0), {}),
         "damped": (_begun(laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
         "gradient_projection": (_begun(laws.gradient_projection), (task, k["cost"]), {
@@ -194,7 +194,7 @@ def calls() -> dict[str, Call]:
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
-            "start": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
+            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
         "around": (hk.around, (q, 0.1), {}),
         "box": (analysis.box, (q - 0.1, q + 0.1), {}),
         "ball": (analysis.ball, (q, 0.1), {"along": 0.0}),
@@ -213,7 +213,7 @@ def calls() -> dict[str, Call]:
         "leaf_function": (analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
         "general_form": (analysis.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {
-            "start": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
+            "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
         "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
@@ -233,10 +233,10 @@ def calls() -> dict[str, Call]:
         "design": (hk.design, (task, k["space"], q), {
             "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
             "rcond": 0.0, "samples": 16, "seed": 0}),
-        "nearest": (hk.nearest, (law, region), {
+        "nearest": (hk.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
-            "tip": None, "base": None, "task": "position", "start": q, "say": lambda _: None}),
+            "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None}),
         "section_metrics": (designing.section_metrics, (held, q, k["space"]), {}),
         "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),

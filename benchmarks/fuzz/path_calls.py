@@ -36,7 +36,7 @@ def path_calls() -> dict[str, tuple[Callable[..., Any], tuple[Any, ...], dict[st
         "passes": (hk.passes, (square, 2), {
             "offset": [0, 0, 0.01], "back_and_forth": True, "lift": [0, 0, 0.1]}),
         "approach": (hk.approach, (held, line.starting_at(start), q + 0.01), {
-            "by": "joints", "leaf": None, "samples": 3, "speed": 0.5}),
+            "by": "joints", "level": None, "samples": 3, "speed": 0.5}),
         "read_waypoints": (hk.read_waypoints, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw"}),
         "read_svg": (hk.read_svg, ("no.svg",), {"pixel": 0.001, "tolerance": 1e-5, "speed": 0.1}),
         "Path.in_frame": (square.in_frame, (k["pose"],), {}),

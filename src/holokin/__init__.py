@@ -31,7 +31,17 @@ from .analysis import Verdict, around, curvature, involutivity, obstruction
 from .auditing import audit, audit_recording
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .designing import Advice, Coverage, Design, NearestLaw, Objective, advise, coverage, design, nearest
+from .designing import (
+    Advice,
+    ClosestHolonomic,
+    Coverage,
+    Design,
+    Objective,
+    advise,
+    closest_holonomic,
+    coverage,
+    design,
+)
 from .errors import HolokinError
 from .export import export_c
 from .inverse_kinematics import all_postures, inverse, move_to_leaf
@@ -95,12 +105,12 @@ __all__ = [
     "Advice",
     "Certificate",
     "CheckReport",
+    "ClosestHolonomic",
     "Constraint",
     "ControlLaw",
     "Coverage",
     "Design",
     "HolokinError",
-    "NearestLaw",
     "Objective",
     "Part",
     "Path",
@@ -129,6 +139,7 @@ __all__ = [
     "check",
     "checking",
     "circle",
+    "closest_holonomic",
     "compose",
     "constraints",
     "controller",
@@ -166,7 +177,6 @@ __all__ = [
     "moore_penrose",
     "motion",
     "move_to_leaf",
-    "nearest",
     "null_basis",
     "obstacle",
     "obstruction",

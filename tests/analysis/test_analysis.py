@@ -250,7 +250,7 @@ def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: 
 
 def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3: hk.Strategy) -> None:
     for strategy, start in ((panda_given, PANDA_START), (r3, R3_START)):
-        with pytest.raises(NotHolonomicError, match="two ways") as caught:
+        with pytest.raises(NotHolonomicError, match="two paths") as caught:
             hk.analysis.leaf_function(strategy, start)
         assert caught.value.gap > 1e-5
         assert len(caught.value.witness) == len(start)

@@ -101,7 +101,7 @@ def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> N
     monkeypatch.setenv("HOLOKIN_NATIVE", flag)
     strategy, q0 = snake(), np.full(12, 0.2)
     task, robot = strategy.task, strategy.task.robot
-    servo = hk.controller(strategy, dt=1e-3, start=q0, gain=10.0, constraint_gain=20.0)
+    servo = hk.controller(strategy, dt=1e-3, q0=q0, gain=10.0, constraint_gain=20.0)
     q = q0 + np.random.default_rng(4).uniform(-0.05, 0.05, 12)
     goal, dx = robot.pose(q0)[:3, 3].copy(), np.array([0.1, -0.2, 0.0])
     gap = strategy.constraint_value(q) - strategy.constraint_value(q0)
@@ -136,7 +136,7 @@ def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
 def test_the_code_of_sixty_joints_stays_short() -> None:
     """Written out it would be 459,000 operations."""
     strategy = hk.holonomic(hk.position(chain(60)), shared_bend(60))
-    servo = hk.controller(strategy, dt=1e-3, start=np.full(60, 0.02), most_error=10.0, limits=False)
+    servo = hk.controller(strategy, dt=1e-3, q0=np.full(60, 0.02), most_error=10.0, limits=False)
     assert servo.generated[0].instructions < 10_000 < LARGEST
     dq = servo.step(np.full(60, 0.021), np.array([0.5, 0.3, 0.0]), np.zeros(3))
     assert servo.status is StepStatus.OK

@@ -24,7 +24,7 @@ NO_QUESTION = {
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "LeafFunction",
-    "LeftOut", "NearestLaw", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
+    "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no
     "checking.Finding", "Evidence", "FindingKind",

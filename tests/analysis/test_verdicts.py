@@ -243,7 +243,7 @@ def test_a_holonomic_law_may_end_elsewhere_after_a_round_of_a_place_where_it_is_
 
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8])
 def test_what_has_curvature_has_no_leaf_function_however_weak(ppr: hk.Robot, size: float) -> None:
-    """The two ways back end 1e-2 * size apart, which is too little to be seen there."""
+    """The two paths back end 1e-2 * size apart, which is too little to be seen there."""
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[size * q[1], 0, 1]])
     assert not hk.involutivity(law, hk.around(PPR_START, 0.1)).holonomic
     with pytest.raises(NotHolonomicError, match="not holonomic"):

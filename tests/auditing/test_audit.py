@@ -12,8 +12,8 @@ from black_boxes import locked, pull
 from conftest import PANDA_START, R3_START
 from holokin.errors import ArgumentError, OpenPathError, StartError
 
-COARSE = {"start": PANDA_START, "dt": 0.04, "cycles": 3}
-FINER = {"start": PANDA_START, "dt": 0.02, "cycles": 3}
+COARSE = {"q0": PANDA_START, "dt": 0.04, "cycles": 3}
+FINER = {"q0": PANDA_START, "dt": 0.02, "cycles": 3}
 
 
 def pseudo_inverse(robot: hk.Robot):
@@ -51,7 +51,7 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
     assert found.verdict is hk.auditing.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert found["cycles, loop 1"].metrics["first"] == pytest.approx(0.1635, abs=2e-3)
-    assert found["ways"].metrics["apart"] > 0.1
+    assert found["paths"].metrics["apart"] > 0.1
     assert "does not depend" in found["speed"].sentence
     assert "no memory" in found["history"].sentence
     assert "keeps" in found["start"].sentence
@@ -68,7 +68,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
     assert "depends on speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
     assert "obey no area law" in found["small loops"].sentence
-    assert found["ways"].metrics["apart"] > 1e-2
+    assert found["paths"].metrics["apart"] > 1e-2
 
 
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
@@ -90,7 +90,7 @@ def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.
     coarse = hk.audit(law, panda, **FINER)
     assert coarse.verdict is hk.auditing.Repeatability.BUT_FOR_THE_STEP
     assert coarse.exit_code == 1
-    fine = hk.audit(law, panda, start=PANDA_START, dt=0.002, cycles=3)
+    fine = hk.audit(law, panda, q0=PANDA_START, dt=0.002, cycles=3)
     assert fine.verdict is hk.auditing.Repeatability.REPEATS
 
 
@@ -98,10 +98,10 @@ def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.R
     task = hk.position(planar_3r)
     point = planar_3r.pose(R3_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    found = hk.audit(hk.laws.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], start=R3_START)
+    found = hk.audit(hk.laws.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], q0=R3_START)
     assert found["cycles"].metrics["first"] > 1e-4
     free = hk.audit(
-        hk.laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), start=PANDA_START
+        hk.laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), q0=PANDA_START
     )
     assert "not asked" in free["start"].sentence
     assert free.verdict is hk.auditing.Repeatability.DRIFTS
@@ -122,7 +122,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
         return sound(q, pose, twist, dt)
 
     began = time.monotonic()
-    found = hk.audit(law, panda, start=PANDA_START, patience=0.3, cycles=3, dt=0.06)
+    found = hk.audit(law, panda, q0=PANDA_START, patience=0.3, cycles=3, dt=0.06)
     assert time.monotonic() - began < 60
     assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert found.exit_code == 2
@@ -141,7 +141,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
 def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
     import json
 
-    found = hk.audit(locked(panda, 2), panda, start=PANDA_START, cycles=3, dt=0.08)
+    found = hk.audit(locked(panda, 2), panda, q0=PANDA_START, cycles=3, dt=0.08)
     told = json.loads(json.dumps(found.summary()))
     assert told["verdict"] == "repeats"
     assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
@@ -153,12 +153,12 @@ def test_bad_questions_are_refused(panda: hk.Robot, ppr: hk.Robot) -> None:
     law = locked(panda, 2)
     point = panda.pose(PANDA_START)[:3, 3]
     with pytest.raises(OpenPathError):
-        hk.audit(law, panda, loops=[hk.line(point, point + 0.1)], start=PANDA_START)
+        hk.audit(law, panda, loops=[hk.line(point, point + 0.1)], q0=PANDA_START)
     with pytest.raises(StartError):
-        hk.audit(law, panda, loops=[hk.circle(point + 0.1, point + [0.1, 0, 0.1])], start=PANDA_START)
+        hk.audit(law, panda, loops=[hk.circle(point + 0.1, point + [0.1, 0, 0.1])], q0=PANDA_START)
     for arguments in ({"cycles": 1}, {"tolerance": 0.0}, {"patience": -1.0}, {"task": hk.position(ppr)}, {"dt": 0.0}):
         with pytest.raises(ArgumentError):
-            hk.audit(law, panda, start=PANDA_START, **arguments)
+            hk.audit(law, panda, q0=PANDA_START, **arguments)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -173,8 +173,8 @@ def test_a_law_that_answers_otherwise_when_asked_again_does_not_pass(panda: hk.R
 
     point = panda.pose(PANDA_START)[:3, 3]
     loops = [hk.circle(point, point - [0.05, 0, 0])]
-    found = hk.audit(law, panda, loops=loops, start=PANDA_START, dt=0.02, cycles=3, tolerance=0.05)
-    assert max(found["cycles"].metrics["first"], found["ways"].metrics["apart"]) < 0.05
+    found = hk.audit(law, panda, loops=loops, q0=PANDA_START, dt=0.02, cycles=3, tolerance=0.05)
+    assert max(found["cycles"].metrics["first"], found["paths"].metrics["apart"]) < 0.05
     assert found["history"].metrics["otherwise"] > 0
     assert found.exit_code == 1
     assert "asked the same again it answered otherwise" in found.sentence
@@ -185,7 +185,7 @@ def test_noise_below_the_tolerance_is_told_and_passes(panda: hk.Robot) -> None:
     point = panda.pose(PANDA_START)[:3, 3]
     found = hk.audit(
         lambda *call: sound(*call) * (1 + 1e-5 * rng.normal()), panda,
-        loops=[hk.circle(point, point - [0.05, 0, 0])], start=PANDA_START, dt=0.02, cycles=3,
+        loops=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.02, cycles=3,
     )  # fmt: skip
     assert found.exit_code == 0
     assert "asked the same again it answered otherwise" in found.sentence
@@ -195,10 +195,10 @@ def test_a_strategy_of_another_robot_is_refused(panda: hk.Robot, iiwa14: hk.Robo
     law = hk.holonomic(hk.pose(iiwa14), hk.lock(2))
     tool = hk.with_tool(panda, [0.0, 0.0, 0.1])
     longer = hk.moore_penrose(hk.pose(tool))
-    for other in (law, hk.controller(law, dt=0.01, start=np.full(7, 0.3)), longer):
+    for other in (law, hk.controller(law, dt=0.01, q0=np.full(7, 0.3)), longer):
         with pytest.raises(ArgumentError, match="it is of another robot"):
             hk.audit(other, panda, **COARSE)
     same = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))  # made anew, yet the same arm
     point = panda.pose(PANDA_START)[:3, 3]
     loops = [hk.circle(point, point - [0.05, 0, 0])]
-    assert isinstance(hk.audit(same, panda, loops=loops, start=PANDA_START, dt=0.02, cycles=3), hk.auditing.Audit)
+    assert isinstance(hk.audit(same, panda, loops=loops, q0=PANDA_START, dt=0.02, cycles=3), hk.auditing.Audit)

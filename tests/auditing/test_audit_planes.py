@@ -14,7 +14,7 @@ from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
 from holokin.motion import as_control_law
 
-QUICK = {"start": PANDA_START, "dt": 0.06, "cycles": 3}
+QUICK = {"q0": PANDA_START, "dt": 0.06, "cycles": 3}
 ROWS = ("x", "y", "z", "wx", "wy", "wz")
 
 
@@ -133,7 +133,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         assert areas.max() < 0.4
     pseudo_inverse = hk.moore_penrose(task)
     law = hk.laws.closed_loop(pseudo_inverse)
-    found = hk.audit(law, task.robot, task, start=start, dt=0.06, cycles=3)
+    found = hk.audit(law, task.robot, task, q0=start, dt=0.06, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:
@@ -198,7 +198,7 @@ def test_a_start_at_which_the_angles_are_singular_is_told(irb140: hk.Robot, give
     task = hk.pose(irb140, "zyz")
     point = irb140.pose(q0)[:3, 3]
     loops = [hk.circle(point, point - [0.1, 0, 0])] if given else None
-    found = hk.audit(hk.moore_penrose(task), irb140, task, loops, start=q0, cycles=3, dt=0.04)
+    found = hk.audit(hk.moore_penrose(task), irb140, task, loops, q0=q0, cycles=3, dt=0.04)
     assert found.verdict is hk.auditing.Repeatability.UNKNOWN
     assert "representation" in found["planes"].fault
     assert len(found.untested) == 15
@@ -213,7 +213,7 @@ def test_no_memory_is_said_of_the_calls_that_were_asked(panda: hk.Robot) -> None
         return locked(panda, 2)(q, pose, twist, dt)
 
     point = panda.pose(PANDA_START)[:3, 3]
-    found = hk.audit(law, panda, loops=[hk.circle(point, point - [0.05, 0, 0])], start=PANDA_START, dt=0.05, cycles=3)
+    found = hk.audit(law, panda, loops=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.05, cycles=3)
     asked = found["history"].metrics["calls"]
     assert found["history"].sentence.startswith(f"no memory seen in {asked:.0f} calls")
     assert 100 < asked < calls

@@ -252,7 +252,7 @@ def test_a_long_way_in_and_out_does_not_count() -> None:
         orientation=False,
     )
     assert len(cycles) == 300
-    assert cycles.start[0] == pytest.approx(50_000, abs=100)  # the way in ends at rest
+    assert cycles.q0[0] == pytest.approx(50_000, abs=100)  # the path in ends at rest
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is measured by Linux")

@@ -181,7 +181,7 @@ def test_a_limit_is_foretold_while_the_drift_goes_on_and_no_more_when_it_falls()
 
 
 def test_a_law_logged_one_way_is_not_called_independent_of_the_way() -> None:
-    """A posture task that has settled repeats; the way back has other joints (the log there and back shows it)."""
+    """A posture task that has settled repeats; the path back has other joints (the log there and back shows it)."""
     law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START), 5.0, 40.0)
     one = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=6)
     audit = hk.audit_recording(logged(one.q[len(one.q) // 3 :]), PANDA)
@@ -190,7 +190,7 @@ def test_a_law_logged_one_way_is_not_called_independent_of_the_way() -> None:
     assert audit.verdict is LogVerdict.REPEATS
     for text in (audit.sentence(), audit.verdict.value):
         assert "whatever" not in text and "way, speed" not in text
-    assert "Not tested: the way back" in audit.sentence()
+    assert "Not tested: the path back" in audit.sentence()
 
 
 def test_a_line_to_and_fro_at_one_speed_does_not_claim_other_speeds() -> None:
@@ -198,7 +198,7 @@ def test_a_line_to_and_fro_at_one_speed_does_not_claim_other_speeds() -> None:
     q = hk.follow(HOME, line + line.reversed(), PANDA_START, samples=200, cycles=4).q
     audit = hk.audit_recording(logged(q, 1e-4), PANDA)
     assert audit.verdict is LogVerdict.REPEATS and audit.by_way is not None
-    assert "other speeds" in audit.sentence() and "the way back" not in audit.sentence()
+    assert "other speeds" in audit.sentence() and "the path back" not in audit.sentence()
     assert any("other speeds" in words for words in audit.summary()["not_tested"])
 
 
@@ -349,10 +349,10 @@ def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else()
     for word in ("whatever", "any way", "any speed", "both ways", "all logged speeds"):
         assert word not in claim
     assert [part.partition(" (")[0] for part in untested.split("; ")] == [
-        "the way back", "other speeds", "other ways to a pose within a cycle", "other paths",
+        "the path back", "other speeds", "other paths to a pose within a cycle", "other paths",
     ]  # fmt: skip
     loop = CIRCLE.starting_at(PANDA.pose(q[0])[:3, 3])
-    asked = hk.audit(law, PANDA, POSE, [loop], start=q[0], dt=0.02, cycles=3)
+    asked = hk.audit(law, PANDA, POSE, [loop], q0=q[0], dt=0.02, cycles=3)
     assert asked.verdict is Repeatability.CONVERGES
-    assert asked["ways"].metrics["apart"] > 0.02
+    assert asked["paths"].metrics["apart"] > 0.02
     assert asked["speed"].metrics["apart"] > 1e-3

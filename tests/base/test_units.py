@@ -60,7 +60,7 @@ def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(t
         hk.inverse,
         hk.move_to_leaf,
         lambda G, q: hk.radial(G, q),
-        lambda G, q: hk.controller(G, dt=0.001, start=q),
+        lambda G, q: hk.controller(G, dt=0.001, q0=q),
     ],
 )
 def test_a_start_in_degrees_is_refused_where_limits_are_not_looked_at(
@@ -81,7 +81,7 @@ def test_a_start_beyond_its_limits_or_wound_by_a_turn_is_one_to_begin_from(panda
 def test_joints_without_limits_may_have_wound_up_as_far_as_they_like(planar_3r: hk.Robot) -> None:
     free = replace(planar_3r, coordinates=tuple(hk.robot.Coordinate(f"q{i}", "revolute") for i in (1, 2, 3)))
     G = hk.holonomic(hk.position(free), hk.lock(2))
-    assert hk.inverse(G, np.degrees(R3_START)).start == pytest.approx(np.degrees(R3_START))
+    assert hk.inverse(G, np.degrees(R3_START)).q0 == pytest.approx(np.degrees(R3_START))
 
 
 # --- millimetres ----------------------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ def test_millimetres_are_told_from_what_is_only_out_of_reach(panda: hk.Robot) ->
     G, pose = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
     box = [400.0, 100.0, 300.0], [50.0, 50.0, 50.0]
     with pytest.raises(ArgumentError, match=r"at least 4\d\d.* m from the base, where panda reaches .* give metres"):
-        hk.coverage(G, PANDA_START, hk.workspace(box=box), samples=16)
+        hk.coverage(G, hk.workspace(box=box), PANDA_START, samples=16)
     for distance, said in ((300.0, "give metres"), (3.0, "nearer to the base")):
         far = pose.copy()
         far[:3, 3] *= distance / np.linalg.norm(far[:3, 3])
@@ -177,7 +177,7 @@ def test_coverage_says_which_poses_of_a_cloud_it_looked_at(panda: hk.Robot) -> N
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     cloud = pose_cloud(np.tile(panda.pose(PANDA_START), (5, 1, 1)))
     for samples, said in ((100, "5 of 5 poses (100.0%), all of the cloud,"), (3, "3 of 3 poses (100.0%), drawn")):
-        assert said in hk.coverage(G, PANDA_START, cloud, samples=samples, explain=False).sentence
+        assert said in hk.coverage(G, cloud, PANDA_START, samples=samples, explain=False).sentence
 
 
 def test_a_rounded_rotation_is_refused_with_the_cure_and_the_cure_helps(panda: hk.Robot) -> None:

@@ -138,7 +138,7 @@ def test_links_of_mjcf_are_as_far_apart_as_mujoco_finds() -> None:
             wanted.append(min(mujoco.mj_geomDistance(model, data, g, h, 10.0, None) for g, h in pairs))
         apart = np.array(wanted) > 0
         np.testing.assert_allclose(found[apart], np.array(wanted)[apart], atol=1e-5)
-        np.testing.assert_allclose(found[~apart], np.array(wanted)[~apart], atol=1e-3)  # two ways to find a depth
+        np.testing.assert_allclose(found[~apart], np.array(wanted)[~apart], atol=1e-3)  # two paths to find a depth
         assert min(wanted) < 0.1  # some are near
 
 

@@ -127,7 +127,7 @@ def servos(strategy: hk.Strategy, monkeypatch: Patch, **more) -> list[hk.motion.
     out = []
     for flag in ("1", "0"):
         monkeypatch.setenv("HOLOKIN_NATIVE", flag)
-        out.append(hk.controller(strategy, start=PANDA_START, **{"dt": 1e-3} | more))
+        out.append(hk.controller(strategy, q0=PANDA_START, **{"dt": 1e-3} | more))
     monkeypatch.setenv("HOLOKIN_NATIVE", "1")
     return out
 
@@ -312,7 +312,7 @@ def test_without_a_compiler_everything_works_and_says_so(tmp_path: Path) -> None
     code = (
         "import numpy as np, holokin as hk; from holokin.codegen import engine; print(engine());"
         "p = hk.load('panda'); q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5];"
-        "s = hk.controller(hk.holonomic(hk.pose(p), hk.lock(2)), dt=1e-3, start=q);"
+        "s = hk.controller(hk.holonomic(hk.pose(p), hk.lock(2)), dt=1e-3, q0=q);"
         "print(s.engine); print(s.step(np.array(q), p.pose(q), np.ones(6) * 0.01)[0].hex())"
     )
     outputs = []

@@ -287,7 +287,7 @@ BOX = hk.workspace(box=([0.5, 0.0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40),
 def test_an_elbow_kept_above_its_arm_ends_its_leaf_where_it_passes_over_the_shoulder(panda: hk.Robot) -> None:
     """There joints 1 and 3 turn about one line, and the self-motion turns them against each other."""
     law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional"))
-    found = hk.coverage(law, READY, BOX, samples=64, explain=False)
+    found = hk.coverage(law, BOX, READY, samples=64, explain=False)
     ended = found.last[found.status == PoseStatus.ALGORITHMIC]
     assert len(ended) > 32
     assert np.abs(ended[:, 1:3]).max() < 1e-3
@@ -301,7 +301,7 @@ def test_where_the_elbow_stands_at_the_start_counts_for_more_than_the_wrist(pand
         law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional", joints=joints))
         aside = hk.move_to_leaf(law, READY, law.g(READY) - np.pi / 3)
         for name, start in (("above", READY), ("aside", aside)):
-            shares[wrist, name] = hk.coverage(law, start, BOX, samples=64, explain=False).share
+            shares[wrist, name] = hk.coverage(law, BOX, start, samples=64, explain=False).share
     for name in ("above", "aside"):
         assert abs(shares["found", name] - shares["last", name]) < 0.06
     for wrist in ("found", "last"):

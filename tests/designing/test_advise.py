@@ -66,7 +66,7 @@ def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) 
     """Referee: `coverage` of the best law at other poses, and the pseudo-inverse on a grid of each self-motion."""
     best = advice.best
     assert best.coverage == 1.0
-    assert hk.coverage(best.strategy, best.start, PLANE, samples=200, seed=7).share == 1.0
+    assert hk.coverage(best.strategy, PLANE, best.q0, samples=200, seed=7).share == 1.0
     found = least_anywhere(advice.task, PLANE)
     assert advice.floor == pytest.approx(found, rel=0.02)
     assert 1.0 <= best.speed < 1.03
@@ -89,7 +89,7 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
 def test_the_same_advice_is_given_twice(advice: Advice) -> None:
     again = hk.advise(arm(), PLANE)
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
-    assert np.array_equal(again.start, advice.start)
+    assert np.array_equal(again.q0, advice.q0)
     assert again.summary() == advice.summary()
 
 
@@ -179,7 +179,7 @@ def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
     assert any("out of reach" in sentence for sentence in found.reasons)
     part = found.part
     assert part is not None and 0.1 < part.share < 1.0
-    assert hk.coverage(part.law.strategy, part.law.start, part.workspace, samples=200, seed=3).share > 0.985
+    assert hk.coverage(part.law.strategy, part.workspace, part.law.q0, samples=200, seed=3).share > 0.985
     farthest = np.linalg.norm(part.workspace.solid.center[:2] + part.workspace.solid.half[:2])
     assert farthest < 3.0
 
@@ -271,9 +271,9 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match=r"hk\.inverse"):
         hk.advise("irb140", task="pose")
     with pytest.raises(NotFiniteError):
-        hk.advise(arm(), PLANE, start=[0.1, np.nan, 0.2])
+        hk.advise(arm(), PLANE, q0=[0.1, np.nan, 0.2])
     with pytest.raises(JointLimitError, match="q2"):
-        hk.advise(arm(), PLANE, start=[0.1, 3.0, 0.2])
+        hk.advise(arm(), PLANE, q0=[0.1, 3.0, 0.2])
     with pytest.raises(UnknownNameError, match="panda_hand_tcp"):
         hk.advise(urdf("panda.urdf"), tip="panda_hand_tpc")
     with pytest.raises(ArgumentError, match="two, to be redundant"):

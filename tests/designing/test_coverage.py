@@ -69,7 +69,7 @@ def expected(distance: np.ndarray, limits: bool = True) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def covered(law: HolonomicStrategy) -> hk.Coverage:
-    return hk.coverage(law, START, DISC, samples=1024)
+    return hk.coverage(law, DISC, START, samples=1024)
 
 
 def test_each_pose_of_a_planar_arm_has_the_cause_that_its_distance_from_the_base_says(covered: hk.Coverage) -> None:
@@ -114,12 +114,12 @@ def test_poses_beyond_a_limit_are_counted_with_the_joint_and_the_side(covered: h
 
 
 def test_without_limits_the_leaf_ends_only_where_it_is_singular(law: HolonomicStrategy) -> None:
-    free = hk.coverage(law, START, DISC, samples=256, limits=False)
+    free = hk.coverage(law, DISC, START, samples=256, limits=False)
     assert np.array_equal(free.status, expected(np.linalg.norm(free.poses[:, :2, 3], axis=1), limits=False))
 
 
 def test_without_a_search_no_pose_is_called_out_of_reach_and_the_share_is_the_same(law, covered) -> None:
-    quick = hk.coverage(law, START, DISC, samples=1024, explain=False)
+    quick = hk.coverage(law, DISC, START, samples=1024, explain=False)
     assert quick.share == covered.share
     assert quick.status.max() <= PoseStatus.STOPPED
     assert "any posture" not in quick.sentence
@@ -128,13 +128,13 @@ def test_without_a_search_no_pose_is_called_out_of_reach_and_the_share_is_the_sa
 
 def test_a_reach_found_before_gives_the_same_causes(law: HolonomicStrategy, covered: hk.Coverage) -> None:
     reach = posture_reach(law.task, DISC, START, samples=1024)
-    assert np.array_equal(hk.coverage(law, START, DISC, samples=1024, reach=reach).status, covered.status)
+    assert np.array_equal(hk.coverage(law, DISC, START, samples=1024, reach=reach).status, covered.status)
     with pytest.raises(ShapeError, match="that of the same poses"):
-        hk.coverage(law, START, DISC, samples=64, reach=reach)
+        hk.coverage(law, DISC, START, samples=64, reach=reach)
 
 
 def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: HolonomicStrategy) -> None:
-    (part,) = coverage_slices(law, START, DISC, steps=20)
+    (part,) = coverage_slices(law, DISC, START, steps=20)
     x, y = np.meshgrid(part.u, part.v)
     inside = np.hypot(x - CENTER[0], y - CENTER[1]) <= RADIUS
     assert np.array_equal(part.inside, inside)
@@ -158,7 +158,7 @@ def test_the_nearest_posture_to_a_target_beyond_the_limits_is_as_straight_as_the
 
 
 def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: HolonomicStrategy) -> None:
-    far = hk.coverage(law, START, hk.workspace(box=([5, 5], [1, 1])), samples=32)
+    far = hk.coverage(law, hk.workspace(box=([5, 5], [1, 1])), START, samples=32)
     assert far.share == far.reachable == 0
     assert far.causes() == [(PoseStatus.OUT_OF_REACH.text, 32)]
     assert "none of the 0 that any posture reaches" in far.sentence
@@ -166,7 +166,7 @@ def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: Ho
 
 def test_a_position_task_does_not_look_at_the_rotations(law: HolonomicStrategy, covered: hk.Coverage) -> None:
     turned = hk.workspace(cylinder=(CENTER, RADIUS, 0), rotation=np.eye(3), tilt=1.0, spin=1.0)
-    other = hk.coverage(law, START, turned, samples=1024)
+    other = hk.coverage(law, turned, START, samples=1024)
     assert np.array_equal(other.status, covered.status)
     assert np.allclose(other.q, covered.q, atol=1e-12, equal_nan=True)
 
@@ -176,10 +176,10 @@ def test_the_pose_task_of_a_planar_arm_asks_for_rotations_in_its_plane() -> None
     law, start = hk.holonomic(hk.pose(robot), hk.linear([1, -1, 0, 0])), [0.4, 0.5, -0.9, 0.6]
     place = robot.pose(start)[:2, 3]
     with pytest.raises(ArgumentError, match=r"give rotation=np.eye\(3\)"):
-        hk.coverage(law, start, hk.workspace(box=(place, [0.05, 0.05])), samples=8)
+        hk.coverage(law, hk.workspace(box=(place, [0.05, 0.05])), start, samples=8)
     R = robot.pose(start)[:3, :3]
     turning = hk.workspace(box=(place, [0.02, 0.02]), rotation=R, spin=0.2)
-    found = hk.coverage(law, start, turning, samples=64)
+    found = hk.coverage(law, turning, start, samples=64)
     assert found.share == 1.0
     for q, pose in zip(found.q, found.poses, strict=True):
         assert np.allclose(robot.pose(q), pose, atol=1e-8)
@@ -187,7 +187,7 @@ def test_the_pose_task_of_a_planar_arm_asks_for_rotations_in_its_plane() -> None
 
 def test_a_file_of_coverage_is_a_workspace_again(law: HolonomicStrategy, covered: hk.Coverage, tmp_path: Path) -> None:
     covered.save(tmp_path / "covered.csv")
-    again = hk.coverage(law, START, hk.read_workspace(tmp_path / "covered.csv"))
+    again = hk.coverage(law, hk.read_workspace(tmp_path / "covered.csv"), START)
     assert np.array_equal(again.status, covered.status)
     lines = (tmp_path / "covered.csv").read_text("utf-8").splitlines()
     assert lines[0] == "x,y,z,qx,qy,qz,qw,status,q1,q2,q3,rcond,margin"
@@ -201,20 +201,20 @@ def test_coverage_can_be_pickled(covered: hk.Coverage) -> None:
 
 def test_a_start_or_strategy_that_is_none_is_refused(law: HolonomicStrategy) -> None:
     with pytest.raises(JointLimitError, match="q2"):
-        hk.coverage(law, [0, 2.0, LOCKED], DISC, samples=8)
+        hk.coverage(law, DISC, [0, 2.0, LOCKED], samples=8)
     with pytest.raises(NotFiniteError):
-        hk.coverage(law, [0, np.nan, LOCKED], DISC, samples=8)
+        hk.coverage(law, DISC, [0, np.nan, LOCKED], samples=8)
     with pytest.raises(ArgumentError, match="a strategy with leaves"):
-        hk.coverage(hk.moore_penrose(law.task), START, DISC, samples=8)
+        hk.coverage(hk.moore_penrose(law.task), DISC, START, samples=8)
     with pytest.raises(ArgumentError, match="whole number"):
-        hk.coverage(law, START, DISC, samples=0)
+        hk.coverage(law, DISC, START, samples=0)
 
 
 def test_a_leaf_of_a_panda_reaches_nearly_all_that_the_arm_does(panda: hk.Robot) -> None:
     """The box of docs/workspaces.md: of 400 random poses 343 within limits, of 358 that any posture reached."""
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
     ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
-    found = hk.coverage(hk.holonomic(hk.pose(panda), hk.lock(2)), ready, box, samples=128)
+    found = hk.coverage(hk.holonomic(hk.pose(panda), hk.lock(2)), box, ready, samples=128)
     assert found.share == pytest.approx(343 / 400, abs=0.03)
     assert found.reachable == pytest.approx(358 / 400, abs=0.03)
     for q, pose in zip(found.q[found.reached], found.poses[found.reached], strict=True):
@@ -228,12 +228,12 @@ def test_a_middle_orientation_far_from_the_tool_at_the_start_is_told(panda: hk.R
     law, at = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
     R = at[:3, :3] @ Rotation.from_rotvec([0, 2.5, 0]).as_matrix()
     turned = hk.workspace(sphere=(at[:3, 3], 0.02), rotation=R)
-    found = hk.coverage(law, PANDA_START, turned, samples=4, explain=False)
+    found = hk.coverage(law, turned, PANDA_START, samples=4, explain=False)
     assert found.turn == pytest.approx(2.5)
     assert not found.reached.all()
     assert str(found).endswith(found.remark) and "is 143 degrees from the tool at the start" in found.remark
     like = hk.workspace(sphere=(at[:3, 3], 0.02), rotation=panda.pose(PANDA_START)[:3, :3])  # as it advises
-    near = hk.coverage(law, PANDA_START, like, samples=4, explain=False)
+    near = hk.coverage(law, like, PANDA_START, samples=4, explain=False)
     assert near.share == 1 and near.turn == pytest.approx(0, abs=1e-7) and not near.remark
 
 
@@ -245,6 +245,6 @@ def test_an_arm_angle_at_zero_cannot_pass_where_its_upper_arm_is_upright(panda: 
     ready = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
     behind = panda.pose([0, 0.3, 0, -1.6, 0, 1.9, np.pi / 4])
     cloud = hk.workspace(sphere=(behind[:3, 3], 1e-3), rotation=behind[:3, :3])
-    found = hk.coverage(law, ready, cloud, samples=4)
+    found = hk.coverage(law, cloud, ready, samples=4)
     assert found.count(PoseStatus.ALGORITHMIC) == 4
     assert np.abs(found.last[:, 1]).max() < 1e-6

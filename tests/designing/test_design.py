@@ -62,7 +62,7 @@ def squared_speed(law: HolonomicStrategy, start: np.ndarray, cloud: PoseCloud) -
 def test_a_panda_over_a_box_has_the_known_least_squared_speeds(found: hk.Design, oracle: PoseCloud) -> None:
     """Theory 7.1: 49.20 with joint 3 held, 47.83, 47.585, 47.578 with degree 1, 2, 3; radial has 55.5."""
     assert found.costs == pytest.approx((49.200, 49.200, 47.833, 47.585, 47.578), abs=1e-3)
-    energies = squared_speed(found.strategy, found.start, oracle)
+    energies = squared_speed(found.strategy, found.q0, oracle)
     assert energies.mean() == pytest.approx(found.costs[-1], rel=1e-9)
     assert found.after.squared_speed == pytest.approx(found.costs[-1], rel=1e-9)
     assert found.holds
@@ -77,7 +77,7 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     assert found.bound_here == pytest.approx(found.bound, rel=1e-6)
     few = PoseCloud(oracle.given[:4])
     least = []
-    for q in hk.inverse(found.strategy, found.start).batch(few.given).q:
+    for q in hk.inverse(found.strategy, found.q0).batch(few.given).q:
         postures = hk.strategies.self_motion(task, q, limits=False).q
         inside = ((postures >= task.robot.lower) & (postures <= task.robot.upper)).all(axis=1)
         pseudo = np.linalg.pinv(task.jacobian_batch(postures[inside])[0])[:, :, :3]
@@ -103,8 +103,8 @@ def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
 
 def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design) -> None:
     """det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 2e)."""
-    assert hk.involutivity(found.strategy, hk.around(found.start, 0.2)).holonomic
-    for q in hk.around(found.start, 0.3).sample(5):
+    assert hk.involutivity(found.strategy, hk.around(found.q0, 0.2)).holonomic
+    for q in hk.around(found.q0, 0.3).sample(5):
         J = found.strategy.task.jacobian(q)
         ours, base = (np.linalg.det(np.vstack([J, law.rows(q)])) for law in (found.strategy, found.base))
         assert ours == pytest.approx(base, rel=1e-9)
@@ -114,17 +114,15 @@ def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design
 def test_a_design_survives_pickling(swift: hk.Design) -> None:
     """Each text looks for the least of other postures anew."""
     again = pickle.loads(pickle.dumps(swift))
-    assert np.array_equal(again.strategy(swift.start), swift.strategy(swift.start))
+    assert np.array_equal(again.strategy(swift.q0), swift.strategy(swift.q0))
     assert str(again) == str(swift)
     assert swift.broken == 0 and "beyond hard limits" not in str(swift)
 
 
 def test_exported_c_of_a_designed_law_is_python(found: hk.Design, tmp_path: Path) -> None:
-    Q = hk.around(found.start, 0.2).sample(20)
+    Q = hk.around(found.q0, 0.2).sample(20)
     dx = np.random.default_rng(1).normal(size=(20, 6))
-    dq, _ = rates(
-        hk.export_c(found.strategy, tmp_path / "c", start=found.start, name="designed"), tmp_path, Q, dx, "-O0"
-    )
+    dq, _ = rates(hk.export_c(found.strategy, tmp_path / "c", q0=found.q0, name="designed"), tmp_path, Q, dx, "-O0")
     assert dq == pytest.approx(np.einsum("kij,kj->ki", found.strategy.batch(Q), dx), abs=1e-12)
 
 
@@ -184,7 +182,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
     held = hk.design(task, space, READY, **words, margin=margin, rcond=rcond)
 
     def least_margin(d: hk.Design, poses: np.ndarray) -> float:
-        q = hk.inverse(d.strategy, d.start).batch(poses).q
+        q = hk.inverse(d.strategy, d.q0).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 
     checked = space.poses(192, seed=1)
@@ -210,7 +208,7 @@ def test_four_redundant_joints_come_near_the_least_that_a_search_finds(panda: hk
     found = hk.design(hk.position(panda), SMALL, READY, degree=1, samples=12)
     assert not found.bound_traced
     assert found.bound <= found.costs[-1] < min(1.03 * found.bound, 0.9 * found.costs[0])
-    assert hk.involutivity(found.strategy, hk.around(found.start, 0.1)).holonomic
+    assert hk.involutivity(found.strategy, hk.around(found.q0, 0.1)).holonomic
 
 
 def test_a_sliding_joint_counts_as_a_hinge_that_uses_the_same_share_of_its_speed() -> None:

@@ -31,7 +31,7 @@ def sew() -> hk.Strategy:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     """The Panda with its arm angle held."""
-    return export_c(sew(), tmp_path_factory.mktemp("panda"), start=PANDA_START, name="panda_sew")
+    return export_c(sew(), tmp_path_factory.mktemp("panda"), q0=PANDA_START, name="panda_sew")
 
 
 def every_packaged_strategy() -> list[tuple[str, str]]:
@@ -64,7 +64,7 @@ def test_every_packaged_strategy_passes_its_self_test(
 def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
     _, job, file = open_job("ppr-cycle")
     _, strategy, start = job_strategy(job, file, "de-luca-oriolo")
-    made = export_c(strategy, tmp_path, start=start, name="ppr")
+    made = export_c(strategy, tmp_path, q0=start, name="ppr")
     assert len(check(made)) == 2
     code = (tmp_path / "ppr.c").read_text()
     before, name, after = code.partition("static void hk_gain_body")
@@ -85,7 +85,7 @@ def test_arguments_that_are_not_needed_must_be_finite_too(orientation: str, holo
 @compiled
 def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
     law = hk.moore_penrose(hk.position(hk.load("ppr")))
-    made = export_c(law, tmp_path, start=PPR_START, name="law", vectors_count=3)
+    made = export_c(law, tmp_path, q0=PPR_START, name="law", vectors_count=3)
     code = (tmp_path / "law.c").read_text()
     (tmp_path / "law.c").write_text(
         code.replace("out[i] = sound ? y[i] :", "out[i] = i == 0 ? HK_NAN : sound ? y[i] :")
@@ -105,7 +105,7 @@ def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path
         start = np.random.default_rng(1).uniform(-0.5, 0.5, n)
         strategy = hk.holonomic(hk.position(chain(n)), hk.linear(rows))
         assert np.float32(np.linalg.det(np.vstack([strategy.task.jacobian(start), rows]))) == 0
-    double, single = check(export_c(strategy, tmp_path, start=start, name="law", vectors_count=16))
+    double, single = check(export_c(strategy, tmp_path, q0=start, name="law", vectors_count=16))
     assert "16 vectors" in double
     assert " 0 vectors" not in single
 
@@ -161,7 +161,7 @@ def test_sanitizers_find_nothing_whatever_comes(kind: str, flags: tuple[str, ...
         "dense": (lambda: hk.holonomic(hk.position(chain(10)), shared_bend(10)), np.full(10, 0.2)),
     }
     make, start = cases[kind]
-    made = export_c(make(), tmp_path, start=start, name="law", vectors_count=2)
+    made = export_c(make(), tmp_path, q0=start, name="law", vectors_count=2)
     assert ("hk_solve(" in (tmp_path / "law.c").read_text()) == (kind == "dense")
     leaf = "" if kind == "no leaf" else LEAF
     run = subprocess.run(
@@ -180,7 +180,7 @@ def test_the_text_is_the_golden_one(tmp_path: Path) -> None:
     """Rewritten on request only: HOLOKIN_GOLDEN=write pytest tests/export/test_export.py"""
     _, job, file = open_job("ppr-cycle")
     _, strategy, start = job_strategy(job, file, "de-luca-oriolo")
-    made = export_c(strategy, tmp_path, start=start, name="ppr", vectors_count=2, origin="a test")
+    made = export_c(strategy, tmp_path, q0=start, name="ppr", vectors_count=2, origin="a test")
     if os.environ.get("HOLOKIN_GOLDEN") == "write":
         GOLDEN.mkdir(exist_ok=True)
         for name in made.files:
@@ -246,7 +246,7 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
     """By its own defaults, slowed and at a limit; and the start it knows is the job's."""
     strategy = sew()
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    servo = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    servo = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     parameters, q, dq, scale = np.zeros(6), np.zeros(7), np.zeros(7), np.zeros(1)
     c_code.panda_sew_defaults(*at(parameters))
     c_code.panda_sew_start(*at(q))
@@ -272,7 +272,7 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
 
 @compiled
 def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> None:
-    other = export_c(hk.moore_penrose(hk.pose(hk.load("panda"))), tmp_path, start=PANDA_START, name="other")
+    other = export_c(hk.moore_penrose(hk.pose(hk.load("panda"))), tmp_path, q0=PANDA_START, name="other")
     code = tmp_path / "both.c"
     code.write_text('#include "panda_sew.h"\n#include "other.h"\nint main(void) { return PANDA_SEW_OK + OTHER_OK; }\n')
     sources = [code, tmp_path / "other.c", written.folder / "panda_sew.c"]
@@ -300,7 +300,7 @@ def test_it_compiles_for_a_microcontroller(written: Exported, flags: tuple[str, 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake here")
 def test_cmake_builds_and_tests_it(tmp_path: Path) -> None:
-    made = export_c(hk.holonomic(hk.position(hk.load("ppr")), hk.lock(2)), tmp_path / "c", start=PPR_START)
+    made = export_c(hk.holonomic(hk.position(hk.load("ppr")), hk.lock(2)), tmp_path / "c", q0=PPR_START)
     build = str(tmp_path / "build")
     for command in (["cmake", "-S", str(made.folder), "-B", build], ["cmake", "--build", build]):
         subprocess.run(command, check=True, capture_output=True, timeout=300)
@@ -347,23 +347,23 @@ def test_the_command_refuses_in_one_sentence(holokin: Command, out: Path) -> Non
 
 def test_an_export_over_an_older_one_replaces_it(tmp_path: Path) -> None:
     law = hk.moore_penrose(hk.position(hk.load("ppr")))
-    first = export_c(law, tmp_path, start=PPR_START, name="law", dt=0.002)
-    again = export_c(law, tmp_path, start=PPR_START, name="law", dt=0.004)
+    first = export_c(law, tmp_path, q0=PPR_START, name="law", dt=0.002)
+    again = export_c(law, tmp_path, q0=PPR_START, name="law", dt=0.004)
     assert first.files == again.files
     assert "parameters->dt = HK_C(0.004)" in (tmp_path / "law.c").read_text()
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(again.files)
     with pytest.raises(ArgumentError, match="another export"):
-        export_c(law, tmp_path, start=PPR_START, name="other")
+        export_c(law, tmp_path, q0=PPR_START, name="other")
 
 
 def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
     irb = hk.load("irb140")
     with pytest.raises(SingularityError):
-        export_c(hk.holonomic(hk.position(irb), hk.lock(0, 3, 4)), tmp_path / "x", start=0.1 * np.ones(6))
+        export_c(hk.holonomic(hk.position(irb), hk.lock(0, 3, 4)), tmp_path / "x", q0=0.1 * np.ones(6))
     for more, error in (
-        ({"start": PANDA_START, "vectors_count": 0}, ArgumentError),
-        ({"start": PANDA_START, "dt": np.nan}, ArgumentError),
-        ({"start": PANDA_START, "name": "Law"}, ArgumentError),
+        ({"q0": PANDA_START, "vectors_count": 0}, ArgumentError),
+        ({"q0": PANDA_START, "dt": np.nan}, ArgumentError),
+        ({"q0": PANDA_START, "name": "Law"}, ArgumentError),
     ):
         with pytest.raises(error):
             export_c(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(0)), tmp_path / "x", **more)
@@ -374,7 +374,7 @@ def test_a_singular_start_and_odd_arguments_are_refused(tmp_path: Path) -> None:
 
 def test_words_of_a_user_end_no_comment(tmp_path: Path) -> None:
     strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.linear([1, 0, -1], name="odd */ int x;\n name"))
-    made = export_c(strategy, tmp_path, start=PPR_START, name="odd", vectors_count=1)
+    made = export_c(strategy, tmp_path, q0=PPR_START, name="odd", vectors_count=1)
     assert "odd * / int x; name" in (tmp_path / "odd.h").read_text()
     if shutil.which("cc") is not None:
         check(made)

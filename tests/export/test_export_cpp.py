@@ -71,12 +71,12 @@ def test_cpp_gives_what_python_gives(name: str, tmp_path: Path) -> None:
     robot = hk.load(name)
     start, task = (PPR_START, hk.position(robot)) if name == "ppr" else (PANDA_START, hk.pose(robot))
     law = hk.holonomic(task, hk.lock(2))
-    found = ran(export_c(law, tmp_path / "c", start=start, name=f"{name}_law", vectors_count=2), tmp_path)
+    found = ran(export_c(law, tmp_path / "c", q0=start, name=f"{name}_law", vectors_count=2), tmp_path)
     q = start + 0.05
     T, dx = robot.pose(q), np.full(task.m, 0.1)
     twist = np.zeros(3 if name == "ppr" else 6)
     twist[0] = 0.01
-    loop = hk.controller(law, dt=1e-3, start=start)
+    loop = hk.controller(law, dt=1e-3, q0=start)
     target = T[:3, 3] if name == "ppr" else T
     parts = [T.ravel(), law(q).ravel(), law(q) @ dx, loop.step(q, target, twist), hk.inverse(law, start)(T), q, q[[2]]]
     np.testing.assert_allclose(found, np.concatenate(parts), rtol=1e-9, atol=1e-11)
@@ -85,4 +85,4 @@ def test_cpp_gives_what_python_gives(name: str, tmp_path: Path) -> None:
 def test_a_name_that_is_a_word_of_cpp_is_refused(tmp_path: Path) -> None:
     law = hk.holonomic(hk.position(hk.load("ppr")), hk.lock(2))
     with pytest.raises(ArgumentError, match="no word or header of C"):
-        export_c(law, tmp_path, start=PPR_START, name="namespace")
+        export_c(law, tmp_path, q0=PPR_START, name="namespace")

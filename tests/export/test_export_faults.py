@@ -21,7 +21,7 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 
 def export(folder: Path, dt: float) -> dict[str, str]:
-    export_c(STRATEGY, folder, start=PPR_START, name="law", vectors_count=2, dt=dt)
+    export_c(STRATEGY, folder, q0=PPR_START, name="law", vectors_count=2, dt=dt)
     return texts(folder)
 
 

@@ -101,7 +101,7 @@ def test_the_c_floor_is_the_step_that_python_gets(constraint: hk.Constraint | No
     """The same joint rates: it reads the leaf, the step and both gains, as many as the step has."""
     task = hk.pose(hk.load("panda"))
     strategy = hk.moore_penrose(task) if constraint is None else hk.holonomic(task, constraint)
-    controller = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    controller = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     pose, dx = task.robot.pose(PANDA_START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     pose[0, 3] += 1e-4
     floor = Floor(controller, pose, dx)
@@ -122,7 +122,7 @@ def test_a_call_from_python_costs_a_few_steps_in_c(tmp_path: Path, monkeypatch: 
     monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path))
     task = hk.pose(hk.load("panda"))
     strategy = hk.holonomic(task, hk.arm_angle())
-    controller = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    controller = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     pose, dx = task.robot.pose(PANDA_START), np.zeros(6)
     repeated(lambda: strategy(PANDA_START))(HEAVY)
     assert idle(120.0)
@@ -137,6 +137,6 @@ def test_a_step_of_a_radial_law_takes_at_most_25_c_floors() -> None:
     task = hk.pose(hk.load("panda"))
     pose, dx = task.robot.pose(PANDA_START), np.array([0.1, 0.0, 0.05, 0.0, 0.0, 0.0])
     laws = {"floor": hk.holonomic(task, hk.arm_angle()), "radial": hk.radial(hk.moore_penrose(task), PANDA_START)}
-    steps = {name: Floor(hk.controller(law, dt=1e-3, start=PANDA_START), pose, dx) for name, law in laws.items()}
+    steps = {name: Floor(hk.controller(law, dt=1e-3, q0=PANDA_START), pose, dx) for name, law in laws.items()}
     times = in_turns(steps, 50, 1e-3)
     assert times["radial"].median < 25 * times["floor"].median

@@ -91,7 +91,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
 ) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     strategy = hk.holonomic(hk.pose(panda), hk.lock(2))
-    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     point = hk.controller(hk.moore_penrose(hk.position(panda)), dt=1e-3)
     pose = panda.pose(PANDA_START)
     turned, lost = np.ascontiguousarray(pose.T), pose.copy()
@@ -133,7 +133,7 @@ def test_a_posture_of_another_branch_is_refused_as_a_beginning(planar_3r: hk.Rob
 
 
 def test_limits_are_looked_at_only_when_asked(panda: hk.Robot, ik) -> None:
-    strict, poses = hk.inverse(ik.strategy, ik.start, limits=True), poses_of_the_box(20)
+    strict, poses = hk.inverse(ik.strategy, ik.q0, limits=True), poses_of_the_box(20)
     free, held = ik.batch(poses), strict.batch(poses)
     slack = 1e-9
     beyond = ((free.q < panda.lower - slack) | (free.q > panda.upper + slack)).any(axis=1)
@@ -165,7 +165,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert np.array_equal(again.q, found.q[sorted_order])
     away, worst = poses[0].copy(), 0.0
     away[:3, 3] = [1.4, 0.3, 0.2]
-    q = ik.start
+    q = ik.q0
     for k, i in enumerate(sorted_order):
         if k % 1000 == 999:
             with pytest.raises(HolokinError):
@@ -179,7 +179,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
 
 @pytest.mark.parametrize("law", ["lock", "arm angle", "position"])
 def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The virtual machine walks in the small pieces of `follow`: the straight way, gone otherwise."""
+    """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
     if law == "position":
         rows = np.zeros((4, 7))
         rows[range(4), [0, 2, 4, 6]] = 1.0
@@ -261,7 +261,7 @@ def test_after_its_engine_is_asked_no_call_builds_anything(
     for module, name in ((inverse_kernel, "library"), (evaluator, "_module"), (evaluator, "bound_call")):
         monkeypatch.setattr(module, name, None)
     assert planar_3r.pose(ik([1.5, 0.5]))[:2, 3] == pytest.approx([1.5, 0.5], abs=1e-12)
-    assert ik.near([1.5, 0.5], ik.start) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
+    assert ik.near([1.5, 0.5], ik.q0) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)
 
 
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:

@@ -184,7 +184,7 @@ def test_a_hand_that_crosses_a_hole_of_the_workspace_is_met_on_the_other_side(tw
 
 
 def test_a_robot_that_is_stuck_leaves_for_a_pose_that_its_start_reaches(planar_3r: hk.Robot) -> None:
-    """Joint 1 at its limit, the hand has gone round behind it: only the way back leads there."""
+    """Joint 1 at its limit, the hand has gone round behind it: only the path back leads there."""
     robot = replace(
         planar_3r, coordinates=(replace(planar_3r.coordinates[0], lower=-2.9, upper=2.9), *planar_3r.coordinates[1:])
     )

@@ -35,7 +35,7 @@ class Case:
 
     def pose(self, shift: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """The tool pose at the start, moved and turned; a point of a planar arm."""
-        pose = self.robot.pose(self.ik.start)
+        pose = self.robot.pose(self.ik.q0)
         pose[:3, 3] += shift
         pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(turn).as_matrix()
         return pose if self.ik.strategy.task.turns else pose[:2, 3]
@@ -92,7 +92,7 @@ def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
     seven, planar_3r: hk.Robot, name: str, limits: bool, seed: int
 ) -> None:
     one = case(name, seven, planar_3r)
-    q, seen = one.ik.start, 0
+    q, seen = one.ik.q0, 0
     for tour in one.tours(seed, 12):
         for pose in tour:
             q = one.ik.nearest(pose, q, limits=limits, step=one.step).q
@@ -139,7 +139,7 @@ def test_what_inverse_kinematics_reaches_within_the_bounds_is_reached_from_anywh
     seven, planar_3r: hk.Robot, name: str
 ) -> None:
     one = case(name, seven, planar_3r)
-    rng, q, seen = np.random.default_rng(5), one.ik.start, 0
+    rng, q, seen = np.random.default_rng(5), one.ik.q0, 0
     poses = np.array([one.pose(WIDE * rng.uniform(-1, 1, 3), 0.5 * rng.normal(size=3)) for _ in range(300)])
     known = one.ik.batch(poses)
     for pose, wanted, reached in zip(poses, known.q, known.reached, strict=True):
@@ -174,7 +174,7 @@ def test_native_code_and_the_virtual_machine_lead_a_robot_alike(
         return Case(hk.inverse(law, PPR_START), 0.2 * FLAT)
 
     one = made()
-    start, rng = one.ik.start, np.random.default_rng(2)
+    start, rng = one.ik.q0, np.random.default_rng(2)
     begun = [start, start + 2 * np.pi * np.eye(len(start))[0], start + 0.3 * rng.normal(size=len(start)), -start]
     tour = [pose for tour in one.tours(4, 4, 4) for pose in tour]
     asked = [(pose, begun[i % 4], step) for i, pose in enumerate(tour) for step in (None, 10 * one.step)]

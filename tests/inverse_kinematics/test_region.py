@@ -58,7 +58,7 @@ def test_pinocchio_finds_one_tool_pose_for_both_postures(size: str) -> None:
 
 
 def test_two_poses_a_millimetre_apart_may_have_joints_far_apart_though_no_joint_turned_fully() -> None:
-    """Between them lies the shadow of a place where the leaf ends: straight ways pass it on either side."""
+    """Between them lies the shadow of a place where the leaf ends: straight paths pass it on either side."""
     panda = hk.load("panda")
     ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), README_START)
     R = np.array([

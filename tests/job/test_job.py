@@ -75,7 +75,7 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path, monkeypatch: pytes
     result = done("ppr-half-circle")
     folder = write_report(result, tmp_path / "out", "0")
     names = {p.name for p in folder.iterdir()}
-    assert {"report.html", "result.json", "robot.png", "robot.svg", "ways-paper.png", "paper-clockwise.csv"} <= names
+    assert {"report.html", "result.json", "robot.png", "robot.svg", "paths-paper.png", "paper-clockwise.csv"} <= names
     facts = json.loads((folder / "result.json").read_text())
     assert facts["passed"] is True
     assert facts["strategies"][0]["metrics"]["spread"] == pytest.approx(0.1428034, abs=1e-6)
@@ -94,11 +94,11 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path, monkeypatch: pytes
 def test_figures_show_the_data_they_are_of() -> None:
     result = done("ppr-cycle")
     made = {stem: figure for stem, _, figure in figures(result)}
-    assert set(made) == {"robot", "cycles", "drift", "ranges", *(f"ways-{s.name}" for s in result.strategies)}
+    assert set(made) == {"robot", "cycles", "drift", "ranges", *(f"paths-{s.name}" for s in result.strategies)}
     pseudo = result.strategies[0]
-    for joint, axes in enumerate(made["ways-moore-penrose"].axes):
+    for joint, axes in enumerate(made["paths-moore-penrose"].axes):
         ends = [line.get_ydata()[-1] for line in axes.lines if "clockwise" in str(line.get_label())]
-        assert ends == [walk.q[-1, joint] for walk in pseudo.ways]
+        assert ends == [walk.q[-1, joint] for walk in pseudo.two_paths]
         styles = [line.get_linestyle() for line in axes.lines if "clockwise" in str(line.get_label())]
         assert styles == ["-", "--"]  # clockwise solid, counter-clockwise dashed
     drift = made["drift"].axes[0].lines[0].get_ydata()
@@ -108,7 +108,7 @@ def test_figures_show_the_data_they_are_of() -> None:
 def test_clockwise_is_clockwise() -> None:
     """From the circle's rightmost point, clockwise (seen against z) goes down first."""
     result = done("ppr-half-circle")
-    clockwise, counter = result.strategies[0].ways
+    clockwise, counter = result.strategies[0].two_paths
     assert clockwise.x[10, 1] < clockwise.x[0, 1]
     assert counter.x[10, 1] > counter.x[0, 1]
 
@@ -123,8 +123,8 @@ def test_films_without_ffmpeg_are_moving_gifs(tmp_path: Path, monkeypatch: pytes
     path = job.path.model_copy(update={"cycles": 2, "samples": 60})
     laws = {"moore-penrose": job.strategies["moore-penrose"]}
     result = run_job(name, job.model_copy(update={"path": path, "strategies": laws, "expect": {}}), file)
-    assert [file for file, _ in animate(result, tmp_path)] == ["cycles.gif", "ways.gif"]
-    assert {p.name for p in tmp_path.iterdir()} == {"cycles.gif", "ways.gif"}
+    assert [file for file, _ in animate(result, tmp_path)] == ["cycles.gif", "paths.gif"]
+    assert {p.name for p in tmp_path.iterdir()} == {"cycles.gif", "paths.gif"}
     with Image.open(tmp_path / "cycles.gif") as picture:
         assert picture.n_frames > 50
         first = np.asarray(picture.convert("RGB"), dtype=int)
@@ -174,7 +174,7 @@ def test_an_open_path_has_no_ways_and_no_drift() -> None:
     arc = {"kind": "arc", "center": [1.2070, 0.4036], "angle_deg": 90, "samples": 50}
     table = job.model_dump(exclude_defaults=True) | {"path": arc, "expect": {}}
     result = run_job(name, Job.model_validate(table), file)
-    assert result.strategies[0].ways is None
+    assert result.strategies[0].two_paths is None
     assert np.isnan(result.strategies[0].metrics["spread"])
     assert {stem for stem, _, _ in figures(result)} == {"robot", "ranges"}
 
@@ -192,7 +192,7 @@ def test_the_table_says_it_all() -> None:
         "holonomic",
         "drift / cycle",
         "[m or rad]",
-        "two ways apart",
+        "two paths apart",
         "tracking",
         "sigma",
         "speed",

@@ -116,7 +116,7 @@ def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
     for walk in result.strategies[0].trajectories().values():
         assert walk.q[:, 2] == pytest.approx(0.3, abs=1e-10)
     assert "on the leaf of level 0.3" in result.about
-    assert result.start[2] == PANDA_START[2]
+    assert result.q0[2] == PANDA_START[2]
 
 
 @pytest.mark.parametrize(

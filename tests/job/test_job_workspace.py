@@ -41,7 +41,7 @@ def test_a_job_tells_the_share_of_every_strategy_with_leaves(result: JobResult) 
     assert lock.coverage is not None
     task = hk.position(hk.load("planar-3r"))
     law, space = hk.holonomic(task, hk.lock(2)), hk.workspace(box=([1.2, 1.6], [1.1, 0.9]))
-    alone = hk.coverage(law, [0.3, 0.9, 0.7], space, samples=200)
+    alone = hk.coverage(law, space, [0.3, 0.9, 0.7], samples=200)
     assert lock.metrics["coverage"] == lock.coverage.share == alone.share
     assert 0.3 < alone.share < 0.95
     assert lock.metrics["coverage_rcond"] == alone.rcond[alone.reached].min()
@@ -140,8 +140,8 @@ def test_pictures_draw_into_the_axes_that_they_are_given_and_name_every_cause() 
 
     law = hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2))
     space = hk.workspace(box=([1.2, 1.6], [1.1, 0.9]))
-    covers = hk.coverage(law, [0.3, 0.9, 0.7], space, samples=100)
-    slices = coverage_slices(law, [0.3, 0.9, 0.7], space, steps=12)
+    covers = hk.coverage(law, space, [0.3, 0.9, 0.7], samples=100)
+    slices = coverage_slices(law, space, [0.3, 0.9, 0.7], steps=12)
     figure = Figure()
     axes = figure.subplots()
     assert slice_map(axes, slices[0]) is axes

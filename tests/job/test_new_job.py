@@ -30,7 +30,7 @@ def assert_fits(result: JobResult, robot: hk.Robot) -> None:
     assert all(not s.checks for s in laws.values())  # nothing is expected that nobody measured
     assert all(s.status is hk.Status.COMPLETE for s in laws.values())
     assert laws["lock"].metrics["drift_total"] < 1e-9 < laws["moore-penrose"].metrics["drift_total"]
-    walls = np.minimum(result.start - robot.lower, robot.upper - result.start)
+    walls = np.minimum(result.q0 - robot.lower, robot.upper - result.q0)
     ranges = robot.upper - robot.lower
     assert (walls[np.isfinite(ranges)] > 0.2 * ranges[np.isfinite(ranges)]).all()
     assert min(s.metrics["sigma"] for s in laws.values()) > 0.05

@@ -194,7 +194,7 @@ def test_the_gain_is_the_share_of_the_error_that_a_step_removes(library: str, pa
 @pytest.mark.parametrize(
     ("name", "start"), [("panda", PANDA_START), ("iiwa14", IIWA_START + [0, 0, 0.2, 0, 0.1, 0, 0])]
 )
-def test_two_ways_agree_100_times_better_than_by_a_posture_task_at_the_same_tracking(
+def test_two_paths_agree_100_times_better_than_by_a_posture_task_at_the_same_tracking(
     library: str, name: str, start: np.ndarray
 ) -> None:
     robot = hk.load(name)
@@ -204,7 +204,7 @@ def test_two_ways_agree_100_times_better_than_by_a_posture_task_at_the_same_trac
     strategy = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))
     apart, tracking = [], []
     for law in (LAWS[library](robot, PostureTask(1e-3)), LAWS[library](robot, leaf=strategy)):
-        a, b = (hk.simulate(law, task, way, start, dt=0.01) for way in circle.ways())
+        a, b = (hk.simulate(law, task, way, start, dt=0.01) for way in circle.halves())
         apart.append(np.abs(a.q[-1] - b.q[-1]).max())
         tracking.append(max(a.tracking_error(), b.tracking_error()))
     assert apart[0] > 100 * apart[1]

@@ -54,21 +54,21 @@ def wanted(robot: hk.Robot, q: np.ndarray, seed: int) -> tuple[np.ndarray, np.nd
 
 def test_a_controller_is_simulated_and_audited_as_it_is(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
     """No lambda, no copies: the tool follows the path, and the joints close with it."""
-    c = hk.controller(planar, dt=DT, start=START)
+    c = hk.controller(planar, dt=DT, q0=START)
     assert isinstance(c, hk.ControlLaw)
     walk = hk.simulate(c, planar.task, circle(planar_3r, START), START, dt=DT, cycles=2)
     assert walk.tracking_error() < 5e-6
     assert np.abs(walk.drift()[1]).max() < 1e-9  # the first cycle begins without the loop's own error
-    found = hk.audit(c, planar_3r, planar.task, [circle(planar_3r, START)], start=START, dt=0.01, cycles=3)
+    found = hk.audit(c, planar_3r, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
     assert found.verdict is Repeatability.REPEATS
     free = hk.controller(hk.moore_penrose(planar.task), dt=DT)
-    found = hk.audit(free, planar_3r, planar.task, [circle(planar_3r, START)], start=START, dt=0.01, cycles=3)
+    found = hk.audit(free, planar_3r, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
     assert found.verdict is Repeatability.DRIFTS
 
 
 def test_an_own_loop_of_steps_is_what_simulate_does(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
     """The target is the pose at the end of the step, the twist the one that leads there."""
-    c, path = hk.controller(planar, dt=DT, start=START), circle(planar_3r, START)
+    c, path = hk.controller(planar, dt=DT, q0=START), circle(planar_3r, START)
     walk = hk.simulate(c, planar.task, path, START, dt=DT)
     q, points, h = START.copy(), path.at(walk.t).position, np.diff(walk.t)
     for k in range(len(h)):
@@ -77,7 +77,7 @@ def test_an_own_loop_of_steps_is_what_simulate_does(planar: hk.Strategy, planar_
 
 
 def test_each_step_returns_an_array_of_its_own(arm: hk.Strategy, panda: hk.Robot) -> None:
-    c = hk.controller(arm, dt=DT, start=PANDA_START)
+    c = hk.controller(arm, dt=DT, q0=PANDA_START)
     found = [c.step(*wanted(panda, PANDA_START, k)) for k in range(20)]
     again = [c.step(*wanted(panda, PANDA_START, k)) for k in range(20)]
     assert all(np.array_equal(a, b) for a, b in zip(found, again, strict=True))
@@ -89,7 +89,7 @@ def test_each_step_returns_an_array_of_its_own(arm: hk.Strategy, panda: hk.Robot
 
 def test_what_is_left_of_a_result_stays_whatever_was_done_to_it(arm: hk.Strategy, panda: hk.Robot) -> None:
     """Views of it, and results of another shape, type or access, that nobody has any more."""
-    c, expected, kept = hk.controller(arm, dt=DT, start=PANDA_START), [], []
+    c, expected, kept = hk.controller(arm, dt=DT, q0=PANDA_START), [], []
     uses = (
         lambda dq: dq[2:5],
         lambda dq: memoryview(dq),
@@ -111,7 +111,7 @@ def test_what_is_left_of_a_result_stays_whatever_was_done_to_it(arm: hk.Strategy
 
 
 def test_a_position_task_takes_points_and_poses_velocities_and_twists(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
-    c = hk.controller(planar, dt=DT, start=START)
+    c = hk.controller(planar, dt=DT, q0=START)
     q, pose, twist = wanted(planar_3r, START, 1)
     expected = c.step(q, pose, twist)
     assert np.abs(expected).max() > 1e-2
@@ -127,7 +127,7 @@ def test_a_position_task_takes_points_and_poses_velocities_and_twists(planar: hk
 
 
 def test_a_task_of_poses_takes_nothing_less(arm: hk.Strategy, panda: hk.Robot) -> None:
-    c = hk.controller(arm, dt=DT, start=PANDA_START)
+    c = hk.controller(arm, dt=DT, q0=PANDA_START)
     q, pose, twist = wanted(panda, PANDA_START, 1)
     for p, v in ((pose[:3, 3], twist), (pose, twist[:3])):
         with pytest.raises(ShapeError):
@@ -137,7 +137,7 @@ def test_a_task_of_poses_takes_nothing_less(arm: hk.Strategy, panda: hk.Robot) -
 def test_the_twist_becomes_rates_of_the_tasks_own_coordinates(arm: hk.Strategy, panda: hk.Robot) -> None:
     """x' by central differences of Euler angles along the motion; the tool is where it is wanted."""
     pose, twist, h, short = panda.pose(PANDA_START), np.array([0.1, -0.2, 0.05, 0.3, 0.2, -0.1]), 1e-5, 1e-9
-    c = hk.controller(arm, dt=short, start=PANDA_START, gain=0.0, constraint_gain=0.0, limits=False)
+    c = hk.controller(arm, dt=short, q0=PANDA_START, gain=0.0, constraint_gain=0.0, limits=False)
     angles = [
         (Rotation.from_rotvec(s * h * twist[3:]) * Rotation.from_matrix(pose[:3, :3])).as_euler("ZYZ") for s in (1, -1)
     ]
@@ -153,7 +153,7 @@ def test_without_limits_it_is_the_textbooks_law(panda: hk.Robot, orientation: st
     g = hk.arm_angle()
     strategy, free = hk.holonomic(task, g), hk.moore_penrose(task)
     far = {"limits": False, "most_error": np.inf}
-    c = hk.controller(strategy, dt=DT, start=PANDA_START, gain=20.0, constraint_gain=30.0, **far)
+    c = hk.controller(strategy, dt=DT, q0=PANDA_START, gain=20.0, constraint_gain=30.0, **far)
     cyclic = hk.laws.asymptotically_cyclic(task, g, c.leaf, 30.0, 20.0)
     plain = hk.controller(free, dt=DT, gain=20.0, **far)
     for ours, law in ((c, cyclic), (plain, hk.laws.closed_loop(free, 20.0))):
@@ -165,7 +165,7 @@ def test_without_limits_it_is_the_textbooks_law(panda: hk.Robot, orientation: st
 
 
 def test_each_run_has_memory_and_a_dt_of_its_own(arm: hk.Strategy, panda: hk.Robot) -> None:
-    c = hk.controller(arm, dt=DT, start=PANDA_START, most_error=np.inf)
+    c = hk.controller(arm, dt=DT, q0=PANDA_START, most_error=np.inf)
     q, pose, twist = wanted(panda, PANDA_START, 2)
     expected = {dt: c.begin(PANDA_START)(q, pose, twist, dt) for dt in (DT, 5e-3, 0.015)}
     assert np.abs(expected[DT] - expected[0.015]).max() > 1e-6
@@ -181,7 +181,7 @@ def test_each_run_has_memory_and_a_dt_of_its_own(arm: hk.Strategy, panda: hk.Rob
 
 def test_a_run_that_begins_elsewhere_is_led_to_the_leaf_of_the_start(planar: hk.Strategy) -> None:
     task, elsewhere = planar.task, START + [0.1, -0.2, 0.15]
-    c = hk.controller(planar, dt=0.01, start=START, limits=False)
+    c = hk.controller(planar, dt=0.01, q0=START, limits=False)
     walk = hk.simulate(c, task, circle(task.robot, elsewhere), elsewhere, dt=0.01, cycles=2)
     gap = [planar.constraint_value(q) - c.leaf[0] for q in walk.q]
     assert abs(gap[0]) > 0.3
@@ -191,7 +191,7 @@ def test_a_run_that_begins_elsewhere_is_led_to_the_leaf_of_the_start(planar: hk.
 
 def test_a_run_says_what_a_step_tells_by_its_status(arm: hk.Strategy, panda: hk.Robot) -> None:
     """Where `step` would stop the arm in silence, a simulation ends with the reason."""
-    c = hk.controller(arm, dt=DT, start=PANDA_START)
+    c = hk.controller(arm, dt=DT, q0=PANDA_START)
     run, pose, upright = c.begin(PANDA_START), panda.pose(PANDA_START), np.zeros(7)
     with pytest.raises(SingularityError):
         run(upright, panda.pose(upright), np.zeros(6), DT)
@@ -203,17 +203,17 @@ def test_a_run_says_what_a_step_tells_by_its_status(arm: hk.Strategy, panda: hk.
         with pytest.raises(ArgumentError, match="positive step"):
             run(PANDA_START, pose, np.zeros(6), dt)
     with pytest.raises(ArgumentError, match=r"1 ms is 0\.001"):
-        hk.controller(arm, dt=1000, start=PANDA_START)
+        hk.controller(arm, dt=1000, q0=PANDA_START)
     assert np.abs(run(PANDA_START, pose, np.zeros(6), DT)).max() < 1e-9
     with pytest.raises(ControllerError, match="unstable"):
         hk.simulate(c, arm.task, circle(panda, PANDA_START), PANDA_START, dt=0.03)
     with pytest.raises(SingularityError):
-        hk.controller(arm, dt=DT, start=upright)
+        hk.controller(arm, dt=DT, q0=upright)
 
 
 def test_a_strategy_without_leaves_needs_no_start(planar_3r: hk.Robot) -> None:
     free = hk.moore_penrose(hk.position(planar_3r))
-    a, b = (hk.controller(free, dt=DT, start=start) for start in (None, START))
+    a, b = (hk.controller(free, dt=DT, q0=start) for start in (None, START))
     q, pose, twist = wanted(planar_3r, START, 3)
     assert np.array_equal(a.step(q, pose, twist), b.step(q, pose, twist))
     assert len(a.leaf) == 0

@@ -53,7 +53,7 @@ def test_the_pseudo_inverse_on_ppr_is_the_prytz_planimeter_T6(angle: float, q3: 
     strategy = hk.moore_penrose(hk.position(robot))
     start, point = on_circle(angle, q3)
     path = hk.circle(point, PPR_CENTER)
-    spread = hk.path_spread(strategy, *path.ways(), start, samples=400)
+    spread = hk.path_spread(strategy, *path.halves(), start, samples=400)
     for walk, turn in ((spread.a, np.pi), (spread.b, -np.pi)):
         expected = prytz(q3 - angle, turn) + angle + turn
         end = PPR_CENTER - (point - PPR_CENTER)
@@ -92,7 +92,7 @@ def _start() -> tuple[np.ndarray, np.ndarray]:
 def test_the_paper_strategy_stays_on_its_closed_form_leaf_E13() -> None:
     """q3 = 2 atan(tan(Theta/2) e^-x), q1 = x - cos q3, q2 = y - sin q3, at every sample, to 1e-12."""
     strategy = hk.null_basis(hk.position(hk.load("ppr")), paper_frame)
-    for way in hk.circle(*_start()).ways():
+    for way in hk.circle(*_start()).halves():
         walk = hk.follow(strategy, way, PPR_START, samples=1500)
         x, y = _tool(way, walk)
         theta = 2 * np.arctan(np.tan(PPR_START[2] / 2) * np.exp(x[0]))
@@ -105,7 +105,7 @@ def test_the_paper_strategy_stays_on_its_closed_form_leaf_E13() -> None:
 def test_de_luca_and_oriolos_strategy_stays_on_its_closed_form_leaf(method: str) -> None:
     """(23): q3 = x + y - const."""
     strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(de_luca_g))
-    for way in hk.circle(*_start()).ways():
+    for way in hk.circle(*_start()).halves():
         walk = hk.follow(strategy, way, PPR_START, samples=1500, method=method)
         x, y = _tool(way, walk)
         q3 = PPR_START[2] + (x + y) - (x[0] + y[0])
@@ -140,7 +140,7 @@ def square() -> hk.Path:
 def test_irb140_ends_alike_by_both_halves_of_the_square(method: str) -> None:
     robot = hk.load("irb140")
     strategy = hk.holonomic(hk.position(robot), hk.coupled(1.0))
-    spread = hk.path_spread(strategy, *square().ways(), IRB_START, samples=500, method=method)
+    spread = hk.path_spread(strategy, *square().halves(), IRB_START, samples=500, method=method)
     assert spread.largest < 1e-9
     zyz = hk.pose(robot, "zyz")
     for walk in (spread.a, spread.b):

@@ -63,11 +63,11 @@ def test_a_path_is_not_compared_with_itself(more: str, tmp_path: Path) -> None:
     assert strategy.status is Status.COMPLETE
     page, printed, facts = written(result, tmp_path)
     compared = more == "closed = true"
-    assert (strategy.ways is not None) == compared == np.isfinite(strategy.metrics["spread"])
+    assert (strategy.two_paths is not None) == compared == np.isfinite(strategy.metrics["spread"])
     assert (rows(result)[0][3] == "-") != compared
-    assert ("do not depend on the way" in page) == compared == (facts["two_ways"] == "compared")
+    assert ("do not depend on the path" in page) == compared == (facts["two_paths"] == "compared")
     for text in (page, printed):
-        assert ("Two ways were not compared: the path" in text) != compared
+        assert ("Two paths were not compared: the path" in text) != compared
         assert ("draw a closed path whose halves" in text) != compared
     if compared:
         assert strategy.metrics["spread"] > 1e-6

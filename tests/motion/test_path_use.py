@@ -97,7 +97,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
     timed = hk.retime(walk, panda, acceleration=10.0, profile="trapezoidal", dt=0.01)
     assert timed.q[-1] == pytest.approx(walk.q[-1], abs=0)
     assert max(timed.excess().values()) < 1e-9
-    run = hk.simulate(hk.controller(tied, dt=0.01, start=Q0), tied.task, path, Q0, dt=0.01)
+    run = hk.simulate(hk.controller(tied, dt=0.01, q0=Q0), tied.task, path, Q0, dt=0.01)
     assert run.tracking_error() < 1e-4
 
 
@@ -108,7 +108,7 @@ def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot,
     path = loops(panda)["poses"].in_frame([0.05, 0.1, 0.02, 0, 0, 0.2])
     with pytest.raises(StartError, match=r"hk\.approach"):
         hk.follow(tied, path, Q0)
-    way = hk.approach(tied, path, Q0, by=by, leaf=leaf, samples=30)
+    way = hk.approach(tied, path, Q0, by=by, level=leaf, samples=30)
     assert way.q[0] == pytest.approx(Q0, abs=0)
     begin = panda.pose(way.q[-1])
     assert np.abs(begin[:3, 3] - path.start).max() < 1e-9

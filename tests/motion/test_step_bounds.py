@@ -63,7 +63,7 @@ def test_no_step_under_ok_is_faster_than_a_turn_a_second_or_leaves_the_tool_far_
         strategy = hk.holonomic(hk.position(robot), hk.lock(int(rng.integers(4))))
         q0 = rng.uniform(-1.5, 1.5, 4)
         try:
-            c = hk.controller(strategy, dt=DT, start=q0)
+            c = hk.controller(strategy, dt=DT, q0=q0)
         except SingularityError:
             continue
         seen = run_outwards(c, robot, q0, 0.5)
@@ -78,7 +78,7 @@ def test_no_step_under_ok_is_faster_than_a_turn_a_second_or_leaves_the_tool_far_
 
 def test_a_pose_far_away_or_in_millimetres_moves_nothing(panda: hk.Robot) -> None:
     task = hk.pose(panda)
-    c = hk.controller(hk.holonomic(task, hk.lock(2)), dt=DT, start=PANDA_START)
+    c = hk.controller(hk.holonomic(task, hk.lock(2)), dt=DT, q0=PANDA_START)
     pose, still = panda.pose(PANDA_START), np.zeros(6)
     for place in (pose[:3, 3] + [1.0, 0, 0], pose[:3, 3] * 1000):
         far = pose.copy()
@@ -93,7 +93,7 @@ def test_a_pose_far_away_or_in_millimetres_moves_nothing(panda: hk.Robot) -> Non
     near = pose.copy()
     near[0, 3] += 0.5 * MOST_ERROR
     assert c.step(PANDA_START, near, still).any()
-    free = hk.controller(c.strategy, dt=DT, start=PANDA_START, most_error=math.inf)
+    free = hk.controller(c.strategy, dt=DT, q0=PANDA_START, most_error=math.inf)
     far = pose.copy()
     far[0, 3] += 1.0
     assert free.step(PANDA_START, far, still).any()
@@ -104,7 +104,7 @@ def test_a_nearly_singular_posture_stands_still_and_says_of_which_kind() -> None
     """A planar arm almost straight: rcond falls with its bend, and the bound is met where it is said to be."""
     robot = hk.load("planar-3r")
     strategy = hk.holonomic(hk.position(robot), hk.linear([0, 1, -1]))
-    c = hk.controller(strategy, dt=DT, start=[0.3, 0.9, 0.7], limits=False)
+    c = hk.controller(strategy, dt=DT, q0=[0.3, 0.9, 0.7], limits=False)
     seen = {}
     for bend in np.geomspace(1e-6, 0.5, 60):
         q = np.array([0.3, bend, bend])
@@ -116,7 +116,7 @@ def test_a_nearly_singular_posture_stands_still_and_says_of_which_kind() -> None
     q = np.array([0.3, 1e-5, 1e-5])
     with pytest.raises(SingularityError, match="kinematic"):
         c.begin(q)(q, robot.pose(q), np.zeros(6), DT)
-    bold = hk.controller(strategy, dt=DT, start=[0.3, 0.9, 0.7], limits=False, least_rcond=0.0)
+    bold = hk.controller(strategy, dt=DT, q0=[0.3, 0.9, 0.7], limits=False, least_rcond=0.0)
     bold.step(q, robot.pose(q), np.zeros(6))
     assert bold.status is StepStatus.OK
 
@@ -136,8 +136,8 @@ def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
     robot = drawn_arm(np.random.default_rng(5))
     q0 = np.array([0.4, 1.1, -0.7, 0.9])
     strategy = hk.holonomic(hk.position(robot), hk.lock(1))
-    c = hk.controller(strategy, dt=DT, start=q0)
-    hk.export_c(strategy, tmp_path, start=q0, dt=DT, name="arm")
+    c = hk.controller(strategy, dt=DT, q0=q0)
+    hk.export_c(strategy, tmp_path, q0=q0, dt=DT, name="arm")
     library = tmp_path / "arm.so"
     command = [
         "cc",
@@ -216,7 +216,7 @@ def test_limits_in_degrees_or_of_joints_that_there_are_not_are_refused(panda: hk
 def test_with_limits_a_step_keeps_to_them(panda: hk.Robot) -> None:
     slow = hk.with_limits(panda, max_velocity=0.05)
     task = hk.pose(slow)
-    c = hk.controller(hk.holonomic(task, hk.lock(2)), dt=DT, start=PANDA_START)
+    c = hk.controller(hk.holonomic(task, hk.lock(2)), dt=DT, q0=PANDA_START)
     dq = c.step(PANDA_START, slow.pose(PANDA_START), np.array([0.3, 0, 0, 0, 0, 0]))
     assert c.status is StepStatus.SLOWED
     assert np.abs(dq).max() == pytest.approx(0.05)

@@ -51,7 +51,7 @@ def servo(
         pytest.skip("no C compiler here")
     if request.param == "native without Python's headers":
         monkeypatch.setattr(kernel, "_glue", lambda: None)
-    made = hk.controller(strategy, dt=1e-3, start=PANDA_START)
+    made = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     assert request.param.split()[0] in made.engine
     return made
 
@@ -217,7 +217,7 @@ def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.motio
 
 def test_a_step_needs_nothing_but_itself_and_a_dropped_controller_is_freed(servo: hk.motion.Controller) -> None:
     expected = servo.step(PANDA_START, POSE, TWIST)
-    made = hk.controller(servo.strategy, dt=1e-3, start=PANDA_START)
+    made = hk.controller(servo.strategy, dt=1e-3, q0=PANDA_START)
     step, run, watch = made.step, made.begin(PANDA_START), weakref.ref(made)
     del made
     gc.collect()

@@ -17,12 +17,12 @@ from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
 from holokin.job.strategy_tables import MoorePenrose
 from holokin.motion.trajectory import Status
-from holokin.output.animate import ways_frames
+from holokin.output.animate import two_path_frames
 from holokin.output.job_figures import figures, robot_figure
 from holokin.output.job_report import write_report
 from holokin.output.job_result import JobResult
 from holokin.output.job_table import columns, remarks, rows
-from holokin.output.words import away, largest, speed_warning, stopped, ways_end
+from holokin.output.words import away, largest, paths_end, speed_warning, stopped
 from short_jobs import shortened
 
 
@@ -38,7 +38,7 @@ def panda_circle() -> JobResult:
 
 @pytest.fixture(scope="module")
 def half_lost() -> JobResult:
-    """A Panda whose leaf ends on the clockwise way only."""
+    """A Panda whose leaf ends on the clockwise path only."""
     file = Path(__file__).parents[2] / "examples" / "panda-strategies.toml"
     name, job, path = open_job(str(file))
     lock = {key: job.strategies[key] for key in ("lock-3",)}
@@ -62,7 +62,7 @@ def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> N
     folder = write_report(few, tmp_path, "0")
     written = [entry.name for entry in folder.glob("*.csv")]
     assert len(written) == 3 * 3
-    assert len(list(folder.glob("ways-*.png"))) == 3
+    assert len(list(folder.glob("paths-*.png"))) == 3
     assert not [name for name in written if name.startswith("-")]
 
 
@@ -92,12 +92,12 @@ def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult, pan
 
 def test_ways_that_stop_are_not_compared(half_lost: JobResult, tmp_path: Path) -> None:
     strategy = half_lost.strategies[0]
-    clockwise, counter = strategy.ways
+    clockwise, counter = strategy.two_paths
     assert (clockwise.status, counter.status) == (Status.BRANCH, Status.COMPLETE)
-    said = ways_end(strategy.ways)
+    said = paths_end(strategy.two_paths)
     assert said == f"clockwise stopped at {clockwise.t[-1]:.3g} s, where the leaf folds back"
     made = {stem: figure for stem, _, figure in figures(half_lost)}
-    ways = made["ways-lock-3"]
+    ways = made["paths-lock-3"]
     assert said in ways.get_suptitle()
     titles = [axes.get_title(loc="left") for axes in ways.axes if axes.get_visible()]
     assert len(titles) == 7
@@ -112,7 +112,7 @@ def test_a_film_of_a_way_that_stops_says_so(half_lost: JobResult) -> None:
     write = Text.set_text
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "set_text", lambda text, s: (said.append(str(s)), write(text, s))[1])
-        *_, last = ways_frames(half_lost, half_lost.drawn)
+        *_, last = two_path_frames(half_lost, half_lost.drawn)
     assert last.shape[2] == 3
     assert any("clockwise stopped at" in s and "counter-clockwise followed to the end" in s for s in said)
     assert not any("apart" in s or "1 cycles" in s for s in said)
@@ -120,8 +120,8 @@ def test_a_film_of_a_way_that_stops_says_so(half_lost: JobResult) -> None:
 
 def test_what_is_complete_has_not_stopped(ppr_cycle: JobResult) -> None:
     assert stopped(ppr_cycle.strategies[0].cycles) == ""
-    assert ways_end(ppr_cycle.strategies[1].ways) == "both ways end at the same joints"
-    assert ways_end(ppr_cycle.strategies[0].ways).startswith("the two ways end 0.143 rad")
+    assert paths_end(ppr_cycle.strategies[1].two_paths) == "both paths end at the same joints"
+    assert paths_end(ppr_cycle.strategies[0].two_paths).startswith("the two paths end 0.143 rad")
 
 
 # --- figures ---
@@ -231,7 +231,7 @@ def test_a_verdict_is_a_sentence_that_a_small_loop_confirms(panda_circle: JobRes
     assert "comes" not in told and held.verdict.sentence.startswith("lock-3, pose (twist) of panda, is holonomic")
     ppr = shortened(cycles=1)
     strategy = hk.moore_penrose(hk.position(ppr.robot))
-    q = ppr.start
+    q = ppr.q0
     corner = ppr.robot.pose(q)[:3, 3]
     side = 0.01
     loop = hk.polyline([corner, corner + [side, 0, 0], corner + [side, side, 0], corner + [0, side, 0]], closed=True)

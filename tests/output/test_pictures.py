@@ -189,7 +189,7 @@ def test_limits_are_drawn_where_they_are(circle: JobResult) -> None:
     near = replace(circle.robot.coordinates[0], lower=-0.05, upper=0.35)
     robot = replace(circle.robot, coordinates=(near, *circle.robot.coordinates[1:]))
     made = {stem: figure for stem, _, figure in figures(replace(circle, robot=robot))}
-    first, second, *_ = made["ways-moore-penrose"].axes
+    first, second, *_ = made["paths-moore-penrose"].axes
     dotted = {float(line.get_ydata()[0]) for line in first.lines if line.get_label() == "limit"}
     assert dotted == {-0.05, 0.35}
     assert first.get_ylim()[0] < -0.05 and first.get_ylim()[1] > 0.35
@@ -235,7 +235,7 @@ def test_every_law_in_the_picture_of_drift_is_named_or_counted(circle: JobResult
 def test_one_way_is_not_called_two() -> None:
     name, job, file = open_job("ppr-half-circle")
     result = run_job(name, job.model_copy(update={"expect": {}}), file)
-    one_way = replace(result, strategies=tuple(replace(s, ways=None) for s in result.strategies))
+    one_way = replace(result, strategies=tuple(replace(s, two_paths=None) for s in result.strategies))
     stem, caption, _ = next(iter(figures(one_way)))
     assert stem == "robot" and "clockwise" not in caption and "end of its path" in caption
 
@@ -253,8 +253,8 @@ def test_a_film_has_all_its_frames_and_is_small(
     monkeypatch.setattr(films, "MOST_FRAMES", 24)
 
     made = films.animate(circle, tmp_path)
-    assert [name for name, _ in made] == ["cycles.mp4", "ways.mp4"]
-    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "ways.mp4"))
+    assert [name for name, _ in made] == ["cycles.mp4", "paths.mp4"]
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "paths.mp4"))
     assert frames == films.FRAMES + 1 + film.HOLD
     reader = imageio_ffmpeg.read_frames(str(tmp_path / "cycles.mp4"))
     columns, rows = next(reader)["size"]

@@ -87,7 +87,7 @@ def test_a_rerun_keeps_what_others_have_put_into_its_folder(
     file = write_job(tmp_path)
     assert holokin("run", file, "--out", out, "--animate").code == 0
     folder = out / "job"
-    assert (folder / "ways.mp4").is_file()
+    assert (folder / "paths.mp4").is_file()
     (folder / "notes.txt").write_text("keep me")
     (folder / "photos").mkdir()
     (folder / "photos" / "arm.jpg").write_text("keep me too")
@@ -101,7 +101,7 @@ def test_a_rerun_keeps_what_others_have_put_into_its_folder(
     assert (folder / "cycles.png.kept").read_text().startswith("mine")
     assert (folder / "cycles.png").read_bytes() == b"a sketch"
     assert "an old report" not in (folder / "report.html").read_text("utf-8")
-    assert not (folder / "ways.mp4").exists()  # of the run before, and holokin's own
+    assert not (folder / "paths.mp4").exists()  # of the run before, and holokin's own
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
 
 

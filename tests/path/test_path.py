@@ -86,14 +86,14 @@ def test_a_part_is_the_piece_between_two_fractions(name: str, start: float, shar
     )
 
 
-def test_the_two_ways_round_a_loop_meet_half_a_loop_away() -> None:
+def test_the_two_paths_round_a_loop_meet_half_a_loop_away() -> None:
     for path in (paths()["circle"], paths()["loop"]):
-        a, b = path.ways()
+        a, b = path.halves()
         assert a.end == pytest.approx(b.end, abs=1e-15)
         assert a.start == pytest.approx(b.start)
         assert a.length == pytest.approx(path.length / 2)
     with pytest.raises(OpenPathError):
-        paths()["line"].ways()
+        paths()["line"].halves()
 
 
 def test_a_closed_path_ends_where_it_starts_to_the_last_bit() -> None:
@@ -109,7 +109,7 @@ def test_turns_that_cancel_close_and_others_do_not() -> None:
     assert hk.polyline(square, turns=[a, b, -b, -a]).closed
     assert not hk.polyline(square, turns=[a, b, -a, -b]).closed  # rotations do not commute
     closed = hk.polyline(square, turns=[a, b, -b, -a])
-    one, other = closed.ways()
+    one, other = closed.halves()
     assert np.abs(one.turned - other.turned).max() < 1e-14
 
 

@@ -137,7 +137,7 @@ def test_c_gives_what_is_written_out_also_where_it_keeps_little(
 
 @compiled
 def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(panda_twin: hk.HolonomicStrategy) -> None:
-    step = hk.controller(panda_twin, dt=1e-3, start=PANDA_START)
+    step = hk.controller(panda_twin, dt=1e-3, q0=PANDA_START)
     assert "native" in step.engine
     pose, twist = panda_twin.task.robot.pose(PANDA_START + 0.01), np.full(6, 0.05)
     for q in PANDA_START + np.random.default_rng(5).uniform(-0.03, 0.03, (4, 7)):  # the tool is within 0.1 m
@@ -247,7 +247,7 @@ def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_stra
 @pytest.mark.parametrize("name", ["a plane", "four redundant joints"])
 def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) -> None:
     given, start, _ = LAWS[name]()
-    made = hk.export_c(hk.radial(given, start, steps=2), tmp_path, start=start, name="law", vectors_count=8)
+    made = hk.export_c(hk.radial(given, start, steps=2), tmp_path, q0=start, name="law", vectors_count=8)
     code = (tmp_path / "law.c").read_text()
     assert code.count("static void hk_transport(") == 1
     double, single = check(made)
@@ -260,7 +260,7 @@ def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) 
 @pytest.mark.parametrize("flags", [(), ("-DLAW_FLOAT",)])
 def test_sanitizers_find_nothing_in_a_loop_whatever_comes(flags: tuple[str, ...], tmp_path: Path) -> None:
     given, start, _ = LAWS["a plane"]()
-    made = hk.export_c(hk.radial(given, start, steps=1), tmp_path, start=start, name="law", vectors_count=2)
+    made = hk.export_c(hk.radial(given, start, steps=1), tmp_path, q0=start, name="law", vectors_count=2)
     run = subprocess.run(
         [str(program(made, ON_ANYTHING, tmp_path, *STRICT, *SANITIZE, *flags, "-DCALLS=400", leaf=LEAF))],
         capture_output=True, text=True, timeout=100, check=False,
@@ -282,7 +282,7 @@ def test_a_segment_that_passes_a_singular_posture_is_refused_by_the_loop_too() -
 def test_a_step_that_is_too_long_for_c_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     given, start, _ = LAWS["a plane"]()
     monkeypatch.setattr(control_step, "LARGEST", 100)
-    step = hk.controller(hk.radial(given, start), dt=1e-3, start=start)
+    step = hk.controller(hk.radial(given, start), dt=1e-3, q0=start)
     assert "virtual machine (the step takes " in step.engine
     assert "operations written out, 100 are the most for C)" in step.engine
 

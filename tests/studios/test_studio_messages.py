@@ -125,7 +125,7 @@ def test_no_value_of_any_control_is_taken_that_the_page_could_not_set(shown: Any
     found = controls(shown.studio)
     kinds = {"Button", "Checkbox", "Dropdown", "Number", "Slider", "Text", "Vector3"}
     assert {type(one).__name__ for one in found} == {f"Gui{kind}Handle" for kind in kinds}
-    spared = {"Open this job", "Screenshot", "Make a GIF", "Record to HTML", "Go two ways to the tool's place"}
+    spared = {"Open this job", "Screenshot", "Make a GIF", "Record to HTML", "Go two paths to the tool's place"}
     for control in found:
         if control.label in spared:  # they do what they do, whatever value is sent
             continue
@@ -334,9 +334,9 @@ def test_many_presses_of_what_takes_long_are_one(shown: Any, monkeypatch: pytest
     def slow() -> None:
         calls.append(release.wait(30.0))
 
-    monkeypatch.setattr(panels.loop, "_two_ways", slow)
+    monkeypatch.setattr(panels.loop, "_two_paths", slow)
     for _ in range(60):
-        say(shown.attacker, new(panels.loop.ways, True))
+        say(shown.attacker, new(panels.loop.two_paths, True))
     heard(shown)
     say(shown.witness, new(panels.cycles, 17))
     until(lambda: shown.studio.session.snapshot().cycles == 17)

@@ -1,4 +1,4 @@
-"""The studio without a page: sliders, two ways to a pose, saved jobs, what a session opens, and its background."""
+"""The studio without a page: sliders, two paths to a pose, saved jobs, what a session opens, and its background."""
 
 from __future__ import annotations
 
@@ -91,17 +91,17 @@ def test_a_level_beyond_its_slider_changes_nothing() -> None:
     np.testing.assert_array_equal(session.snapshot().law("lock").q, before)
 
 
-def test_two_ways_to_one_pose_spread_as_path_spread_says() -> None:
+def test_two_paths_to_one_pose_spread_as_path_spread_says() -> None:
     session = panda()
     goal = shifted(-0.1, 0.2, 0.1)
-    found = session.two_ways(goal, samples=100)
+    found = session.two_paths(goal, samples=100)
     assert found.points.shape == (2, 100, 3)
-    for law, ways in zip(session.laws, found.ways, strict=True):
+    for law, ways in zip(session.laws, found.by_law, strict=True):
         referee = hk.path_spread(law.strategy, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
         assert ways.spread == referee.largest and ways.sentence == ""
         np.testing.assert_allclose(PANDA.pose(ways.a[-1]), goal, atol=1e-6)
         np.testing.assert_allclose(PANDA.pose(ways.b[-1]), goal, atol=1e-6)
-    assert found.ways[0].spread > 0.01 and max(ways.spread for ways in found.ways[1:]) < 1e-12
+    assert found.by_law[0].spread > 0.01 and max(ways.spread for ways in found.by_law[1:]) < 1e-12
     assert session.snapshot().target == pytest.approx(TOOL[None])
 
 
@@ -205,7 +205,7 @@ def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
 
 def test_another_home_makes_radial_laws_anew() -> None:
     robot = hk.load("ppr")
-    session = session_of_robot(robot, start=PPR_START)
+    session = session_of_robot(robot, q0=PPR_START)
     q = session.move_self("pseudo-inverse", 0.3).law("pseudo-inverse").q
     radial = session.laws[-1]
     snap = session.set_home(q)

@@ -249,7 +249,7 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
     assert center - radius * frame[:3, 0] == pytest.approx(tilted.path.start[:3])
 
 
-def test_two_ways_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
+def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
     kept: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from holokin.studios import loop_panel
@@ -262,11 +262,11 @@ def test_two_ways_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
     for law, said in (("moore-penrose", "other joints"), ("lock-3", "the same joints")):
         session.drag(pose)
         panel.law.value = law
-        panel._two_ways()
+        panel._two_paths()
         assert said in panel.answer.content, law
         assert session.snapshot().target[0] == pytest.approx(pose)
     session.reset()
-    panel._two_ways()
+    panel._two_paths()
     assert "drag it somewhere" in kept[0].page.said
 
 

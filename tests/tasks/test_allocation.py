@@ -103,7 +103,7 @@ def test_the_jacobian_of_an_allocation_is_its_slope(force: hk.Task) -> None:
 
 
 def test_a_controller_of_thrusters_keeps_their_rates(force: hk.Task, pairs: hk.Strategy) -> None:
-    c = hk.controller(pairs, dt=0.1, start=U0)
+    c = hk.controller(pairs, dt=0.1, q0=U0)
     x = force(U0)
     du = c.step(U0, x + [0.1, 0, 0], np.array([1.0, 0, 0]))
     assert c.scale == 1.0
@@ -174,7 +174,7 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
             hk.through(bad)
     with pytest.raises(hk.HolokinError, match=r"\(5,\)"):
         ik(points[2][:4])
-    c = hk.controller(law, dt=0.01, start=Q0)
+    c = hk.controller(law, dt=0.01, q0=Q0)
     assert np.abs(six.jacobian(Q0) @ c.step(Q0, x, np.array([0.1, 0, 0, 0, 0])) - [0.09, 0, 0, 0, 0]).max() < 1e-9
 
 
@@ -204,7 +204,7 @@ def test_exported_c_of_an_allocation_and_of_five_rows_does_what_python_does(
     pairs: hk.Strategy, six: hk.Task, tmp_path: Path
 ) -> None:
     for name, law, start in (("ship", pairs, U0), ("five", hk.moore_penrose(six), Q0)):
-        written = hk.export_c(law, tmp_path / name, start=start, name=name, vectors_count=4)
+        written = hk.export_c(law, tmp_path / name, q0=start, name=name, vectors_count=4)
         assert all(line.endswith("passed") for line in hk.export.check(written))
     assert "a point of the task's coordinates, 5 numbers" in (tmp_path / "five" / "five.hpp").read_text("utf-8")
 

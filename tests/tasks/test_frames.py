@@ -210,5 +210,5 @@ def test_exported_c_does_what_python_does(kind: str, both_hands: Robot, tmp_path
     else:
         task = hk.relative_pose(both_hands, "left", "right")
         law, start = hk.holonomic(task, hk.lock(*range(7, 14), 2)), np.tile(PANDA_START, 2)
-    written = hk.export_c(law, tmp_path, start=start, name="law", vectors_count=8)
+    written = hk.export_c(law, tmp_path, q0=start, name="law", vectors_count=8)
     assert all(line.endswith("passed") for line in hk.export.check(written))

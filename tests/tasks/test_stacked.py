@@ -82,7 +82,7 @@ def test_value_error_and_jacobian_of_any_two_tasks_belong_together(yumi: Robot, 
         J = task.jacobian(q)
         assert np.abs(J - np.vstack([part.jacobian(q) for part in parts])).max() < 1e-12
         assert np.abs(task(q) - np.concatenate([part(q) for part in parts])).max() < 1e-12
-        dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the way there
+        dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the path there
         moved = task.error(q - h * dq, *task.place(q + h * dq)) / (2 * h)
         assert np.abs(moved - J @ dq).max() < 1e-6
     several = task.error(Q0 + np.zeros((3, 14)), *task.place(Q0 + 0.1))
@@ -184,7 +184,7 @@ def test_a_controller_takes_a_pose_and_a_twist_for_each_hand(
     pose, twist = hands.pose(Q0 + 0.001), rng.uniform(-0.05, 0.05, (2, 6))
     for native in ("1", "0"):
         monkeypatch.setenv("HOLOKIN_NATIVE", native)
-        c = hk.controller(hk.holonomic(hands, hk.lock(*THIRDS)), dt=0.01, start=Q0, limits=False)
+        c = hk.controller(hk.holonomic(hands, hk.lock(*THIRDS)), dt=0.01, q0=Q0, limits=False)
         dq = c.step(Q0, pose, twist)
         answers.append(dq)
         error = hands.error(Q0, *hands.target(pose)) - 0.01 * twist.ravel()
@@ -257,10 +257,10 @@ def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     assert np.abs(piece.at(shares * piece.duration).position - there.position).max() < 1e-9
 
 
-def test_the_two_ways_of_synchronized_loops_meet_half_way(hands: hk.Task, held: hk.Strategy) -> None:
+def test_the_two_paths_of_synchronized_loops_meet_half_way(hands: hk.Task, held: hk.Strategy) -> None:
     loop = circles(hands, 0.02)
     assert loop.closed
-    there, back = loop.ways()
+    there, back = loop.halves()
     assert np.abs(there.end - back.end).max() < 1e-12
     assert hk.path_spread(held, there, back, Q0, samples=40).largest < 1e-9
     assert hk.path_spread(hk.moore_penrose(hands), there, back, Q0, samples=40).largest > 1e-4
@@ -295,7 +295,7 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         "points": hk.holonomic(points, hk.lock(1, 4)),
     }
     for name, law in laws.items():
-        written = hk.export_c(law, tmp_path / name, start=q0, name="arms", vectors_count=4)
+        written = hk.export_c(law, tmp_path / name, q0=q0, name="arms", vectors_count=4)
         if name == "poses":  # the other one's numbers are those of an allocation, which is looked at as well
             assert all(line.endswith("passed") for line in hk.export.check(written))
         size = {"poses": (32, 12), "points": (6, 6)}[name]

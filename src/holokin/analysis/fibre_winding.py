@@ -64,19 +64,19 @@ def turns(task: Task, Q: Matrix) -> Turns:
     p, R = task.poses(Q)
     middle, reference = _references(task, Q[0], p, R)
     if reference is None or middle is None:
-        return Turns(np.zeros(0), "a straight way from its start to one of its points meets a singular posture")
+        return Turns(np.zeros(0), "a straight path from its start to one of its points meets a singular posture")
     fibres = self_motions(task, reference)
     if any(fibre is None for fibre in [*fibres, *self_motions(task, middle)]):
-        return Turns(np.zeros(0), "a self-motion over the disc of straight ways from its start is no closed curve")
+        return Turns(np.zeros(0), "a self-motion over the disc of straight paths from its start is no closed curve")
     found = [_share(task, fibre, q) for fibre, q in zip(fibres, Q, strict=True) if fibre is not None]
     known = [share for share in found if share is not None]
     if len(known) < len(found):
-        return Turns(np.zeros(0), "the law is on another self-motion than the disc of straight ways from its start")
+        return Turns(np.zeros(0), "the law is on another self-motion than the disc of straight paths from its start")
     return Turns(np.unwrap(known, period=1.0))
 
 
 def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | None, Matrix | None]:
-    """The postures (k, n) that least joint motion leads to on straight ways from q0, half way and at their ends."""
+    """The postures (k, n) that least joint motion leads to on straight paths from q0, halfway and at their ends."""
     lines = straight(p[0], R[0], p, R)
     size = float(np.linalg.norm([lines.move, lines.turn], axis=2).max())
     pieces = 2 * int(np.ceil(size / PIECE / 2)) or 2

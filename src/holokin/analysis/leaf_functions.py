@@ -1,7 +1,7 @@
 """Recovering g from nothing but an involutive N_G or G: carry the posture to a reference pose (theory 5.5).
 
-`radial` carries along the same segments, as an expression. The 32 steps that a comparison of two ways asks for would be
-3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
+`radial` carries along the same segments, as an expression. The 32 steps that a comparison of two paths asks for would
+be 3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..symbolic import Function, jacobian, runge_kutta, symbol
 from ..symbolic.null_space import null_space
 from .frobenius import involutivity, involutivity_at
 from .region import around
-from .straight_transport import STEPS, transport, way
+from .straight_transport import STEPS, straight_postures, transport
 from .verdict import Verdict
 
 AGREE = 1e-6
@@ -61,7 +61,7 @@ class LeafFunction(Value):
         return self._Z.T @ y[:, 1:]
 
     def disagreement(self, q: ArrayLike, by: ArrayLike) -> float:
-        """How far apart [joint units] two ways back to the reference end: straight, and by the tool pose of `by`."""
+        """How far apart [joint units] two paths back to the reference end: straight, and by the tool pose of `by`."""
         robot, task = self.strategy.task.robot, self.strategy.task
         q, corner = robot.checked(q), robot.checked(by)
         direct = transport(self.strategy, q, self._back(q))
@@ -69,7 +69,7 @@ class LeafFunction(Value):
         return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
 
     def _back(self, q: Vector) -> Vector:
-        """The straight way (m,) from the tool pose at q to the reference, in task rates."""
+        """The straight path (m,) from the tool pose at q to the reference, in task rates."""
         task = self.strategy.task
         return task.error(q, *task.target(self._pose))
 
@@ -97,13 +97,14 @@ class LeafFunction(Value):
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 
     def check(self, q: ArrayLike) -> None:
-        """Look at the curvature at q and at 32 postures of its way back, where g and its gradient come from.
+        """Look at the curvature at q and at 32 postures of its path back, where g and its gradient come from.
 
         Raises:
             NotHolonomicError, SingularityError, EmptyRegionError; ShapeError, NotFiniteError.
         """
         q = self.strategy.task.robot.checked(q)
-        _refuse_curved(self.strategy, involutivity_at(self.strategy, way(self.strategy, q, self._back(q))))
+        postures = straight_postures(self.strategy, q, self._back(q))
+        _refuse_curved(self.strategy, involutivity_at(self.strategy, postures))
 
 
 @typed

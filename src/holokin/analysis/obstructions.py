@@ -108,7 +108,7 @@ def obstruction(
     and goes round it once on each.
 
     Over a closed `Path` of a task that leaves one joint redundant: by how many turns of the self-motion the leaf
-    through q0 is ahead of a section over the disc of straight ways from the path's start to its points, after one
+    through q0 is ahead of a section over the disc of straight paths from the path's start to its points, after one
     round; positive on the side of det [J; N^T] > 0. If it is not 0, no law that is this one on the path goes on over
     the disc.
 
@@ -239,7 +239,7 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
     largest, count = 2 * np.pi * found.largest, len(walk.q)
     details = (
         f"{count} poses; from one to the next the redundant joint made {found.largest:.2g} turns at most; "
-        f"there and half way to the start the self-motions are closed; {LIMITS}"
+        f"there and halfway to the start the self-motions are closed; {LIMITS}"
     )
     total, ahead = None, float(found.ahead[-1] - found.ahead[0]) if len(found.ahead) else np.nan
     if found.missing:
@@ -251,10 +251,10 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
     else:
         total = round(ahead)
         means = (
-            "so no law that agrees with it on the path goes on without a jump over the disc of straight ways from its "
+            "so no law that agrees with it on the path goes on without a jump over the disc of straight paths from its "
             "start"
             if total
-            else "so on the path nothing forbids a law over the disc of straight ways from its start"
+            else "so on the path nothing forbids a law over the disc of straight paths from its start"
         )
         often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
         said = f"{about} makes {often} of the self-motion, {means}"

@@ -30,7 +30,7 @@ ASIDE = 1e-4
 passes a pole of index 2 looks the same before and after; how fast it turns across the edge tells."""
 
 SAME = 1e-5
-"""Angle [rad] between what two ways to a direction lead to, up to which it counts as one."""
+"""Angle [rad] between what two paths to a direction lead to, up to which it counts as one."""
 
 FEW = 24
 """Triangles of a region up to which it is cut finer: a pole on an edge joins 2, one on a corner 6. More are a hole."""

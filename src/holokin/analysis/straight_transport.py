@@ -18,10 +18,10 @@ def transport(strategy: Strategy, q: Vector, dx: Vector, steps: int = STEPS) -> 
     Raises:
         SingularityError: on the way.
     """
-    return way(strategy, q, dx, steps)[-1]
+    return straight_postures(strategy, q, dx, steps)[-1]
 
 
-def way(strategy: Strategy, q: Vector, dx: Vector, steps: int = STEPS) -> Matrix:
+def straight_postures(strategy: Strategy, q: Vector, dx: Vector, steps: int = STEPS) -> Matrix:
     """The postures (steps + 1, n) of `transport`, from q to where it leads. Raises: SingularityError."""
     rate, postures = checked_rate(strategy), [q]
     for _ in range(steps):

@@ -36,7 +36,7 @@ from .questions import (
     ask_small_loops,
     ask_speed,
     ask_start,
-    ask_ways,
+    ask_two_paths,
     by_reason,
     of_cycles,
     step_alone,
@@ -130,7 +130,7 @@ def audit(
     task: Task | None = None,
     loops: Sequence[Path] | None = None,
     *,
-    start: ArrayLike,
+    q0: ArrayLike,
     dt: float = 0.01,
     cycles: int = 6,
     tolerance: float = TOLERANCE,
@@ -145,9 +145,9 @@ def audit(
         law: a function (q, pose, twist, dt) -> dq, see `motion.Step`; a `ControlLaw`, such as
             a compiled `controller`; or a `Strategy`.
         task: what the tool must do; its full pose by default.
-        loops: closed paths that begin at the tool pose of `start`; a circle and a square of 0.1 m, and a loop in every
+        loops: closed paths that begin at the tool pose of `q0`; a circle and a square of 0.1 m, and a loop in every
             plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
-        start: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
+        q0: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
         tolerance: joint difference that counts as one [joint units].
         patience: seconds after which a call that does not return is given up.
 
@@ -162,7 +162,7 @@ def audit(
     _of_this_robot(law, robot)
     if chosen.robot is not robot:
         raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
-    q0 = robot.checked(start, "the start posture")
+    q0 = robot.checked(q0, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
         raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
     setup = AuditSetup(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)
@@ -178,7 +178,7 @@ def audit(
     ]
     planes = _planes(setup, paths, given=loops is not None)
     findings += _of_planes(setup, paths[0], planes, findings)
-    findings += [_asked("ways", lambda: ask_ways(setup, paths[0]))]
+    findings += [_asked("paths", lambda: ask_two_paths(setup, paths[0]))]
     findings += [_asked("speed", lambda: ask_speed(setup, paths[0]))]
     findings += [_asked("history", lambda: ask_history(setup, paths[0]))]
     findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
@@ -281,7 +281,7 @@ def _verdict(setup: AuditSetup, findings: list[Finding], planes: list[PlaneDrift
         seen.add(Repeatability.BUT_FOR_THE_STEP)
     if not all(_by_step(setup, p) for p in strayed) and Repeatability.DRIFTS not in seen:
         seen.add(Repeatability.CONVERGES)  # whatever the slower cycles in the worst plane say
-    others = [f.metrics for f in findings if f.question in ("ways", "speed", "history")]
+    others = [f.metrics for f in findings if f.question in ("paths", "speed", "history")]
     sound = all(
         f and f["apart"] <= setup.tolerance + f.get("of_the_step", 0.0) and f.get("could_move", 0.0) <= setup.tolerance
         for f in others

@@ -1,4 +1,4 @@
-"""Where a cycle's tool path meets itself: one pose, reached by two ways within the cycle."""
+"""Where a cycle's tool path meets itself: one pose, reached by two paths within the cycle."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _SHORT = 0.015  # share of a cycle that may lack at its ends: the tool gap there
 class Cycles:
     """Rounds of the tool on one closed path, in the order of time.
 
-    start, stop (c,): sample positions at which each begins and ends (12.4: 0.4 of the way from sample 12 to 13);
+    start, stop (c,): sample positions at which each begins and ends (12.4: 0.4 of the path from sample 12 to 13);
     direction (c,): 1 as the first cycle runs, -1 against it; duration, moving (c,) [s], with and without pauses;
     phase (P + 1,) from 0 to 1: equal tool poses; s (c, P + 1) [m] arc lengths of `path` and q (c, P + 1, n)
     postures there, always along `direction` = 1;
@@ -41,7 +41,7 @@ class Cycles:
     left_out: cycles that span a gap in time; path: the tool's path by arc length.
     """
 
-    start: Vector
+    q0: Vector
     stop: Vector
     direction: Indices
     duration: Vector
@@ -58,7 +58,7 @@ class Cycles:
     path: ToolPath
 
     def __len__(self) -> int:
-        return len(self.start)
+        return len(self.q0)
 
     @property
     def ends(self) -> Matrix:
@@ -155,7 +155,7 @@ def _begin_of(path: ToolPath, begin: float, length: float, noise: float, most: f
         ahead = np.minimum(nearest(path, z, grid + length, min(0.02 * length, most)), path.length)
         gap = np.linalg.norm(path.point(ahead) - z, axis=1)
         along = np.einsum("ij,ij->i", path.point.slope(ahead), path.point.slope(grid))
-        against = along < -0.5  # beyond a turn: the way back
+        against = along < -0.5  # beyond a turn: the path back
         inside = grid >= begin + 0.2 * length
         usual = np.median(gap[inside]) if inside.any() else np.median(gap)
         sound = (gap <= 5 * usual + 2 * noise + 0.1 * path.step) & ~against
@@ -233,7 +233,7 @@ def _tracks(
             j += 1
             continue
         sign, at = (1 if way[j] > 0 else -1), int(facing[j])
-        if mirror is not None and sign < 0:  # the way back is the second half of the path itself
+        if mirror is not None and sign < 0:  # the path back is the second half of the path itself
             sign, at = 1, round(2 * mirror * count - at) % count
         later = tracker.run(j, at, sign, 1, len(path.z) - 1)
         earlier = tracker.run(j, at, sign, -1, done)

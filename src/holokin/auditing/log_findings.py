@@ -174,7 +174,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                 {"start_sample": float(a), "stop_sample": float(b), "direction": int(d), "duration_s": float(s),
                  "moving_s": float(m), "drift": drift.tolist()}
                 for a, b, d, s, m, drift in zip(
-                    c.start, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
+                    c.q0, c.stop, c.direction, c.duration, c.moving, self.drift, strict=True)
             ],
             "drift_since_start": self.since_start.tolist(),
             "worst_joint": self.worst_joint,
@@ -209,11 +209,11 @@ def not_tested(audit: LogAudit) -> list[str]:
     """What the log leaves open, in words."""
     open_ = []
     if audit.by_way is None:
-        open_.append("the way back (all cycles run one way)")
+        open_.append("the path back (all cycles run one way)")
     if audit.by_speed is None:
         open_.append("other speeds (all cycles at one speed)")
     if audit.at_crossings is None and audit.cycles.mirror is None:
-        open_.append("other ways to a pose within a cycle (the path does not cross itself)")
+        open_.append("other paths to a pose within a cycle (the path does not cross itself)")
     return [*open_, "other paths"]
 
 

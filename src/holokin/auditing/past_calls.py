@@ -89,7 +89,7 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
     ends = [setup.run_of(_recorded(setup.law, first), half).q[-1]]
     for _ in range(RUNS - 1):
         ends.append(setup.run_of(_compared(setup.law, first, tally), half).q[-1])
-    setup.run_of(_questioned(setup.law, first, tally, setup.start), half)
+    setup.run_of(_questioned(setup.law, first, tally, setup.q0), half)
     apart = max(largest(end - ends[0]) for end in ends)
     asked, other = sum(tally.asked.values()), sum(tally.other.values())
     metrics = {
@@ -127,7 +127,7 @@ def _compared(law: ControlLaw, first: list[_Call], tally: _Tally) -> ControlLaw:
     return _watched(law, see)
 
 
-def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, start: Vector) -> ControlLaw:
+def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, q0: Vector) -> ControlLaw:
     """The law in a run that is interrupted at some places, to ask old calls again."""
     places = np.unique(np.linspace(0, len(first) - 1, PLACES).astype(int)).tolist()
     questions: dict[int, list[int]] = {}
@@ -142,7 +142,7 @@ def _questioned(law: ControlLaw, first: list[_Call], tally: _Tally, start: Vecto
         for place in questions.get(step, ()):
             old = first[place]
             tally.note(MIDWAY, old, old.again(inner))
-            tally.note(NEW_RUN, old, old.again(law.begin(start.copy())))
+            tally.note(NEW_RUN, old, old.again(law.begin(q0.copy())))
             tally.note(BEGUN_THERE, old, old.again(law.begin(old.q.copy())))
 
     return _watched(law, see)

@@ -51,11 +51,11 @@ def row_twists(task: Task, rotation: Matrix) -> Matrix:
 
 
 def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
-    """A loop of four sides from a tool pose: row i, row j, row i back, and the way back.
+    """A loop of four sides from a tool pose: row i, row j, row i back, and the path back.
 
     Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
     loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
-    by the size of the loop. One row alone (i = j) gives the way there and back.
+    by the size of the loop. One row alone (i = j) gives the path there and back.
 
     Raises:
         SingularityError where the representation is singular.
@@ -72,7 +72,7 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     return polyline(corners, turns=turns, closed=True)
 
 
-def plane_way(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float, stairs: int) -> Path:
+def plane_path(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float, stairs: int) -> Path:
     """From a corner of `plane_loop` to the opposite one: in so many stairs along rows i and j, straight for none.
 
     Raises:

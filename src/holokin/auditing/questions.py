@@ -20,7 +20,7 @@ from ..motion.trajectory import Trajectory, whole_turns
 from ..path import Path
 from ..tasks.task import Task
 from .equal_poses import Repeatability
-from .planes import area_unit, enclosed, plane_loop, plane_name, plane_way, sides
+from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides
 
 Answer = tuple[str, dict[str, float]]
 
@@ -63,7 +63,7 @@ class AuditSetup:
 
     law: ControlLaw
     task: Task
-    start: Vector
+    q0: Vector
     dt: float
     cycles: int
     patience: float
@@ -72,17 +72,17 @@ class AuditSetup:
     @cached_property
     def tool(self) -> Matrix:
         """The tool pose (4, 4) at the start."""
-        return self.task.pose(self.start)
+        return self.task.pose(self.q0)
 
-    def run(self, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
+    def run(self, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
         """One run of the law. Raises: ControllerError."""
-        return self.run_of(self.law, path, start, cycles=cycles, dt=dt)
+        return self.run_of(self.law, path, q0, cycles=cycles, dt=dt)
 
     def run_of(
-        self, law: ControlLaw, path: Path, start: Vector | None = None, *, cycles: int = 1, dt: float | None = None
+        self, law: ControlLaw, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None
     ) -> Trajectory:
         """One run of another law, such as this one watched. Raises: ControllerError."""
-        begin = self.start if start is None else start
+        begin = self.q0 if q0 is None else q0
         return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
 
     def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
@@ -242,7 +242,7 @@ def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
     elif any(p.tested for p in planes):
         said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
     elif not planes:
-        said.append("a task of one row has none: every closed way goes there and back")
+        said.append("a task of one row has none: every closed path goes there and back")
     said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
     return "; ".join(said), metrics
 
@@ -256,14 +256,14 @@ def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
     return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
 
 
-def ask_ways(setup: AuditSetup, path: Path) -> Answer:
-    """Two ways to one tool pose from the start. Raises: ControllerError."""
-    a, b = path.ways()
+def ask_two_paths(setup: AuditSetup, path: Path) -> Answer:
+    """Two paths to one tool pose from the start. Raises: ControllerError."""
+    a, b = path.halves()
     fresh = largest(setup.run(a).q[-1] - setup.run(b).q[-1])
     finer = largest(setup.run(a, dt=setup.dt / 2).q[-1] - setup.run(b, dt=setup.dt / 2).q[-1])
     metrics = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
     same = fresh <= setup.tolerance + metrics["of_the_step"]
-    return f"{'the same' if same else 'not the same'} joints by two ways to one pose: {fresh:.2g} apart", metrics
+    return f"{'the same' if same else 'not the same'} joints by two paths to one pose: {fresh:.2g} apart", metrics
 
 
 def ask_speed(setup: AuditSetup, path: Path) -> Answer:
@@ -290,10 +290,10 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
-    curve = self_motion(setup.task, setup.start, step=0.02, length=0.1)
+    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1)
     other = curve.q[int(np.argmax(np.abs(curve.s)))]
-    before = largest(other - setup.start)
-    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.start, other)]
+    before = largest(other - setup.q0)
+    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]
     after = largest(ends[1] - ends[0])
     metrics = {"before": before, "after": after}
     said = "forgets" if after < 0.5 * before else "keeps"
@@ -349,10 +349,10 @@ def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> floa
     """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
     ends = []
     for stairs in (0, STAIRS, 2 * STAIRS):
-        way = plane_way(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
-        slower = way.duration / 4.0
-        way = way.at_speed(way.speed * slower, way.angular_speed * slower)
-        q, finer = (setup.run(way, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
+        path = plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
+        slower = path.duration / 4.0
+        path = path.at_speed(path.speed * slower, path.angular_speed * slower)
+        q, finer = (setup.run(path, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
         ends.append(2 * finer - q)
     straight, coarse, fine = ends
     return largest(2 * fine - coarse - straight)

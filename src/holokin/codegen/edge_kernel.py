@@ -1,4 +1,4 @@
-"""The way down to the nearest pose at the edge of reach as native code."""
+"""The path down to the nearest pose at the edge of reach as native code."""
 
 from __future__ import annotations
 

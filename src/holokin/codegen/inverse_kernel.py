@@ -61,7 +61,7 @@ class InverseKernel:
         return None if None in found else (found[0], found[1])
 
     def __call__(self, targets: Matrix, context: Vector, q: Matrix, warm: bool, threads: int | None) -> Indices:
-        """The statuses of many targets (k, 12F); q (k, n) becomes where their ways ended. The GIL is free meanwhile."""
+        """The statuses of many targets (k, 12F); q (k, n) becomes where their paths ended. The GIL is free."""
         count = len(targets)
         status = np.empty(count, dtype=np.int64)
         most = threads or os.cpu_count() or 1

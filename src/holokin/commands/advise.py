@@ -19,7 +19,7 @@ def advise(
     tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
     base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,
     position: Annotated[bool, typer.Option("--position", help="The tool's orientation is free.")] = False,
-    start: Annotated[
+    q0: Annotated[
         str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
     ] = None,
     out: Annotated[
@@ -37,7 +37,7 @@ def advise(
 
     with ending().telling() as say:
         task = "position" if position else None
-        found, write = advise_command(robot, workspace, tip, base, task, start, out, say, say.announce)
+        found, write = advise_command(robot, workspace, tip, base, task, q0, out, say, say.announce)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job = write()

@@ -20,7 +20,7 @@ def run(
         list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
-    animate: Annotated[bool, typer.Option("--animate", help="Make films of the two ways and of the cycles.")] = False,
+    animate: Annotated[bool, typer.Option("--animate", help="Make films of the two paths and of the cycles.")] = False,
 ) -> None:
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
 

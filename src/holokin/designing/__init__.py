@@ -4,6 +4,7 @@ Uses `analysis`. Read first: `cover_workspace.py`, `designed_law.py`, `compare_l
 """
 
 from .advice import Advice, Law, Part
+from .closest_strategy import ClosestHolonomic, closest_holonomic
 from .compare_laws import advise
 from .coordinates import Coordinates as Coordinates
 from .coordinates import Polynomial as Polynomial
@@ -12,7 +13,6 @@ from .cover_workspace import coverage, posture_reach
 from .coverage_result import Coverage, PoseStatus, Reach
 from .designed_law import Design, design
 from .law_metrics import SectionMetrics, section_metrics
-from .nearest_law import NearestLaw, nearest
 from .objectives import Objective
 from .slices import Slice, coverage_slices
 from .starts import fitting_task as fitting_task
@@ -22,10 +22,10 @@ from .tips import choose_tip
 
 __all__ = [
     "Advice",
+    "ClosestHolonomic",
     "Coverage",
     "Design",
     "Law",
-    "NearestLaw",
     "Objective",
     "Part",
     "PoseStatus",
@@ -34,10 +34,10 @@ __all__ = [
     "Slice",
     "advise",
     "choose_tip",
+    "closest_holonomic",
     "coverage",
     "coverage_slices",
     "design",
-    "nearest",
     "posture_reach",
     "section_metrics",
 ]

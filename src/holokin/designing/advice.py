@@ -78,7 +78,7 @@ def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: flo
 class Law(Value):
     """A law on one leaf, and what it does in the workspace.
 
-    keys: what a job file says of it. start: the posture that its leaf goes through (n,). coverage: share of the poses
+    keys: what a job file says of it. q0: the posture that its leaf goes through (n,). coverage: share of the poses
     that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
     postures. margin: the least distance to a limit over the joint's
     range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
@@ -88,7 +88,7 @@ class Law(Value):
     name: str
     keys: Mapping[str, Any]
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     coverage: float
     served: Flags
     easy: float
@@ -147,9 +147,9 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return self.laws[0]
 
     @property
-    def start(self) -> Vector:
+    def q0(self) -> Vector:
         """The posture (n,) to begin at with the best law."""
-        return self.best.start
+        return self.best.q0
 
     def __str__(self) -> str:
         return "\n".join([self.subject, *self.reasons])
@@ -171,7 +171,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
                     "margin": law.margin if np.isfinite(law.margin) else None,
                     "rcond": law.rcond if np.isfinite(law.rcond) else None,
                     "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,
-                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.start.tolist(),
+                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.q0.tolist(),
                 }
                 for law in self.laws
             ],

@@ -79,7 +79,7 @@ def advise(
     tip: str | None = None,
     base: str | None = None,
     task: Literal["pose", "position"] | None = None,
-    start: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
     """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
@@ -95,7 +95,7 @@ def advise(
         tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
             that stands still.
         task: "pose" or "position"; by default the pose, for arms of up to six joints the position.
-        start: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
+        q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
         say: hears what is going on.
 
     Raises:
@@ -109,15 +109,15 @@ def advise(
     arm = chain.robot
     _check_that_joints_move(arm)
     work = _task(arm, tip if isinstance(robot, Robot) else None, task)
-    words = {"tip": not chain.chosen, "task": task, "start": start, "workspace": workspace}
+    words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
     given = {word: value is not None and value is not False for word, value in words.items()}
-    q0 = None if start is None else arm.checked(start, "the start posture")
+    q0 = None if q0 is None else arm.checked(q0, "the start posture")
     if q0 is not None:
         arm.check_limits(q0)
     if workspace is None:
         q0 = _first(work) if q0 is None else q0
         workspace = _proposed(work, q0)
-    case = _Case(work, workspace, q0 if given["start"] else None, say)
+    case = _Case(work, workspace, q0 if given["q0"] else None, say)
     laws = case.ranked()
     say("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
@@ -139,15 +139,15 @@ def _check_that_joints_move(robot: Robot) -> None:
 class _Case:
     """A task and a workspace, with what is found out of them on the way to an advice."""
 
-    def __init__(self, task: Task, workspace: Workspace, start: Vector | None, say: Callable[[str], None]) -> None:
+    def __init__(self, task: Task, workspace: Workspace, q0: Vector | None, say: Callable[[str], None]) -> None:
         self.task, self.workspace, self.say = task, workspace, say
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         say("which poses can be reached")
-        self.Q, self.reach = _reached(task, T, start)
+        self.Q, self.reach = _reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
-        self.starts = start[None] if start is not None else self._starts(T)
+        self.starts = q0[None] if q0 is not None else self._starts(T)
         self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
         self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
         self.poses = posed(task, T, self.Q, self.coordinates, self.costs)
@@ -174,7 +174,7 @@ class _Case:
             found = tried(candidate, self.starts, rough)
             if found:
                 best = ranked(found)[0]
-                trials += tried(_there(candidate), best.start[None], self.poses)
+                trials += tried(_there(candidate), best.q0[None], self.poses)
         if not trials:
             raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
         trials = ranked(trials)
@@ -214,7 +214,7 @@ class _Case:
                 continue
             designed = Candidate(name, _keys(law, made), self.task, made.strategy)
             self.made[name] = made
-            found += tried(designed, made.start[None], self.poses)
+            found += tried(designed, made.q0[None], self.poses)
             if found[-1].coverage >= trial.coverage - EQUAL:
                 break
         return found
@@ -225,7 +225,7 @@ class _Case:
         within = self.reach.within
         which = within if trial.coverage < within.mean() - EQUAL else trial.served
         space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
-        return design(self.task, space, trial.start, base=base, degree=DEGREE, samples=DESIGNED, **goal)
+        return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
 
     @property
     def _room(self) -> float:
@@ -248,15 +248,15 @@ class _Case:
 
     def _law(self, trial: Trial) -> Law:
         c, robot = trial.candidate, self.task.robot
-        strategy = c.strategy or radial(moore_penrose(self.task), trial.start)
+        strategy = c.strategy or radial(moore_penrose(self.task), trial.q0)
         return Law(
-            c.name, c.keys, strategy, trial.start, trial.coverage, trial.served, trial.easy, trial.margin,
+            c.name, c.keys, strategy, trial.q0, trial.coverage, trial.served, trial.easy, trial.margin,
             robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio(trial, self.floor),
         )  # fmt: skip
 
     def _looked_at(self, law: Law) -> Law:
         """A law with its coverage as `coverage` finds it, pose by pose."""
-        found = coverage(law.strategy, law.start, self.workspace, samples=POSES, reach=self.reach)
+        found = coverage(law.strategy, self.workspace, law.q0, samples=POSES, reach=self.reach)
         self.checked[law.name] = found
         served = found.reached
         rcond = float(found.rcond[served].min()) if served.any() else 0.0
@@ -294,7 +294,7 @@ class _Case:
             made = self._design(trial, limits=False)
         except HolokinError:
             return None
-        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.start[None], self.poses)
+        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.q0[None], self.poses)
         which = free[0].reached & np.isfinite(self.floor)
         return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
 
@@ -309,7 +309,7 @@ class _Case:
 
             def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
                 poses = Poses(T, np.zeros((len(T), self.task.m, 0)), self.costs.joints)
-                return bool(tried(candidate, law.start[None], poses)[0].served.all())
+                return bool(tried(candidate, law.q0[None], poses)[0].served.all())
 
             found = largest_part(self.workspace, serves)
             if found is not None and (best is None or found[0] > best.share):
@@ -334,9 +334,9 @@ def _first(task: Task) -> Vector:
     return found[int(np.argmax([comfort(task, q) for q in found]))]
 
 
-def _proposed(task: Task, start: Vector) -> PoseRange:
+def _proposed(task: Task, q0: Vector) -> PoseRange:
     """A box round the tool at a start posture, with turns about its orientation there."""
-    robot, at = task.robot, task.pose(start)
+    robot, at = task.robot, task.pose(q0)
     length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
     tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
 
@@ -345,7 +345,7 @@ def _proposed(task: Task, start: Vector) -> PoseRange:
         return pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], tilt=tilt, spin=spin)
 
     for side in SIDES[:-1]:
-        if _reached(task, box(side).poses(POSES // SCREENED), start)[1].within.mean() >= NEARLY:
+        if _reached(task, box(side).poses(POSES // SCREENED), q0)[1].within.mean() >= NEARLY:
             return box(side)
     return box(SIDES[-1])
 

@@ -36,8 +36,8 @@ Panda's box it was 5e-4 at most where the arm is stretched, and 4e-3 at least wh
 @typed
 def coverage(
     strategy: HolonomicStrategy,
-    q0: ArrayLike,
     workspace: Workspace,
+    q0: ArrayLike,
     *,
     samples: int | None = None,
     seed: int = 0,
@@ -47,7 +47,7 @@ def coverage(
 ) -> Coverage:
     """How much of a workspace the leaf through a posture reaches, and why the rest is not reached.
 
-    Each pose is gone to on the straight way from the tool pose at q0, as `inverse` does. Where the leaf does not get
+    Each pose is gone to on the straight path from the tool pose at q0, as `inverse` does. Where the leaf does not get
     there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
     shows whether the law fails there or no law can serve. A workspace that is out of reach altogether has the share 0.
 
@@ -102,9 +102,9 @@ def coverage(
     )  # fmt: skip
 
 
-def _gone_to(strategy: HolonomicStrategy, start: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
-    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its ways end (k, n), statuses."""
-    ik, n = inverse(strategy, start), strategy.task.n
+def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
+    """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
+    ik, n = inverse(strategy, q0), strategy.task.n
     q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
         for first in range(0, len(poses), PIECE):
@@ -151,7 +151,7 @@ def _search(task: Task, poses: Array, near: Matrix, limits: bool) -> Reach:
 
 
 def _endings(strategy: HolonomicStrategy, poses: Array, last: Matrix, found: Indices) -> Indices:
-    """Why the ways to some poses ended at some postures."""
+    """Why the paths to some poses ended at some postures."""
     status = np.full(len(last), int(PoseStatus.STOPPED))
     known = np.flatnonzero(np.isfinite(last).all(axis=1))
     if not len(known):
@@ -182,11 +182,11 @@ def _folds(strategy: HolonomicStrategy, pose: Matrix, q: Vector) -> bool:
     return bool(sides[0] * sides[1] < 0)
 
 
-def _check_planar(task: Task, start: Vector, poses: Array) -> None:
+def _check_planar(task: Task, q0: Vector, poses: Array) -> None:
     """Raises: ArgumentError where the tool of a planar robot would have to leave its plane."""
     if not task.robot.planar or all(row < 3 for row in task.rows):
         return
-    R = task.pose(start)[:3, :3]
+    R = task.pose(q0)[:3, :3]
     if np.abs(poses[:, :3, :3] @ R.T - np.eye(3))[:, 2, 2].max() > 1e-6:
         cure = "the tool of a planar robot turns in its plane: give rotation=np.eye(3) (or the tool's own) and no tilt"
         raise ArgumentError("the rotation of a pose of the workspace", poses[0, :3, :3].tolist(), cure)

@@ -25,7 +25,7 @@ POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
-    """What becomes of a tool pose on the straight way from the start; `text` says it in words."""
+    """What becomes of a tool pose on the straight path from the start; `text` says it in words."""
 
     REACHED = 0
     LIMIT = 1
@@ -70,7 +70,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     turn: from the tool there to the middle orientation of the workspace [rad]; 0 where the task leaves it free.
     status: a `PoseStatus` for each (k,).
     q: the leaf's posture (k, n), also where it is beyond a limit; a row of NaN where the leaf has none.
-    last: where its way ended (k, n).
+    last: where its path ended (k, n).
     rcond: of [J; J_g] at q (k,), NaN where there is none.
     margins: from q to the nearer limit of each joint (k, n) [joint units]: negative beyond it, inf without limits.
     limits: whether joint limits were looked at. explained: whether other postures were searched for where the leaf
@@ -83,7 +83,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     joint_units: tuple[str, ...]
     lower: Vector
     upper: Vector
-    start: Vector
+    q0: Vector
     tool: Matrix
     turn: float
     poses: Array

@@ -54,7 +54,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     """
 
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     objective: Objective
     base: HolonomicStrategy
     polynomial: Polynomial
@@ -145,7 +145,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
 def design(
     task: Task,
     workspace: Workspace,
-    start: ArrayLike,
+    q0: ArrayLike,
     *,
     objective: Objective | str = "squared_speed",
     base: Constraint | None = None,
@@ -163,7 +163,7 @@ def design(
     Joint limits and the least rcond hold at all samples, and are checked at other poses afterwards.
 
     Args:
-        start: a posture (n,) on the branch that is to be used.
+        q0: a posture (n,) on the branch that is to be used.
         objective: an `Objective`, or the name of one cost.
         base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
             self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding
@@ -180,7 +180,7 @@ def design(
     """
     robot, goal = task.robot, as_objective(objective)
     of_one_tool(task, "design")
-    q0 = start_posture(robot, start)
+    q0 = start_posture(robot, q0)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
@@ -223,7 +223,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
         values = (*values[: degree + 2 - len(more)], *more)
     return Design(
         strategy=result.strategy,
-        start=result.middle,
+        q0=result.middle,
         objective=problem.goal,
         base=problem.law,
         polynomial=result.zeta,

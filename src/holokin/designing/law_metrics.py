@@ -51,14 +51,14 @@ class SectionMetrics(Value):
 @typed
 def section_metrics(
     strategy: HolonomicStrategy,
-    start: ArrayLike,
     workspace: Workspace,
+    q0: ArrayLike,
     *,
     objective: Objective | str = "squared_speed",
     samples: int = 256,
     seed: int = 0,
 ) -> SectionMetrics:
-    """What a law does over a workspace on the leaf through `start` (n,), a posture at any of its poses.
+    """What a law does over a workspace on the leaf through `q0` (n,), a posture at any of its poses.
 
     Args:
         objective: whose weights of joints and turns count.
@@ -67,20 +67,20 @@ def section_metrics(
         OutOfReachError: none of the poses is reached. ArgumentError: they all are one.
     """
     poses = workspace.poses(whole("samples", samples), seed)
-    q0 = strategy.task.robot.checked(start, "the start posture")
+    q0 = strategy.task.robot.checked(q0, "the start posture")
     Q, _ = reached(strategy, q0, poses)
     coordinates = coordinates_of(chart_of(strategy.task, workspace.center[:3, :3]), Q)
     costs = costs_of(strategy.task.robot, as_objective(objective), coordinates.turns, coordinates.spread)
     return measured(strategy, coordinates, costs, Q, len(poses))
 
 
-def reached(strategy: HolonomicStrategy, start: Vector, poses: Array) -> tuple[Matrix, Array]:
+def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Array]:
     """The postures (k, n) of those of the poses (S, 4, 4) that the leaf through a posture reaches, and these poses.
 
     Raises:
         OutOfReachError: none is.
     """
-    found = inverse(strategy, start).batch(poses)
+    found = inverse(strategy, q0).batch(poses)
     if not found.reached.any():
         causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
         fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"

@@ -1,7 +1,7 @@
 """Leaves g = phi + a series of the tool pose and phi over a joint region, and their distance from a given law.
 
 The law of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a held tool the squared
-distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `nearest_law`).
+distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `closest_strategy`).
 """
 
 from __future__ import annotations

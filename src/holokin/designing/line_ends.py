@@ -142,18 +142,18 @@ class _Lines:
         self.q = np.repeat(starts, len(poses), axis=0)
         p0, R0 = (np.repeat(part, len(poses), axis=0) for part in task.poses(np.asarray(starts)))
         ends = np.tile(poses, (len(starts), 1, 1))
-        self.way = straight(p0, R0, ends[:, :3, 3], ends[:, :3, :3])
+        self.path = straight(p0, R0, ends[:, :3, 3], ends[:, :3, :3])
         if task.orientation is None:
-            self.way = replace(self.way, turn=np.zeros_like(self.way.turn))
+            self.path = replace(self.path, turn=np.zeros_like(self.path.turn))
 
     @property
     def rates(self) -> tuple[Matrix, Matrix]:
         """Velocity and angular velocity (s k, 3) over a whole line."""
-        return self.way.move, self.way.turn
+        return self.path.move, self.path.turn
 
     def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
         """Positions and rotations of some lines at their shares."""
-        return self.way.at(share, which)
+        return self.path.at(share, which)
 
     def ends(self, q: Matrix, share: Vector) -> LineEnds:
         """The ends of the lines, start by start."""

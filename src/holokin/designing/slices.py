@@ -46,7 +46,7 @@ class Slice(Value):
 
 @typed
 def coverage_slices(
-    strategy: HolonomicStrategy, q0: ArrayLike, workspace: PoseRange, *, steps: int = STEPS, limits: bool = True
+    strategy: HolonomicStrategy, workspace: PoseRange, q0: ArrayLike, *, steps: int = STEPS, limits: bool = True
 ) -> tuple[Slice, ...]:
     """Coverage of the planes x-y, x-z and y-z through a workspace's centre; of a flat one only of its plane.
 
@@ -68,6 +68,6 @@ def coverage_slices(
         inside = solid.contains(points)
         across = 3 - i - j
         cells = pose_cloud(workspace.at(points[inside]), f"a slice of {workspace}")
-        of = coverage(strategy, q0, cells, limits=limits)
+        of = coverage(strategy, cells, q0, limits=limits)
         found.append(Slice((i, j), float(center[across]), u, v, inside.reshape(len(v), len(u)), of))
     return tuple(found)

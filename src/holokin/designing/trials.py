@@ -66,7 +66,7 @@ class Trial(Value):
     """
 
     candidate: Candidate
-    start: Vector
+    q0: Vector
     q: Matrix
     reached: Flags
     served: Flags
@@ -130,10 +130,10 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
     return [_trial(candidate, q0, ends, i, speed[i], rcond[i]) for i, q0 in enumerate(starts)]
 
 
-def _trial(candidate: Candidate, start: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector) -> Trial:
+def _trial(candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector) -> Trial:
     q, reached = ends.q[i], ends.reached[i]
     served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
-    return Trial(candidate, start, q, reached, served, np.where(reached, speed, np.nan), rcond)
+    return Trial(candidate, q0, q, reached, served, np.where(reached, speed, np.nan), rcond)
 
 
 def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:

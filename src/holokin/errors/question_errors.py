@@ -10,7 +10,7 @@ from .holokin_error import HolokinError, posture_text
 class NotHolonomicError(HolokinError):
     """A strategy without leaves, where leaves are needed; `.witness` is a posture that shows it.
 
-    It shows it by a `gap` [joint units] between two ways of the tool to one pose, or by `curvature` [1/rad], the
+    It shows it by a `gap` [joint units] between two paths of the tool to one pose, or by `curvature` [1/rad], the
     relative one of `involutivity`; the other is None.
     """
 
@@ -21,7 +21,7 @@ class NotHolonomicError(HolokinError):
         at = posture_text(self.witness)
         fact = f"at q = {at} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
-            fact = f"from q = {at} two ways of the tool to one pose end {gap:.3g} (joint units) apart"
+            fact = f"from q = {at} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
         super().__init__(
             f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is a holonomic strategy near it"
         )

@@ -41,7 +41,7 @@ def export_c(
     strategy: Strategy,
     folder: str | Path,
     *,
-    start: ArrayLike,
+    q0: ArrayLike,
     dt: float = 0.001,
     name: str | None = None,
     limits: bool = True,
@@ -57,7 +57,7 @@ def export_c(
 
     Args:
         folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
-        start: posture (n,) whose leaf is held by default, and around which the test vectors lie.
+        q0: posture (n,) whose leaf is held by default, and around which the test vectors lie.
         dt: the loop's step [s], a default that the controller may change.
         name: C name, the prefix of all symbols; by default robot and strategy.
         limits: keep joint speeds and positions by slowing along the path.
@@ -69,7 +69,7 @@ def export_c(
         ExportError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
     """
     robot = strategy.task.robot
-    q0 = robot.checked(start, "the start posture")
+    q0 = robot.checked(q0, "the start posture")
     robot.check_limits(q0)
     strategy(q0)
     count = whole("vectors_count", vectors_count)
@@ -103,7 +103,7 @@ def c_name(words: str) -> str:
 def _tables(source: Source, operations: dict[str, int]) -> dict[str, str]:
     robot, name, r = source.strategy.task.robot, source.name, len(source.leaf)
     joints = ["| | joint | unit | lower | upper | start |", "|---:|---|---|---:|---:|---:|"]
-    for i, (joint, value) in enumerate(zip(robot.coordinates, source.start, strict=True)):
+    for i, (joint, value) in enumerate(zip(robot.coordinates, source.q0, strict=True)):
         bounds = " | ".join(f"{b:.6g}" if np.isfinite(b) else "none" for b in (joint.lower, joint.upper))
         joints.append(f"| {i} | {line(joint.name).replace('|', '/')} | {joint.unit} | {bounds} | {value:.6g} |")
     n, m = source.strategy.task.n, source.strategy.task.m

@@ -79,7 +79,7 @@ class Source:
     """A strategy, the posture whose leaf it holds, the step [s] of its loop, and the name its C goes by."""
 
     strategy: Strategy
-    start: Vector
+    q0: Vector
     dt: float
     name: str
     limits: bool = True
@@ -107,7 +107,7 @@ class Source:
     @cached_property
     def leaf(self) -> Vector:
         """The leaf c (r,) of the start; empty without a constraint."""
-        return leaf_value(self.holonomic, self.start) if self.holonomic else np.zeros(0)
+        return leaf_value(self.holonomic, self.q0) if self.holonomic else np.zeros(0)
 
     @property
     def parameters(self) -> Vector:
@@ -170,7 +170,7 @@ class Source:
                 f"  parameters->{key} = HK_C({_c(value)});\n"
                 for key, value in zip(PARAMETERS, self.parameters[r:], strict=True)
             ),
-            "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.start)),
+            "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.q0)),
             "leaf_copy": "  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];\n" if r else "",
             "gather": _gather(task),
             "angular": ", ".join(str(int(flag)) for flag in (constraint.angular if constraint else ())),

@@ -12,7 +12,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics.branch import extended_jacobian
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_way, tool_at
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, straight_path, tool_at
 from ..inverse_kinematics.rays import on_ray
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -28,7 +28,7 @@ AWAY = 0.7
 """How far from the start, over the number of joints, the postures are drawn whose poses are solved from it."""
 
 PIECES = 200
-"""Pieces of the way to a wanted pose that the self-test allows; the vectors need at most half of them."""
+"""Pieces of the path to a wanted pose that the self-test allows; the vectors need at most half of them."""
 
 NUDGES = 4
 """Copies of a vector with all inputs moved by single precision's rounding, which show what it does to the results."""
@@ -75,7 +75,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
                 break
         if best is None:
             cure = "nothing near it is regular and within the limits: choose another start"
-            raise ArgumentError("the start posture", source.start.tolist(), cure)
+            raise ArgumentError("the start posture", source.q0.tolist(), cure)
         tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
         found.append(best)
     return found
@@ -83,7 +83,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
 
 def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestVector | None:
     s, robot = source.strategy, source.strategy.task.robot
-    lower, upper = np.maximum(robot.lower, source.start - REACH), np.minimum(robot.upper, source.start + REACH)
+    lower, upper = np.maximum(robot.lower, source.q0 - REACH), np.minimum(robot.upper, source.q0 + REACH)
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
@@ -113,7 +113,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_way(tool_at(task, q), task.target(pose), levels)
+                q, straight_path(tool_at(task, q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -136,11 +136,11 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
 
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
-    task, start = strategy.task, source.start
+    task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    way = straight_way(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
+    path = straight_path(tool_at(task, start), task.target(pose), (source.leaf, source.leaf))
     try:
-        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, way)
+        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
         return None
     return np.ravel(_wanted(task, pose)[0]), found
@@ -222,11 +222,11 @@ def _nudged(values: Matrix, rng: np.random.Generator, least: float = 1.0) -> Mat
 
 def singular_posture(source: Source) -> Vector | None:
     """A posture (n,) at which the strategy is singular, all joints but a few as at the start; None if none is met."""
-    n, gain = len(source.start), source.strategy.gain
+    n, gain = len(source.q0), source.strategy.gain
     for keep in (0, n - 1, n - 2):
         for value in (0.0, np.pi / 2, -np.pi / 2):
             for first in range(n):
-                q = source.start.copy()
+                q = source.q0.copy()
                 q[(first + np.arange(n - keep)) % n] = value
                 _, rcond, margin = gain(q)
                 if np.isfinite(rcond) and min(rcond, margin) < 1e-13:

@@ -1,4 +1,4 @@
-"""The way down to the nearest pose: projected steps of Newton's method, in the tool's own coordinates.
+"""The path down to the nearest pose: projected steps of Newton's method, in the tool's own coordinates.
 
 With e, c and their slopes A of `edge`, each step solves
 
@@ -21,7 +21,7 @@ TRUST = 0.1
 """First step of the tool [m]; steps that succeed double it."""
 
 DONE = 1e-10
-"""Step of the tool [m] below which the way down has ended: round-off of a few metres is a ten thousandth of it."""
+"""Step of the tool [m] below which the path down has ended: round-off of a few metres is a ten thousandth of it."""
 
 WITHIN = 1e-10
 """Overshoot of a constraint, in metres of the tool, that counts as none."""
@@ -31,7 +31,7 @@ NEAR = 1e-4
 back at once, since beyond the margin, some millimetres away, there is a singular posture."""
 
 STEPS = 60
-"""Steps of the tool on one way down, at most; some five are usual."""
+"""Steps of the tool on one path down, at most; some five are usual."""
 
 AMPLE = 1.5
 """A step over how far its joint goes, up to which that is far enough."""
@@ -40,7 +40,7 @@ HALVINGS = 30
 """Times that one step is halved before there is none."""
 
 RETURNS = 12
-"""Steps back to the edge after one step along it, at most; two are usual, more where a way ends at a fold."""
+"""Steps back to the edge after one step along it, at most; two are usual, more where a path ends at a fold."""
 
 DESCENT = 1e-4
 """Share of the expected decrease that a step must bring. [NW06, section 3.1]"""
@@ -121,9 +121,9 @@ def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | Non
 
 
 def descend(
-    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Vector, step: Vector | None = None, least: float = 0.0
+    edge: Edge, at: Look, goal: Goal, careful: bool, q0: Vector, step: Vector | None = None, least: float = 0.0
 ) -> tuple[Look, Look | None]:
-    """The end of the way down from a posture within the constraints; and the place on it up to which no joint moves
+    """The end of the path down from a posture within the constraints; and the place on it up to which no joint moves
     by more than a step (n,) from its beginning, None where that is its end.
 
     least: share of the distance below which a step along the edge is not worth it.
@@ -154,8 +154,8 @@ def descend(
             share /= 2
         else:
             break
-        if step is not None and cut is None and least_ratio(there.q, begin, step) < 1.0:
-            cut = part(edge, at, along, share, goal, careful, begin, step) or safe
+        if step is not None and cut is None and least_ratio(there.q, q0, step) < 1.0:
+            cut = part(edge, at, along, share, goal, careful, q0, step) or safe
         at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
         trust = 2 * max(share * size, TRUST / 4)
         safe = at if at.excess <= WITHIN else safe
@@ -163,13 +163,13 @@ def descend(
 
 
 def part(
-    edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, begin: Vector, step: Vector
+    edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, q0: Vector, step: Vector
 ) -> Look | None:
     """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
     best, low, high = None, 0.0, 2.0 * share
     for _ in range(HALVINGS):
         there = inside(edge, edge.moved(at, z, share, goal, careful), goal, careful)
-        ratio = 0.0 if there is None else least_ratio(there.q, begin, step)
+        ratio = 0.0 if there is None else least_ratio(there.q, q0, step)
         if there is not None and ratio >= 1.0:
             best, low = there, share
             if ratio <= AMPLE or share >= 1.0:
@@ -195,6 +195,6 @@ def compliance(edge: Edge, at: Look, forces: Vector, goal: Goal) -> Matrix:
     return vectors / np.maximum(values, CURVED) @ vectors.T
 
 
-def least_ratio(q: Vector, begin: Vector, step: Vector) -> float:
+def least_ratio(q: Vector, q0: Vector, step: Vector) -> float:
     """The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step."""
-    return float(np.min(step / np.maximum(np.abs(q - begin), 1e-300)))
+    return float(np.min(step / np.maximum(np.abs(q - q0), 1e-300)))

@@ -17,11 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Flags, Indices, Matrix, Value, Vector, frozen, kept
-from ..path.straight_path import StraightWay, rotation_vector
+from ..path.straight_path import StraightPath, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from .branch import turning
-from .leaf import Pose, Way, WayEnd, leaf_step, leaf_value, leaf_walk, newton, straight_way, tool_at
+from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton, straight_path, tool_at
 from .rays import on_ray
 
 Goal = Pose
@@ -39,7 +39,7 @@ that lead to their ends were given up, those that pass close by singular posture
 
 COARSE = 2.0**-12
 """Share of a way below which a glance that is given up in the end does not move the posture where it got to: a fold is
-near there, from which the way down is long."""
+near there, from which the path down is long."""
 
 LEAP = 0.1
 """Joint motion [joint units] from where a piece of a glance is expected to end to where it does, at most: a larger one
@@ -138,7 +138,7 @@ class Edge(Value):
     """
 
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     length: float
     margin: float
     lower: Vector
@@ -147,18 +147,18 @@ class Edge(Value):
     @cached_property
     def leaf(self) -> Vector:
         """The level g(start) (r,)."""
-        return frozen(leaf_value(self.strategy, self.start))
+        return frozen(leaf_value(self.strategy, self.q0))
 
     @cached_property
     def side(self) -> float:
         """The sign of det [J; J_g] on the branch."""
-        return float(leaf_step(self.strategy)(self.start, *self.tool(self.start), self.leaf)[3])
+        return float(leaf_step(self.strategy)(self.q0, *self.tool(self.q0), self.leaf)[3])
 
     @cached_property
     def context(self) -> Vector:
         """All of it in a row, for native code."""
-        p, R = self.tool(self.start)
-        parts = self.start, p, R.ravel(), self.leaf, self.lower, self.upper, [self.side, self.length, self.margin]
+        p, R = self.tool(self.q0)
+        parts = self.q0, p, R.ravel(), self.leaf, self.lower, self.upper, [self.side, self.length, self.margin]
         return np.concatenate(parts)
 
     @cached_property
@@ -198,24 +198,24 @@ class Edge(Value):
 
     @cached_property
     def ray(self) -> bool:
-        """Whether straight ways from the start are rays."""
-        return on_ray(self.strategy, self.start)
+        """Whether straight paths from the start are rays."""
+        return on_ray(self.strategy, self.q0)
 
-    def walk(self, q: Vector, way: Way, tries: int) -> tuple[Vector, bool]:
+    def walk(self, q: Vector, path: LeafPath, tries: int) -> tuple[Vector, bool]:
         """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""
         walk = leaf_walk(
             self.strategy, q, tries, on_ray(self.strategy, q)
         )  # a new one: it knows the branch where it was
-        q, ended = walk(q, way)
-        return q, ended is WayEnd.REACHED
+        q, ended = walk(q, path)
+        return q, ended is PathEnd.REACHED
 
-    def glance(self, q: Vector, way: Way) -> tuple[Vector, bool]:
+    def glance(self, q: Vector, path: LeafPath) -> tuple[Vector, bool]:
         """The same by Newton steps alone: quick, and not shown to keep to the branch."""
-        rate, share, width, last = leaf_step(self.strategy)(q, *way.at(BEGUN))[0] / BEGUN, 0.0, 1.0, q
+        rate, share, width, last = leaf_step(self.strategy)(q, *path.at(BEGUN))[0] / BEGUN, 0.0, 1.0, q
         while width >= NARROW:
             end = min(1.0, share + width)
             begun = q + (end - share) * rate
-            found = self.solved(begun, *way.at(end))
+            found = self.solved(begun, *path.at(end))
             width = (end - share) / 2
             if found is None:
                 continue
@@ -229,24 +229,24 @@ class Edge(Value):
                 return q, True
         return last, False
 
-    def way(self, begin: Goal, v: Vector, turn: Vector, goal: Goal | None) -> Way:
+    def path(self, begin: Goal, v: Vector, turn: Vector, goal: Goal | None) -> LeafPath:
         """From where the tool is along v, turning by `turn`; to a goal to the last bit, where there is one."""
         if goal is not None:
             return self.straight(begin, goal)
-        line = StraightWay(*begin, v, turn)
-        return Way(lambda share: (*line.at(share), self.leaf), turn=float(np.linalg.norm(turn)))
+        line = StraightPath(*begin, v, turn)
+        return LeafPath(lambda share: (*line.at(share), self.leaf), turn=float(np.linalg.norm(turn)))
 
-    def straight(self, begin: Goal, goal: Goal) -> Way:
-        """The straight way of the tool."""
-        return straight_way(begin, goal, (self.leaf, self.leaf))
+    def straight(self, begin: Goal, goal: Goal) -> LeafPath:
+        """The straight path of the tool."""
+        return straight_path(begin, goal, (self.leaf, self.leaf))
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
-        """True where the straight way of the tool between two postures is shown to lead from one to the other."""
+        """True where the straight path of the tool between two postures is shown to lead from one to the other."""
         found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), FEW)
         return reached and float(np.abs(found - end.q).max()) <= SAME
 
     def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
-        """The look after a share of a motion z of the tool, or, without z, of the straight way to the goal.
+        """The look after a share of a motion z of the tool, or, without z, of the straight path to the goal.
 
         None where that leads nowhere. careful: only where it is shown to keep to the branch.
         """
@@ -255,11 +255,11 @@ class Edge(Value):
         else:
             twist = at.twist @ z
         end = goal if z is None and share == 1.0 else None
-        way = self.way((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
+        path = self.path((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
         if careful:
-            q, reached = self.walk(at.q, way, FEW)
+            q, reached = self.walk(at.q, path, FEW)
             return self.look(q, goal) if reached else None
-        found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *way.at(1.0))
+        found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
         return None if found is None else self.look(found, goal)
 
     def onto(self, q: Vector, goal: Goal) -> Look | None:

@@ -35,15 +35,15 @@ from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
 from .leaf import (
     REGULAR,
-    Way,
-    WayEnd,
+    LeafPath,
+    PathEnd,
     jump_on,
     jump_problem,
     leaf_problem,
     leaf_step,
     leaf_value,
     leaf_walk,
-    straight_way,
+    straight_path,
     tool_at,
 )
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
@@ -67,7 +67,7 @@ class InverseKinematics(Value):
     """
 
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     limits: bool = False
 
     def __call__(self, pose: ArrayLike) -> Vector:
@@ -90,8 +90,8 @@ class InverseKinematics(Value):
     def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
 
-        The way leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
-        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two ways to
+        The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
+        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two paths to
         the pose, from the start by q and straight from the start, can be drawn into one another without passing a place
         where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
         by a full turn of a joint.
@@ -116,16 +116,16 @@ class InverseKinematics(Value):
             whole("threads", threads)
         given = self._shaped("each of the tool poses", numbers("tool poses", poses))
         p, R = self._targets(given)
-        last = np.full((len(given), len(self.start)), np.nan)
+        last = np.full((len(given), len(self.q0)), np.nan)
         if self._kernel is not None:
             status = self._kernel(in_rows(p, R), self._context, last, False, threads)
         else:
             status = self._refused(p, R)
             for i in np.flatnonzero(status == InverseStatus.REACHED):
-                last[i], status[i] = self._walk(p[i], R[i], self.start)
+                last[i], status[i] = self._walk(p[i], R[i], self.q0)
         if may_jump(self.strategy):
             for i in np.flatnonzero(np.isfinite(last).all(axis=1)):
-                jump = self._jump(p[i], R[i], self.start, last[i], InverseStatus(int(status[i])))
+                jump = self._jump(p[i], R[i], self.q0, last[i], InverseStatus(int(status[i])))
                 status[i] = status[i] if jump is None else InverseStatus.JUMP
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
@@ -179,12 +179,12 @@ class InverseKinematics(Value):
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
             raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
-        most = None if step is None else _steps(step, len(self.start))
+        most = None if step is None else _steps(step, len(self.q0))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
         if positive("rcond", rcond) > 1:
             raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
-        key = tuple(self.start.tolist()), positive("length", length), float(rcond), asked
+        key = tuple(self.q0.tolist()), positive("length", length), float(rcond), asked
         edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
         return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
 
@@ -197,8 +197,8 @@ class InverseKinematics(Value):
     def _cold(self, pose: ArrayLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
         p, R = self._target(pose)
-        q, status = self._go(p, R, self.start)
-        if (jump := self._jump(p, R, self.start, q, status)) is not None:
+        q, status = self._go(p, R, self.q0)
+        if (jump := self._jump(p, R, self.q0, q, status)) is not None:
             raise jump_problem(self.strategy, jump)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
             task = self.strategy.task
@@ -217,42 +217,42 @@ class InverseKinematics(Value):
             raise jump_problem(self.strategy, jump)
         return self._answer(last, status)
 
-    def _jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
+    def _jump(self, p: Vector, R: Matrix, q0: Vector, q: Vector, status: InverseStatus) -> Jump | None:
         """A jump of g on the way that was gone to q."""
         s = self.strategy
-        return jump_on(s, begin, self._way(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
+        return jump_on(s, q0, self._way(p, R, q0)[0], q, status in FAILED) if may_jump(s) else None
 
-    def _way(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Way, bool]:
-        """(the straight way to a pose and to the leaf, whether it stays on the leaf)."""
+    def _way(self, p: Vector, R: Matrix, q0: Vector) -> tuple[LeafPath, bool]:
+        """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
         s = self.strategy
-        level = self._leaf if begin is self.start else leaf_value(s, begin)
+        level = self._leaf if q0 is self.q0 else leaf_value(s, q0)
         goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        return straight_way(tool_at(s.task, begin), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(tool_at(s.task, q0), (p, R), (level, goal)), np.array_equal(level, goal)
 
-    def _go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
-        """(posture to which the way from a posture was gone, what became of it)."""
+    def _go(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Vector, InverseStatus]:
+        """(posture to which the path from a posture was gone, what became of it)."""
         if self._kernel is None:
-            return self._walk(p, R, begin)
-        q = begin[None].copy()
-        status = self._kernel(in_rows(p[None], R[None]), self._context, q, begin is not self.start, 1)
+            return self._walk(p, R, q0)
+        q = q0[None].copy()
+        status = self._kernel(in_rows(p[None], R[None]), self._context, q, q0 is not self.q0, 1)
         return q[0], InverseStatus(int(status[0]))
 
-    def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+    def _walk(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Vector, InverseStatus]:
         """The same on the virtual machine."""
         s = self.strategy
-        if begin is not self.start:
-            _, rcond, margin, side = leaf_step(s)(begin, p, R, self._leaf)
+        if q0 is not self.q0:
+            _, rcond, margin, side = leaf_step(s)(q0, p, R, self._leaf)
             if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
-                return begin, InverseStatus.SINGULAR
+                return q0, InverseStatus.SINGULAR
             if side != self._side:
-                return begin, InverseStatus.OTHER_BRANCH
-        way, level = self._way(p, R, begin)
-        last, ended = leaf_walk(s, begin, ray=level and on_ray(s, begin))(begin, way)
-        if ended is WayEnd.REACHED:
+                return q0, InverseStatus.OTHER_BRANCH
+        path, level = self._way(p, R, q0)
+        last, ended = leaf_walk(s, q0, ray=level and on_ray(s, q0))(q0, path)
+        if ended is PathEnd.REACHED:
             beyond = self.limits and beyond_limits(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
         _, rcond, margin = s.gain(last)
-        if ended is WayEnd.TRIED or rcond > REGULAR:
+        if ended is PathEnd.TRIED or rcond > REGULAR:
             return last, InverseStatus.NOT_CONVERGED
         sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
         return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
@@ -266,7 +266,7 @@ class InverseKinematics(Value):
             raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
         if status is not InverseStatus.REACHED:
             ends = status is InverseStatus.LEAF_ENDS
-            raise leaf_problem(self.strategy, q, WayEnd.FOLD if ends else WayEnd.STOPPED)
+            raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
         return q
 
     def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
@@ -329,20 +329,20 @@ class InverseKinematics(Value):
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
         p, R = self._place
-        return frozen(np.concatenate([self.start, p, R.ravel(), self._leaf, low, high, [self._side]]))
+        return frozen(np.concatenate([self.q0, p, R.ravel(), self._leaf, low, high, [self._side]]))
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
-        p, R = self.strategy.task.place(self.start)
+        p, R = self.strategy.task.place(self.q0)
         return frozen(p), frozen(R)
 
     @cached_property
     def _leaf(self) -> Vector:
-        return frozen(leaf_value(self.strategy, self.start))
+        return frozen(leaf_value(self.strategy, self.q0))
 
     @cached_property
     def _side(self) -> float:
-        return float(leaf_step(self.strategy)(self.start, *self._place, self._leaf)[3])
+        return float(leaf_step(self.strategy)(self.q0, *self._place, self._leaf)[3])
 
 
 def _steps(step: ArrayLike, joints: int) -> Vector:
@@ -356,10 +356,10 @@ def _steps(step: ArrayLike, joints: int) -> Vector:
 
 
 @typed
-def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> InverseKinematics:
-    """Inverse kinematics q(x) of a strategy with leaves, on the one through `start`.
+def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseKinematics:
+    """Inverse kinematics q(x) of a strategy with leaves, on the one through `q0`.
 
-    With `radial(G, start)` this is the straight-line transport of G from `start`, free of drift by construction:
+    With `radial(G, start)` this is the straight-line transport of G from `q0`, free of drift by construction:
     theory 5.3's inverse-kinematics form. Where nothing is redundant, n = m, any strategy will do, as
     `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
 
@@ -374,15 +374,15 @@ def inverse(strategy: Strategy, start: ArrayLike, limits: bool = False) -> Inver
         strategy = holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
-    q0 = start_posture(strategy.task.robot, start)
+    q0 = start_posture(strategy.task.robot, q0)
     strategy(q0)
     if limits:
         strategy.task.robot.check_limits(q0)
     return InverseKinematics(strategy, q0, limits)
 
 
-def way_to(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
-    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its way was gone, what became of the pose).
+def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
+    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its path was gone, what became of the pose).
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.

@@ -49,7 +49,7 @@ the joints' distance from it."""
 
 
 PIECES = 32
-"""Pieces in which a way is gone again, to see where on it g may jump."""
+"""Pieces in which a path is gone again, to see where on it g may jump."""
 
 DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
 """What is said of a level that the joints do not take, as one in degrees."""
@@ -63,7 +63,7 @@ Pose = tuple[Vector, Matrix]
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class LeafPath:
     """How a target moves over an interval: at(share), from 0 to 1, -> position (3,), rotation (3, 3), level c (r,).
 
     arc [m]: size of the second derivative of the position by the share; turn [rad]: of the tool, over the interval.
@@ -132,7 +132,7 @@ def newton(correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: 
 
 def leaf_follower(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
-) -> Callable[[Vector, Way], Vector]:
+) -> Callable[[Vector, LeafPath], Vector]:
     """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
 
     Args:
@@ -143,17 +143,17 @@ def leaf_follower(
     """
     walk = leaf_walk(strategy, q0, tries, ray)
 
-    def follow(q: Vector, way: Way) -> Vector:
-        last, ended = walk(q, way)
-        if ended is not WayEnd.REACHED:
+    def follow(q: Vector, path: LeafPath) -> Vector:
+        last, ended = walk(q, path)
+        if ended is not PathEnd.REACHED:
             raise leaf_problem(strategy, last, ended, tries)
         return last
 
     return follow
 
 
-class WayEnd(Enum):
-    """How a way along a leaf ended."""
+class PathEnd(Enum):
+    """How a path along a leaf ended."""
 
     REACHED = "it was gone to its end"
     STOPPED = "no further piece of it could be shown to keep to the branch"
@@ -161,15 +161,15 @@ class WayEnd(Enum):
     FOLD = "the leaf ends there"
 
 
-NATIVE_ENDS, NATIVE_LIMIT = {1: WayEnd.STOPPED, 2: WayEnd.TRIED}, 3
+NATIVE_ENDS, NATIVE_LIMIT = {1: PathEnd.STOPPED, 2: PathEnd.TRIED}, 3
 """What native code says by hk_ends of follow.c."""
 
 
-def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: int = TRIES) -> HolokinError:
-    """Why a way along a leaf got no farther than q."""
-    if ended is WayEnd.TRIED:
+def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: int = TRIES) -> HolokinError:
+    """Why a path along a leaf got no farther than q."""
+    if ended is PathEnd.TRIED:
         return BranchError(
-            f"{tries:,} pieces of the way along the leaf of {strategy.name!r} did not lead to its end",
+            f"{tries:,} pieces of the path along the leaf of {strategy.name!r} did not lead to its end",
             "go in shorter ways, or keep them away from singular postures",
         )
     try:
@@ -177,7 +177,7 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: WayEnd, tries: i
     except HolokinError as problem:
         return problem
     at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
-    if rcond > REGULAR and ended is not WayEnd.FOLD:
+    if rcond > REGULAR and ended is not PathEnd.FOLD:
         return BranchError(
             f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
             f"though [J; J_g] is regular there (rcond {rcond:.1e})",
@@ -200,8 +200,8 @@ def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk:
 
 def leaf_walk(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
-) -> Callable[[Vector, Way], tuple[Vector, WayEnd]]:
-    """(q, way) -> (the posture to which the way was gone, continued from q, on the branch of q0; how it ended).
+) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
+    """(q, way) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
     ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
     """
@@ -210,56 +210,56 @@ def leaf_walk(
     angular, angles = any(strategy.task.angular), strategy.task.by_angles
     side = correct(q0, *strategy.task.place(q0), leaf_value(strategy, q0))[3]
 
-    def walk(q: Vector, way: Way) -> tuple[Vector, WayEnd]:
+    def walk(q: Vector, path: LeafPath) -> tuple[Vector, PathEnd]:
         nonlocal rate
-        way = way if angular else replace(way, turn=0.0)
+        path = path if angular else replace(path, turn=0.0)
         share, width = 0.0, 1.0
         for _ in range(tries):
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
-            found, fits = newton(correct, begun, *way.at(goal), side), 0.5
+            found, fits = newton(correct, begun, *path.at(goal), side), 0.5
             if found is not None and ray:
                 fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
             elif found is not None:
-                fits = branch.step(q, found[0], way.curve(goal - share, found[1] if angles else 1.0))
+                fits = branch.step(q, found[0], path.curve(goal - share, found[1] if angles else 1.0))
             if found is not None and fits >= 1.0:
                 move = found[0] - q
                 rate = move / (goal - share)
                 if goal == 1.0:
-                    return found[0], WayEnd.REACHED
+                    return found[0], PathEnd.REACHED
                 if not max(map(abs, move.tolist())) > CREEP:
-                    return q, WayEnd.STOPPED
+                    return q, PathEnd.STOPPED
                 q, share, width = found[0], goal, fits * (goal - share)
                 continue
             width = fits * (goal - share)
             if width < smallest:
-                return q, WayEnd.STOPPED
-        return q, WayEnd.TRIED
+                return q, PathEnd.STOPPED
+        return q, PathEnd.TRIED
 
     return walk
 
 
-def jump_on(strategy: HolonomicStrategy, q0: Vector, way: Way, q: Vector, stopped: bool) -> Jump | None:
-    """A jump of g on a way from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
+def jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
+    """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
 
-    stopped: the way leads on, but no walk got farther than q: then a jump next to q counts, too.
+    stopped: the path leads on, but no walk got farther than q: then a jump next to q counts, too.
     """
     if np.array_equal(*states(strategy, np.array([q0, q]))):
         return jump_near(strategy, q) if stopped else None
     walk, rows = leaf_walk(strategy, q0), [q0]
     for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
-        piece = replace(way, at=lambda s, a=first, b=last: way.at(a + s * (b - a)), arc=way.arc / PIECES**2)
+        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / PIECES**2)
         posture, ended = walk(rows[-1], piece)
         rows.append(posture)
-        stopped = stopped or ended is not WayEnd.REACHED
-        if ended is not WayEnd.REACHED:
+        stopped = stopped or ended is not PathEnd.REACHED
+        if ended is not PathEnd.REACHED:
             break
     met = first_jump(strategy, np.array(rows))
     return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None
 
 
-def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
-    """The straight way from one pose of the tool to another, from one level to another."""
+def straight_path(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
+    """The straight path from one pose of the tool to another, from one level to another."""
     line, (c0, c1) = straight(*begin, *end), levels
 
     def at(share: float) -> tuple[Vector, Matrix, Vector]:
@@ -267,7 +267,7 @@ def straight_way(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Way:
             return *end, c1
         return *line.at(share), c0 + share * (c1 - c0)
 
-    return Way(at, turn=float(np.linalg.norm(line.turn)))
+    return LeafPath(at, turn=float(np.linalg.norm(line.turn)))
 
 
 def tool_at(task: Task, q: Vector) -> Pose:
@@ -278,7 +278,7 @@ def tool_at(task: Task, q: Vector) -> Pose:
 def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_follower`."""
     walk, c = leaf_follower(strategy, q0), leaf_value(strategy, q0)
-    return lambda q, i: walk(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
+    return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
 def native_leaf(
@@ -318,14 +318,14 @@ def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
 
 
 @typed
-def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0.0) -> Vector:
+def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
     `stationary(cost)`, to hold a certain arm angle on that angle's leaf: begin from here.
 
     Args:
-        leaf: c (r,), or one number for all rows; an angle is gone to by its shorter way.
+        level: c (r,), or one number for all rows; an angle is gone to by its shorter way.
 
     Raises:
         SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
@@ -335,7 +335,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     start = start_posture(task.robot, q0)
     strategy(start)
     at = leaf_value(strategy, start)
-    wanted = finite("the leaf", leaf)
+    wanted = finite("the leaf", level)
     if wanted.shape not in ((), at.shape):
         raise ShapeError("the leaf", at.shape, wanted.shape)
     goal = np.broadcast_to(wanted, at.shape)
@@ -343,7 +343,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, leaf: ArrayLike = 0
     _check_room(strategy, start, goal - at)
     goal = at + strategy.constraint.nearest(goal - at)
     here = tool_at(task, start)
-    return leaf_follower(strategy, start)(start, straight_way(here, here, (at, goal)))
+    return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
 
 
 def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:

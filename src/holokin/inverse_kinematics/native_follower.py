@@ -14,7 +14,7 @@ from ..path.plan import Plan
 
 
 class NativeFollower:
-    """A kernel on its way along a plan; `x` is its memory, which begins with the posture.
+    """A kernel on its path along a plan; `x` is its memory, which begins with the posture.
 
     halted: raises why it did fewer steps than asked, where that is known; else a step in Python tells it.
     """

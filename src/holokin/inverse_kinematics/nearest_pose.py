@@ -34,7 +34,7 @@ REACHED = 1e-9
 
 ALONG = 0.1
 """Share of what is missing by which a step along the edge must lead on, where it is to be known whether a slide from
-the start comes to a pose: below, the edge is square to the way there, and the slide as good as ended."""
+the start comes to a pose: below, the edge is square to the path there, and the slide as good as ended."""
 
 LEAST = 0.5
 """Steps by which a call must bring the joints nearer to where they belong, or they go straight: it takes twice as many
@@ -102,10 +102,10 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
 def down(
     edge: Edge, at: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
 ) -> tuple[Look, Look | None] | None:
-    """The end of the way down from a look, which may be outside; and how far a step leads, where that is not its end.
+    """The end of the path down from a look, which may be outside; and how far a step leads, where that is not its end.
 
     None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
-    shown to keep to the branch; else Newton steps alone lead down, and the straight way from q to the end is.
+    shown to keep to the branch; else Newton steps alone lead down, and the straight path from q to the end is.
     """
     within = inside(edge, at, goal, careful)
     if within is None:
@@ -115,9 +115,9 @@ def down(
 
 
 def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
-    """The look where the straight way from the start ends; True where at the goal, within the constraints."""
-    way = edge.straight(edge.tool(edge.start), goal)
-    q, reached = edge.walk(edge.start, way, TRIES) if careful else edge.glance(edge.start, way)
+    """The look where the straight path from the start ends; True where at the goal, within the constraints."""
+    way = edge.straight(edge.tool(edge.q0), goal)
+    q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
     at = edge.look(q, goal)
     return at, reached and at.excess <= WITHIN
 
@@ -125,7 +125,7 @@ def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
 def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
     """The same: what a glance does not reach is not reached; what it does reach is shown.
 
-    But where it comes to a posture that is known to be `near`: then two ways agree, and a way that passes close by a
+    But where it comes to a posture that is known to be `near`: then two paths agree, and a way that passes close by a
     singular posture takes milliseconds to show. Of 7,200 poses that were reached, a glance missed one, and came to
     another posture never. Rays are gone in Newton steps anyway.
     """
@@ -137,11 +137,11 @@ def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tu
 
 
 def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
-    """The look at a goal, where the way down leads to it from where the straight way from the start ends."""
+    """The look at a goal, where the path down leads to it from where the straight path from the start ends."""
     within = inside(edge, at, goal, False)
-    end = at if within is None else descend(edge, within, goal, False, edge.start, None, ALONG)[0]
+    end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
     reached = end.distance <= REACHED and end.excess <= WITHIN
-    return end if reached and edge.joined(edge.start, edge.tool(edge.start), end) else None
+    return end if reached and edge.joined(edge.q0, edge.tool(edge.q0), end) else None
 
 
 def cold(edge: Edge, goal: Goal) -> Look:
@@ -149,8 +149,8 @@ def cold(edge: Edge, goal: Goal) -> Look:
     at, reached = reached_from_start(edge, goal)
     if reached:
         return at
-    found = down(edge, at, goal, False, edge.tool(edge.start), edge.start)
-    return found[0] if found is not None else descend(edge, edge.look(edge.start, goal), goal, True, edge.start)[0]
+    found = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
+    return found[0] if found is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
@@ -172,7 +172,7 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     along = edge.look(limited(q, cut.q, step), goal)
     gone = steps(q, end.q, step) - steps(along.q, end.q, step) if belongs else steps(q, along.q, step)
     if gone < LEAST and not belongs and straight.distance + straight.excess >= along.distance:
-        return along, False  # the straight way there leads by worse places
+        return along, False  # the straight path there leads by worse places
     return (along if gone >= LEAST else straight), True
 
 
@@ -219,7 +219,7 @@ def nearest(
     else:
         found, moving = None, False
     if found is None or status is not InverseStatus.REACHED:
-        stays = edge.start if q is None else q  # without q, what is no pose was refused before
+        stays = edge.q0 if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
     joints, e, rcond, tool, slack = found
     pose = np.zeros((4, 4))

@@ -51,7 +51,7 @@ class Postures(Value):
 
     q: Matrix
     pose: Matrix
-    leaf: Vector
+    level: Vector
     found: Vector
     rcond: Vector
     starts: int
@@ -87,7 +87,7 @@ class Postures(Value):
 def all_postures(
     strategy: HolonomicStrategy,
     pose: ArrayLike,
-    leaf: ArrayLike = 0.0,
+    level: ArrayLike = 0.0,
     *,
     limits: bool = False,
     starts: int = 1024,
@@ -100,7 +100,7 @@ def all_postures(
 
     Args:
         pose: of the tool (4, 4).
-        leaf: c (r,), or one number for all rows.
+        level: c (r,), or one number for all rows.
         limits: True keeps only postures within the joint limits.
         starts: how many; more find rarer postures.
         near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
@@ -116,7 +116,7 @@ def all_postures(
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
     wanted = tool_pose("a tool pose", finite("a tool pose", pose, (4, 4)))
     p, R = wanted[:3, 3], wanted[:3, :3]
-    given, r = finite("the leaf", leaf), strategy.constraint.rows
+    given, r = finite("the leaf", level), strategy.constraint.rows
     if given.shape not in ((), (r,)):
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))

@@ -1,4 +1,4 @@
-"""Rays of a radial law: straight ways of the tool from its center, on whose leaf each pose has one posture.
+"""Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one posture.
 
 The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
 label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
@@ -43,7 +43,7 @@ def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
     """The center (n,) of a radial law whose leaves have one posture for each pose; None of other laws.
 
-    That is where its label is arc length, and straight ways of the tool are those of its transport.
+    That is where its label is arc length, and straight paths of the tool are those of its transport.
     """
     transport, task = strategy.looped.transport, strategy.task
     straight = task.turns or task.robot.planar or not any(task.angular)
@@ -51,7 +51,7 @@ def rays_from(strategy: HolonomicStrategy) -> Vector | None:
 
 
 def on_ray(strategy: HolonomicStrategy, q: Vector) -> bool:
-    """True where straight ways from q on its leaf are rays."""
+    """True where straight paths from q on its leaf are rays."""
     center = rays_from(strategy)
     return center is not None and np.array_equal(q, center)
 

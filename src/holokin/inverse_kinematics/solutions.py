@@ -44,7 +44,7 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
 
     q: joints (k, n), a row of NaN where a pose was not reached.
     status: an `InverseStatus` for each pose (k,).
-    last: the posture (k, n) to which its way was gone; q where it was reached, NaN where there was no way.
+    last: the posture (k, n) to which its path was gone; q where it was reached, NaN where there was no way.
     """
 
     q: Matrix

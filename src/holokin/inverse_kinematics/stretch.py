@@ -1,6 +1,6 @@
-"""Stretches of a way along a leaf that are shown to keep to its branch: tubes about curves, for native code.
+"""Stretches of a path along a leaf that are shown to keep to its branch: tubes about curves, for native code.
 
-The way of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
+The path of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
 joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle c, at which Y = A^-1, by
 
     P(t) = c + t v + t^2 w + t^3 z,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2,

@@ -81,7 +81,7 @@ def advise_command(
     planar = chain.robot.planar
     space = None if workspace is None else parse_workspace(workspace, planar=planar, at_start=at_start)
     announce(f"{chain}. This takes {DURATION}.")
-    found = advise(robot, space, tip=tip, base=base, task=task, start=q0, say=say)  # type: ignore[arg-type]
+    found = advise(robot, space, tip=tip, base=base, task=task, q0=q0, say=say)  # type: ignore[arg-type]
 
     def write() -> FilePath:
         write_advice(path, found, robot, base=base, poses=poses)
@@ -100,7 +100,7 @@ def _posture(text: str) -> list[float]:
 
 def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: str | None, radius: float) -> str:
     law, task = advice.best, advice.task
-    inward = -radius if task.pose(law.start)[0, 3] > 0 else radius
+    inward = -radius if task.pose(law.q0)[0, 3] > 0 else radius
     name = robot if not FilePath(robot).suffix else robot_name(robot, path)
     chosen = (
         {"name": name} | ({"tip": advice.chain.tip} if advice.chain.base else {}) | ({"base": base} if base else {})
@@ -109,7 +109,7 @@ def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: s
         f"title = {toml(f'{task.robot.name}: {law.name}'[:LONGEST_TITLE])}\nabout = {toml(' '.join(advice.reasons))}",
         table("robot", chosen),
         table("task", _task_keys(task)),
-        "# " + ", ".join(task.robot.joint_names).replace("\n", " ") + "\n" + table("start", {"q": law.start.tolist()}),
+        "# " + ", ".join(task.robot.joint_names).replace("\n", " ") + "\n" + table("start", {"q": law.q0.tolist()}),
         table("path", {
             "kind": "circle", "center": [inward, 0.0, 0.0], "relative": True, "speed": 0.1, "samples": SAMPLES,
             "cycles": CYCLES,

@@ -27,32 +27,32 @@ class Covering(Value):
     workspace: Workspace
     table: WorkspaceTable
     task: Task
-    start: Vector
+    q0: Vector
 
     @cached_property
     def reach(self) -> Reach:
         """Which poses the arm reaches by any posture: the same for all strategies."""
         asked = self.table
-        return posture_reach(self.task, self.workspace, self.start, samples=asked.samples, seed=asked.seed)
+        return posture_reach(self.task, self.workspace, self.q0, samples=asked.samples, seed=asked.seed)
 
-    def added(self, result: StrategyResult, strategy: HolonomicStrategy, begin: Vector) -> StrategyResult:
+    def added(self, result: StrategyResult, strategy: HolonomicStrategy, q0: Vector) -> StrategyResult:
         """A result with the coverage of the leaf on which the strategy begins, and slices where there are planes."""
         asked, space = self.table, self.workspace
         covers = coverage(
-            strategy, begin, space, samples=asked.samples, seed=asked.seed, limits=asked.limits, reach=self.reach
+            strategy, space, q0, samples=asked.samples, seed=asked.seed, limits=asked.limits, reach=self.reach
         )
         slices = ()
         if isinstance(space, PoseRange) and asked.slices:
-            slices = coverage_slices(strategy, begin, space, steps=max(2, asked.slices), limits=asked.limits)
+            slices = coverage_slices(strategy, space, q0, steps=max(2, asked.slices), limits=asked.limits)
         return replace(result, coverage=covers, slices=slices)
 
 
-def build_covering(job: Job, task: Task, start: Vector, file: FilePath) -> Covering | None:
+def build_covering(job: Job, task: Task, q0: Vector, file: FilePath) -> Covering | None:
     """The workspace of a job with what is asked of it; None for a job without. Raises: JobError, RecordingError."""
     if job.workspace is None:
         return None
-    at_start = task.robot.pose(start)[:3, :3]
-    return Covering(build_workspace(job.workspace, at_start, file), job.workspace, task, start)
+    at_start = task.robot.pose(q0)[:3, :3]
+    return Covering(build_workspace(job.workspace, at_start, file), job.workspace, task, q0)
 
 
 def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePath) -> Workspace:

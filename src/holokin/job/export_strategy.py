@@ -57,7 +57,7 @@ def export_job(
     return export_c(
         strategy,
         folder,
-        start=start,
+        q0=start,
         dt=dt,
         name=c_name(f"{robot}_{label}") if prefix is None else prefix,
         origin=origin,

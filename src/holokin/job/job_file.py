@@ -18,7 +18,7 @@ from .strategy_tables import KINDS
 from .table_values import Table
 
 Key = tuple[str, ...]
-"""The way to a value: the names and numbers of the tables and lists around it, and its own."""
+"""The path to a value: the names and numbers of the tables and lists around it, and its own."""
 
 _BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length", "expected")
 _CURES = {

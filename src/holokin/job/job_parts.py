@@ -85,25 +85,25 @@ def build_tasks(job: Job, file: FilePath) -> tuple[Robot, Vector, list[Task]]:
         return robot, start, job.task.tasks(robot, start)
 
 
-def build_strategy(job: Job, label: str, task: Task, start: Vector, title: str) -> Strategy:
+def build_strategy(job: Job, label: str, task: Task, q0: Vector, title: str) -> Strategy:
     """A strategy of the job, called `title`; a fitted one is fitted to another one of it. Raises: HolokinError."""
     table = job.strategies[label]
     if isinstance(table, Fitted):
-        return table.fit(build_strategy(job, table.of, task, start, table.of), start, title)
-    return table.build(task, start, title)
+        return table.fit(build_strategy(job, table.of, task, q0, table.of), q0, title)
+    return table.build(task, q0, title)
 
 
-def build_begin(table: StrategyTable, strategy: Strategy, start: Vector) -> tuple[Vector, str]:
+def build_begin(table: StrategyTable, strategy: Strategy, q0: Vector) -> tuple[Vector, str]:
     """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one moved to from it.
 
     Raises:
         BranchError where moving to the leaf fails; else as `move_to_leaf`.
     """
     if not isinstance(table, ConstraintTable) or table.leaf is None:
-        return start, ""
+        return q0, ""
     leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
     try:
-        begin = move_to_leaf(cast(HolonomicStrategy, strategy), start, table.leaf)  # it refuses others
+        begin = move_to_leaf(cast(HolonomicStrategy, strategy), q0, table.leaf)  # it refuses others
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         fact = f"moving to the leaf failed: from the start posture to level {leaf}, {fact}"

@@ -34,7 +34,7 @@ class Run:
 
     @property
     def walks(self) -> list[Trajectory]:
-        """The cycles and the two ways."""
+        """The cycles and the two paths."""
         return list(self.found.trajectories().values())
 
     def measured(self) -> dict[str, float]:
@@ -67,10 +67,10 @@ def _drift_total(run: Run) -> float:
 
 
 def _spread(run: Run) -> float:
-    ways = run.found.ways
-    if ways is None or any(way.status is not Status.COMPLETE for way in ways):
+    pair = run.found.two_paths
+    if pair is None or any(path.status is not Status.COMPLETE for path in pair):
         return np.nan
-    return float(np.abs(ways[0].q[-1] - ways[1].q[-1]).max())
+    return float(np.abs(pair[0].q[-1] - pair[1].q[-1]).max())
 
 
 def _tracking(run: Run) -> float:
@@ -117,8 +117,8 @@ METRICS: dict[str, Metric] = {
     "drift_least": Metric("least of the cycles' drifts [joint]", _of_drifts(np.min)),
     "drift_most": Metric("greatest of the cycles' drifts [joint]", _of_drifts(np.max)),
     "spread": Metric(
-        "largest joint difference between the two ways [joint]", _spread,
-        "the path has no two ways, or not both were gone to their end",
+        "largest joint difference between the two paths [joint]", _spread,
+        "the path has no two paths, or not both were gone to their end",
     ),
     "tracking": Metric("worst tracking error [m or rad]", _tracking),
     "sigma": Metric(

@@ -34,13 +34,13 @@ from .path_tables import PathTable
 from .schema import Job
 
 
-def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[Path, str]:
+def build_path(job: Job, task: Task, q0: Vector, file: FilePath) -> tuple[Path, str]:
     """The path of a job, and notes on its file. It begins at the tool's start point unless an entry leads to it.
 
     Raises:
         JobError, RecordingError, and what the shapes raise.
     """
-    table, tool = job.path, task.pose(start)
+    table, tool = job.path, task.pose(q0)
     F = table.frame_pose
     local = np.linalg.inv(F) @ tool if table.frame is not None else tool
     notes: list[str] = []
@@ -58,7 +58,7 @@ def build_path(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[Pat
         fact = f"asks for {table.cycles} cycles of a path that ends {path.gap:.3g} (m or rad) from its start"
         raise JobError(file, "path.cycles", fact, "close the path, or leave out cycles")
     if table.entry is None:
-        _check_begin(path, table, tool, task, start, file)
+        _check_begin(path, table, tool, task, q0, file)
     return path, " ".join(f"{table.file}: {note}." for note in notes)
 
 
@@ -95,15 +95,15 @@ def _curve(table: PathTable, tool: Vector, file: FilePath, notes: list[str]) -> 
     )  # fmt: skip
 
 
-def _arc(table: PathTable, center: Vector, begin: Vector, file: FilePath) -> Path:
+def _arc(table: PathTable, center: Vector, q0: Vector, file: FilePath) -> Path:
     """The arc that begins at a point (3,): where the tool is, or `at`."""
     angle = 360.0 if table.angle_deg is None else table.angle_deg
     try:
-        return arc(begin, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
+        return arc(q0, center, np.deg2rad(-angle if table.clockwise else angle), table.normal, speed=table.speed)
     except ArgumentError as problem:
         if problem.what != "normal" or table.relative:
             raise
-        fact = f"is {problem.value}, {'the tool' if table.at is None else 'it'} starts at {_typed(begin)}"
+        fact = f"is {problem.value}, {'the tool' if table.at is None else 'it'} starts at {_typed(q0)}"
         cure = f"{problem.cure}; set relative = true, then the center counts from the tool"
         raise JobError(file, "path.normal", fact, cure) from None
 
@@ -154,10 +154,10 @@ def _surface(formula: str | float) -> Callable[[float, float], float]:
     return lambda a, b: float(np.ravel(height([a], [b]))[0])
 
 
-def _check_begin(path: Path, table: PathTable, tool: Matrix, task: Task, start: Vector, file: FilePath) -> None:
+def _check_begin(path: Path, table: PathTable, tool: Matrix, task: Task, q0: Vector, file: FilePath) -> None:
     """Raises: JobError when a path begins elsewhere than at the tool, in the rows of the task."""
     R = tool[:3, :3] if path.rotation is None else path.rotation
-    off = np.abs(task.error(start, path.start, R))
+    off = np.abs(task.error(q0, path.start, R))
     if off.max(initial=0.0) <= TOLERANCES.start:
         return
     rows = [row for row in task.rows if row < 3]
@@ -180,19 +180,19 @@ def _typed(point: Vector) -> str:
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
-def build_entry(job: Job, strategy: Strategy, path: AnyPath, begin: Vector) -> tuple[Vector, str]:
+def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> tuple[Vector, str]:
     """The posture (n,) at the start of the path to which the entry leads, and a sentence on it.
 
     Raises:
         BranchError where it leads nowhere.
     """
     if job.path.entry is None:
-        return begin, ""
+        return q0, ""
     if not isinstance(path, Path):
         cure = "leave it out, and begin where all paths do"
         raise ArgumentError("the entry to the paths of several frames", job.path.entry, cure)
     try:
-        way = approach(strategy, path, begin, by=job.path.entry)
+        way = approach(strategy, path, q0, by=job.path.entry)
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         raise BranchError(f"the entry to the path failed: {fact}", cure) from problem

@@ -48,7 +48,7 @@ class PathTable(KindTable):
     """[path]: a curve of the tool, and what is made of it.
 
     `relative` points count from the tool's start point. A closed path is run round for `cycles`, and its two
-    halves are the two ways to the pose half a loop away.
+    halves are the two paths to the pose half a loop away.
     """
 
     kind: Kind

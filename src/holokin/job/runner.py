@@ -1,4 +1,4 @@
-"""Doing a job: every strategy round the path, both ways and for its cycles, judged and checked."""
+"""Doing a job: every strategy round the path, both paths and for its cycles, judged and checked."""
 
 from __future__ import annotations
 
@@ -157,16 +157,16 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: AnyPath, start: Vector, method: str | None
+    job: Job, label: str, strategy: Strategy, path: AnyPath, q0: Vector, method: str | None
 ) -> StrategyResult:
     asked = job.verdict
-    region = around(start, asked.radius)
+    region = around(q0, asked.radius)
     verdict = involutivity(strategy, region, samples=asked.samples, thorough=asked.thorough)
     troubles: list[str] = []
 
     def run(part: AnyPath, samples: int, cycles: int) -> Trajectory:
         try:
-            return follow(strategy, part, start, samples=samples, cycles=cycles, method=method)
+            return follow(strategy, part, q0, samples=samples, cycles=cycles, method=method)
         except PathError as problem:
             if problem.trajectory is None:
                 raise
@@ -174,25 +174,25 @@ def _run_strategy(
             return problem.trajectory
 
     cycles = run(path, job.path.samples, job.path.cycles)
-    ways = None
+    pair = None
     if not one_way(path):
-        a, b = path.reversed().ways() if path.counter_clockwise else path.ways()
+        a, b = path.reversed().halves() if path.counter_clockwise else path.halves()
         half = max(1, job.path.samples // 2)
-        ways = (run(a, half, 1), run(b, half, 1))
-    walks = [cycles, *(ways or ())]
+        pair = (run(a, half, 1), run(b, half, 1))
+    walks = [cycles, *(pair or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
     trouble = troubles[0] if troubles else ""
     done = cycles.status is Status.COMPLETE
     share = 1.0 if done else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
-    return StrategyResult(strategy.name, label, verdict, ways, cycles, status, trouble, {}, followed=share)
+    return StrategyResult(strategy.name, label, verdict, pair, cycles, status, trouble, {}, followed=share)
 
 
 def one_way(path: AnyPath) -> str:
-    """Why a path has no second way to a pose of it, with which the joints could be compared; empty where it has one."""
-    cure = "draw a closed path whose halves lead to one pose by different ways"
+    """Why a path has no second path to a pose of it, to compare the joints with; empty where it has one."""
+    cure = "draw a closed path whose halves lead to one pose by different paths"
     if not path.closed:
         return f"the path is open, so it leads to each pose by one way only; {cure}"
-    there, back = path.ways()
+    there, back = path.halves()
     shares = np.linspace(0.0, 1.0, PLACES)
     a, b = there.at(shares * there.duration), back.at(shares * back.duration)
     size = max(float(np.ptp(a.position, axis=0).max()), float(np.ptp(a.rotation, axis=0).max()), 1e-300)

@@ -13,7 +13,7 @@ from .path_building import build_path
 from .schema import Job
 
 
-def build_paths(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[AnyPath, str]:
+def build_paths(job: Job, task: Task, q0: Vector, file: FilePath) -> tuple[AnyPath, str]:
     """The path and notes on its file, or paths of several frames run through together; one without stays where it is.
 
     Raises:
@@ -24,16 +24,16 @@ def build_paths(job: Job, task: Task, start: Vector, file: FilePath) -> tuple[An
         cure = f"the task has {task.frames}: leave some out"
         raise ArgumentError("the number of frames with a path", len(others) + 1, cure)
     if task.frames == 1:
-        return build_path(job, task, start, file)
+        return build_path(job, task, q0, file)
     if job.path.entry is not None:
         raise JobError(file, "path.entry", "leads one tool to its path, the task has several", "leave it out")
     found, notes = [], []
     for f, part in enumerate(parts_of(task)):
         if f > len(others):
-            found.append(part.pose(start)[:3, 3])
+            found.append(part.pose(q0)[:3, 3])
         else:
             table = job.path if f == 0 else others[f - 1].model_copy(update={"cycles": job.path.cycles})
-            path, note = build_path(job.model_copy(update={"path": table}), part, start, file)
+            path, note = build_path(job.model_copy(update={"path": table}), part, q0, file)
             found.append(path)
             notes.append(note)
     return synchronized(*found), " ".join(note for note in notes if note)

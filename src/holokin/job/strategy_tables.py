@@ -52,8 +52,8 @@ class StrategyTable(Table):
     method: Literal["velocity", "leaf"] | None = None
     invariant: Formulas = Field(default=[])
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
-        """The strategy of a task, called `name`; `start` (n,) is the start posture. Raises: HolokinError."""
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
+        """The strategy of a task, called `name`; `q0` (n,) is the start posture. Raises: HolokinError."""
         raise NotImplementedError
 
     def invariants(self, task: Task) -> Function | None:
@@ -73,7 +73,7 @@ class ConstraintTable(StrategyTable):
         """The constraint. Raises: HolokinError."""
         raise NotImplementedError
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """The extended Jacobian of the constraint."""
         return strategies.holonomic(task, self.constraint(task), name=name)
 
@@ -83,7 +83,7 @@ class MoorePenrose(StrategyTable):
 
     kind: Literal["moore-penrose"]
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `moore_penrose`."""
         return strategies.moore_penrose(task, name=name)
 
@@ -94,7 +94,7 @@ class Weighted(StrategyTable):
     kind: Literal["weighted"]
     weight: FormulaRows
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `weighted`."""
         return strategies.weighted(task, matrix(self.weight, task.robot), name=name)
 
@@ -104,7 +104,7 @@ class InertiaWeighted(StrategyTable):
 
     kind: Literal["inertia-weighted"]
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `inertia_weighted`."""
         return strategies.inertia_weighted(task, name=name)
 
@@ -117,7 +117,7 @@ class Impedance(StrategyTable):
     stiffness: Springs = 1.0
     force: Literal["pseudo-inverse", "stiffness"] = "pseudo-inverse"
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `impedance`, of the posture cost."""
         springs = constraints.posture_cost(self.preferred, self.stiffness)
         return strategies.impedance(task, springs, force=self.force, name=name)
@@ -129,7 +129,7 @@ class NullBasis(StrategyTable):
     kind: Literal["null-basis"]
     N_G: FormulaRows
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `null_basis`."""
         return strategies.null_basis(task, matrix(self.N_G, task.robot), name=name)
 
@@ -140,7 +140,7 @@ class RightInverse(StrategyTable):
     kind: Literal["right-inverse"]
     G: FormulaRows
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `right_inverse`."""
         return strategies.right_inverse(task, matrix(self.G, task.robot), name=name)
 
@@ -151,7 +151,7 @@ class Pfaffian(StrategyTable):
     kind: Literal["pfaffian"]
     A: FormulaRows
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `pfaffian`."""
         return strategies.pfaffian(task, matrix(self.A, task.robot), name=name)
 
@@ -162,7 +162,7 @@ class CoupledTwist(StrategyTable):
     kind: Literal["coupled-twist"]
     gain: Gain
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `coupled_twist`."""
         return strategies.coupled_twist(task, self.gain, name=name)
 
@@ -317,13 +317,13 @@ class Radial(StrategyTable):
     weight: FormulaRows | None = None
     steps: Annotated[int, Field(ge=1, le=MOST_RADIAL_STEPS)] = 4
 
-    def build(self, task: Task, start: Vector, name: str) -> Strategy:
+    def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """As `radial`."""
         if self.weight is None:
             given = strategies.moore_penrose(task)
         else:
             given = strategies.weighted(task, matrix(self.weight, task.robot))
-        return strategies.radial(given, start, steps=self.steps, name=name)
+        return strategies.radial(given, q0, steps=self.steps, name=name)
 
 
 class Fitted(StrategyTable):
@@ -337,11 +337,11 @@ class Fitted(StrategyTable):
     degree: Annotated[int, Field(ge=1, le=MOST_DEGREE)] = 4
     samples: Annotated[int, Field(ge=1, le=MOST_FITTED)] = 200
 
-    def fit(self, given: Strategy, start: Vector, name: str) -> Strategy:
+    def fit(self, given: Strategy, q0: Vector, name: str) -> Strategy:
         """As `fitted`, to postures of `ball_postures`. Raises: HolokinError."""
         task = given.task
         along = self.along if task.n - task.m == 1 else 0.0
-        region = ball(start, self.radius, along=along, turn=float(np.deg2rad(self.turn_deg)))
+        region = ball(q0, self.radius, along=along, turn=float(np.deg2rad(self.turn_deg)))
         positions = tuple(i for i, row in enumerate(task.rows) if row < 3)
         rows = positions if positions and not self.turn_deg else None
         if not isinstance(given, HolonomicStrategy):

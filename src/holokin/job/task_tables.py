@@ -54,7 +54,7 @@ class TaskTable(KindTable):
     def _orientations(self) -> list[Orientation]:
         return self.orientation if isinstance(self.orientation, list) else [self.orientation]
 
-    def tasks(self, robot: Robot, start: Vector) -> list[Task]:
+    def tasks(self, robot: Robot, q0: Vector) -> list[Task]:
         """One task, or one for each orientation of a list; what counts from a reference does so from the start."""
         if self.kind == "position":
             return [position(robot, self.tip, rows=self.rows)]
@@ -64,15 +64,15 @@ class TaskTable(KindTable):
             formulas = column(self.expressions or [], robot)
             return [custom_task(robot, formulas, units=self.units or (), names=self.names, name="task")]
         if self.kind == "pose":
-            at = robot.pose(start, self.tip)[:3, :3]
+            at = robot.pose(q0, self.tip)[:3, :3]
             return [
                 pose(robot, kind, reference=at, axis=self.axis, tip=self.tip, rows=self.rows)
                 for kind in self._orientations
             ]
         if self.kind == "stacked":
-            return [stacked(*(part.tasks(robot, start)[0] for part in self.parts or []))]
+            return [stacked(*(part.tasks(robot, q0)[0] for part in self.parts or []))]
         tip, other = self.tip or "", self.other or ""
-        at = relative_pose(robot, tip, other).pose(start)[:3, :3]
+        at = relative_pose(robot, tip, other).pose(q0)[:3, :3]
         return [
             relative_pose(robot, tip, other, kind, reference=at, axis=self.axis, rows=self.rows)
             for kind in self._orientations

@@ -38,10 +38,10 @@ class LeafTask:
     _joints: ModelJoints | None
 
     def _hold(
-        self, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], find: Callable[..., ModelJoints]
+        self, strategy: HolonomicStrategy, q0: Vector, names: tuple[str, ...], find: Callable[..., ModelJoints]
     ) -> None:
-        self.strategy, self.level = strategy, leaf_value(strategy, start)
-        self._near, self._names, self._find = start, names, find
+        self.strategy, self.level = strategy, leaf_value(strategy, q0)
+        self._near, self._names, self._find = q0, names, find
         self._model, self._joints = None, None  # of the last call
 
     def compute_error(self, configuration: Any) -> Vector:
@@ -79,17 +79,17 @@ class LeafTask:
 
 @typed
 def pink_task(
-    strategy: HolonomicStrategy, start: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
+    strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
     joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
-    """The leaf of a strategy through a start as a `pink.tasks.Task`: e(q) = g(q) - g(start), J = dg/dq.
+    """The leaf of a strategy through a posture q0 as a `pink.tasks.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to pink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
     Joints are found in the model by their names; it may have others, as fingers or a floating base, on which g does
     not depend. A joint that Pinocchio keeps as cosine and sine is read within half a turn of where it was last.
 
     Args:
-        start: posture (n,) of the strategy's robot, whose leaf is held.
+        q0: posture (n,) of the strategy's robot, whose leaf is held.
         cost: weight among the tasks, a number or one a row (r,) [cost / unit of g]. Constraints have none.
         gain: share of the error that is removed in a step, 0 to 1; the first step of a constraint removes all with 1.
         lm_damping: of the library: more damping where the error is large.
@@ -100,28 +100,28 @@ def pink_task(
         ShapeError, NotFiniteError: start or cost.
         UnknownNameError (when called): the model has no joint of that name.
     """
-    made = _checked(strategy, start, cost, gain, lm_damping, joints)
+    made = _checked(strategy, q0, cost, gain, lm_damping, joints)
     return _class_of("pink", "pin-pink", "pink.tasks")(strategy, *made, pinocchio_joints)
 
 
 @typed
 def mink_task(
-    strategy: HolonomicStrategy, start: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
+    strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
     joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
-    """The leaf of a strategy through a start as a `mink.Task`: e(q) = g(q) - g(start), J = dg/dq.
+    """The leaf of a strategy through a posture q0 as a `mink.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
     Give it to mink's `solve_ik` among the `constraints`, which then holds the leaf, or among the `tasks`, as a cost.
     Joints are found in the model by their names; it may have others, as fingers or a free joint, on which g does not
     depend.
 
     Args:
-        start, cost, gain, lm_damping, joints: as of `pink_task`.
+        q0, cost, gain, lm_damping, joints: as of `pink_task`.
 
     Raises:
         MissingExtraError: mink is not installed. Else as `pink_task`.
     """
-    made = _checked(strategy, start, cost, gain, lm_damping, joints)
+    made = _checked(strategy, q0, cost, gain, lm_damping, joints)
     return _class_of("mink", "mink", "mink")(strategy, *made, mujoco_joints)
 
 
@@ -131,11 +131,11 @@ def _class_of(library: str, package: str, module: str) -> Any:
     parent = extra(module, package, library).Task
 
     def init(
-        self: Any, strategy: HolonomicStrategy, start: Vector, names: tuple[str, ...], cost: Vector, gain: float,
+        self: Any, strategy: HolonomicStrategy, q0: Vector, names: tuple[str, ...], cost: Vector, gain: float,
         lm_damping: float, find: Callable,
     ) -> None:  # fmt: skip
         parent.__init__(self, cost=cost, gain=gain, lm_damping=lm_damping)
-        self._hold(strategy, start, names, find)
+        self._hold(strategy, q0, names, find)
 
     about = f"The leaf of a strategy as a task of {library}: see `holokin.{library}_task`."
     members = {"__init__": init, "__doc__": about, "__module__": __name__}
@@ -143,14 +143,14 @@ def _class_of(library: str, package: str, module: str) -> Any:
 
 
 def _checked(
-    strategy: HolonomicStrategy, start: ArrayLike, cost: ArrayLike, gain: float, lm_damping: float,
+    strategy: HolonomicStrategy, q0: ArrayLike, cost: ArrayLike, gain: float, lm_damping: float,
     joints: Sequence[str] | None,
 ) -> tuple[Vector, tuple[str, ...], Vector, float, float]:  # fmt: skip
     """(start, names, cost, gain, damping) as they must be."""
     robot, rows = strategy.task.robot, strategy.constraint.rows
     if not rows:
         raise ArgumentError("the strategy", strategy, "give one with redundant joints: here nothing is left to hold")
-    q0 = start_posture(robot, start)
+    q0 = start_posture(robot, q0)
     strategy(q0)
     names = tuple(robot.joint_names if joints is None else joints)
     if len(names) != robot.n:

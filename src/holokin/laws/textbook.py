@@ -89,7 +89,7 @@ def repetitive_motion(
     """
     K, pull = not_negative("gain", gain), not_negative("rate", rate)
     if not limits:
-        return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.start)))
+        return compiled(name, task, lambda s: _projected(s, K, -pull * (s.q - s.q0)))
     wanted = compiled(name, task, lambda s: Solution(vertcat(s.dx + K * s.error, vec(s.J)), SX(1)))
     nearest, robot = NearestPoint(task.n, task.m), task.robot
 
@@ -115,7 +115,7 @@ def repetitive_motion(
 def asymptotically_cyclic(
     task: Task,
     g: Constraint,
-    leaf: ArrayLike,
+    level: ArrayLike,
     constraint_gain: float = 1.0,
     gain: float = GAIN,
     *,
@@ -126,7 +126,7 @@ def asymptotically_cyclic(
 
     Args:
         g: constraint of r = n - m rows.
-        leaf: the level (r,) of g to converge to.
+        level: the level (r,) of g to converge to.
         constraint_gain: K_g [1/s].
         exact: False for dq = J^+ (x' + K e) - K_g N (J_g N)^-1 (g - leaf), which converges only to O(1/K_g).
 
@@ -135,7 +135,7 @@ def asymptotically_cyclic(
     """
     K, K_g = not_negative("gain", gain), not_negative("constraint_gain", constraint_gain)
     strategy = holonomic(task, g).looped
-    c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", leaf)), (g.rows,), "give one for each row of g"))
+    c = frozen(finite("the leaf", np.atleast_1d(numbers("the leaf", level)), (g.rows,), "give one for each row of g"))
 
     def rate(s: Symbols) -> Solution:
         if exact:

@@ -31,7 +31,7 @@ def approach(
     q0: ArrayLike,
     *,
     by: str = "joints",
-    leaf: ArrayLike | None = None,
+    level: ArrayLike | None = None,
     samples: int = 100,
     speed: float = 0.5,
 ) -> Trajectory:
@@ -44,7 +44,7 @@ def approach(
     Args:
         by: "joints" moves all joints evenly, as a robot's point-to-point motion does, wherever the tool then goes;
             "tool" moves the tool along the straight line.
-        leaf: c (r,) of a strategy with leaves, as of `move_to_leaf`.
+        level: c (r,) of a strategy with leaves, as of `move_to_leaf`.
         samples: steps, at least. speed: of the fastest joint [joint units per s].
 
     Raises:
@@ -59,12 +59,12 @@ def approach(
     start = robot.checked(q0, "the start posture")
     robot.check_limits(start)
     positive("speed", speed, "give a positive speed of the joints")
-    if leaf is not None and not isinstance(strategy, HolonomicStrategy):
-        raise ArgumentError("leaf", leaf, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
+    if level is not None and not isinstance(strategy, HolonomicStrategy):
+        raise ArgumentError("leaf", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
     rows = [start]
-    if leaf is not None and isinstance(strategy, HolonomicStrategy):
+    if level is not None and isinstance(strategy, HolonomicStrategy):
         at = leaf_value(strategy, start)
-        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, leaf)) - at)
+        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - at)
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             rows.append(move_to_leaf(strategy, rows[-1], at + share * far))
     pose = task.pose(rows[-1])

@@ -79,7 +79,7 @@ class Symbols:
     dx: SX
     error: SX
     dt: SX
-    start: SX
+    q0: SX
 
 
 def wanted_symbols(task: Task) -> tuple[tuple[SX, SX], tuple[SX, SX, SX]]:

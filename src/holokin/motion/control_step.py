@@ -285,7 +285,7 @@ def controller(
     strategy: Strategy,
     *,
     dt: float,
-    start: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
     gain: float | None = None,
     constraint_gain: float | None = None,
     limits: bool = True,
@@ -299,7 +299,7 @@ def controller(
 
     Args:
         dt: the loop's step [s], not milliseconds: one in which a joint can move by more than 1 rad is warned of.
-        start: posture (n,) whose leaf is held by every step and in every run; needed by a strategy with a
+        q0: posture (n,) whose leaf is held by every step and in every run; needed by a strategy with a
             constraint. A strategy without one has no leaf, and its start does not matter.
         gain: K [1/s], how fast an error of the tool fades; 0.1/dt by default, by a tenth each step.
         constraint_gain: K_g [1/s], how fast the joints are led back to their leaf; 0.1/dt by default.
@@ -323,12 +323,14 @@ def controller(
     )
     _check_gains(dt, K, K_g)
     bounds = _bounds(most_error, least_rcond)
-    q0, leaf, function = None, np.zeros(0), step_function(strategy, limits)
+    leaf, function = np.zeros(0), step_function(strategy, limits)
     if has_leaf(strategy):
-        if start is None:
-            raise ArgumentError("start", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
-        q0 = start_posture(strategy.task.robot, start)
+        if q0 is None:
+            raise ArgumentError("q0", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
+        q0 = start_posture(strategy.task.robot, q0)
         leaf = leaf_value(strategy, q0)
+    else:
+        q0 = None
     compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g, *bounds))))
     if q0 is not None:
         still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))

@@ -196,7 +196,7 @@ def _pieces(path: Path) -> list[Segment]:
 
 
 def _lifts(path: Path) -> Matrix:
-    """Rotation vectors (k + 1, 3) at the ends of the pieces, the way from the start counted: up to 2 pi long."""
+    """Rotation vectors (k + 1, 3) at the ends of the pieces, the path from the start counted: up to 2 pi long."""
     from scipy.spatial.transform import Rotation
 
     now, out = np.array([0.0, 0.0, 0.0, 1.0]), [np.zeros(3)]

@@ -1,4 +1,4 @@
-"""Drift over the cycles of a closed path, and the spread between two ways to one tool pose."""
+"""Drift over the cycles of a closed path, and the spread between two paths to one tool pose."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
 
 @dataclass(frozen=True, eq=False)
 class Spread(NoTruthValue, Value, ask="`.largest`"):
-    """Joints reached by two ways to the same tool pose."""
+    """Joints reached by two paths to the same tool pose."""
 
     a: Trajectory
     b: Trajectory

@@ -79,14 +79,14 @@ class _Run:
     law: ControlLaw
     task: Task
     plan: Plan
-    start: Vector
+    q0: Vector
     cycles: int
 
     def __post_init__(self) -> None:
         total = self.cycles * self.plan.steps
         self.q = np.empty((total + 1, self.task.n))
         self.dq = np.zeros((total + 1, self.task.n))
-        self.q[0] = self.start
+        self.q[0] = self.q0
         self.done = 0
         self.stopped = False
         self.fault: tuple[str, BaseException | None] | None = None
@@ -129,9 +129,9 @@ class _Run:
         plan, n = self.plan, self.task.n
         poses, twists = step_targets(plan)
         self.pulse = time.monotonic()
-        q = self.start.copy()
+        q = self.q0.copy()
         try:
-            step: Step = self.law.begin(self.start.copy())
+            step: Step = self.law.begin(self.q0.copy())
             for k in range(len(self.q) - 1):
                 i = k % plan.steps
                 self.pulse = time.monotonic()

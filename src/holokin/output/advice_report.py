@@ -157,9 +157,9 @@ def reached_scene(axes: Any, advice: Advice) -> Any:
     """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
     robot, found = advice.task.robot, advice.coverage
     points = found.poses[:, :3, 3]
-    stage = stage_of(robot, advice.start[None], extra=points, ratio=(0.5, 0.8))
+    stage = stage_of(robot, advice.q0[None], extra=points, ratio=(0.5, 0.8))
     title = f"start posture, and {len(found)} poses of the workspace"
-    draw_panel(axes, stage, [Actor(advice.start, INK)], title=title)
+    draw_panel(axes, stage, [Actor(advice.q0, INK)], title=title)
     coverage_cloud(axes, found, seen=stage.scene.view.seen(points))
     return axes
 

@@ -1,4 +1,4 @@
-"""Films of a job: the two ways of two laws beside each other, the paper's video; and their cycles, with the drift."""
+"""Films of a job: the two paths of two laws beside each other, the paper's video; and their cycles, with the drift."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .plots import style
 from .robot_panels import GHOST, Curve, stage_of
 from .robot_view import layer_of, show
 from .solids import Layer, Pixels, onto
-from .words import away, joint_unit, on_figure, stopped, ways_end
+from .words import away, joint_unit, on_figure, paths_end, stopped
 
 FRAMES = 45
-"""Frames of the two ways; and the least number of those of the cycles."""
+"""Frames of the two paths; and the least number of those of the cycles."""
 
 MOST_FRAMES = 140
 """Frames of the cycles."""
@@ -54,7 +54,7 @@ class Panel:
 def animate(
     result: JobResult, folder: FilePath, say: Callable[[str], None] = lambda _text: None
 ) -> list[tuple[str, str]]:
-    """Write `ways` where there are two ways, and `cycles` where there are several, as .mp4 or .gif.
+    """Write `paths` where there are two paths, and `cycles` where there are several, as .mp4 or .gif.
 
     Returns:
         The names of the files, each with its caption.
@@ -66,7 +66,7 @@ def animate(
         return []
     made = []
     shown = shown_laws(result)
-    apart = tuple(s for s in shown if s.ways is not None)
+    apart = tuple(s for s in shown if s.two_paths is not None)
     films = []
     if result.cycles > 1:
         caption = (
@@ -76,10 +76,10 @@ def animate(
         films.append(("cycles", caption, lambda: cycles_frames(result, shown)))
     if apart:
         caption = (
-            "The two ways: clockwise (light blue) and counter-clockwise (orange), half a loop each, to one pose of the "
-            "tool. By a repeatable law the two robots meet there; by any other they end apart."
+            "The two paths: clockwise (light blue) and counter-clockwise (orange), half a loop each, to one pose of "
+            "the tool. By a repeatable law the two robots meet there; by any other they end apart."
         )
-        films.append(("ways", caption, lambda: ways_frames(result, apart)))
+        films.append(("paths", caption, lambda: two_path_frames(result, apart)))
     for stem, caption, frames in films:
         name = f"{stem}{ending()}"
         say(f"drawing {name}")
@@ -99,23 +99,27 @@ def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
     return found if len(found) == 2 else result.drawn[:2]
 
 
-def ways_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
-    """The two ways at once, in one panel a law; a way that stops says when, and nothing is compared."""
+def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
+    """The two paths at once, in one panel a law; a way that stops says when, and nothing is compared."""
     panels = []
     for strategy in strategies:
-        assert strategy.ways is not None  # noqa: S101  for the type: `animate` asked
-        clockwise, counter = strategy.ways
+        assert strategy.two_paths is not None  # noqa: S101  for the type: `animate` asked
+        clockwise, counter = strategy.two_paths
         complete = clockwise.status is counter.status is Status.COMPLETE
-        end = ways_end(strategy.ways) if complete else "; ".join(filter(None, map(_ended, strategy.ways, _WAYS)))
+        end = (
+            paths_end(strategy.two_paths)
+            if complete
+            else "; ".join(filter(None, map(_ended, strategy.two_paths, _DIRECTIONS)))
+        )
 
         def said(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
-            return f"{name}\n{end if share == 1.0 else 'half a loop, both ways'}"
+            return f"{name}\n{end if share == 1.0 else 'half a loop, both paths'}"
 
         panels.append(Panel(((clockwise, CLOCKWISE, 1.0), (counter, COUNTER_CLOCKWISE, 0.62)), said))
     yield from _frames(result, panels, FRAMES)
 
 
-_WAYS = ("clockwise", "counter-clockwise")
+_DIRECTIONS = ("clockwise", "counter-clockwise")
 
 
 def _ended(walk: Trajectory, name: str) -> str:
@@ -159,14 +163,14 @@ class _Sheet:
     def __init__(self, result: JobResult, panels: list[Panel], drift: bool) -> None:
         self.panels, self.robot = panels, result.robot
         walks = [walk for panel in panels for walk, _, _ in panel.walks]
-        postures = np.vstack([result.start[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
+        postures = np.vstack([result.q0[None], *(walk.q[:: max(1, len(walk) // 24)] for walk in walks)])
         curves = [Curve(points, LOOP) for walk in walks for points in tool_points(result, walk)]
         pairs = [(panel.walks[-1][0].q[-1], panel.walks[0][0].q[-1]) for panel in panels]
         if len(panels[0].walks) == 1:
-            pairs = [(result.start, panel.walks[0][0].q[-1]) for panel in panels]
+            pairs = [(result.q0, panel.walks[0][0].q[-1]) for panel in panels]
         self.stage = stage_of(self.robot, postures, curves, pairs=pairs, obstacles=result.obstacles, ratio=(0.6, 1.1))
         self.window = self.stage.scene.window(WIDTH)
-        self.start, self.drift = result.start, drift
+        self.start, self.drift = result.q0, drift
         self.unit, self.cycles = joint_unit(self.robot), result.cycles
         self._draw()
         base = [] if self.robot.planar else triad(np.zeros(3), np.eye(3), 4.5 * self.stage.unit)

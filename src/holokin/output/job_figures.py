@@ -13,9 +13,9 @@ from ..motion.trajectory import Status, Trajectory
 from .coverage_plots import coverage_figure
 from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
-from .plots import LABELS, drift_per_cycle, joint_cycles, joint_ranges, joint_ways, movers, style
+from .plots import LABELS, drift_per_cycle, joint_cycles, joint_histories, joint_ranges, movers, style
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
-from .words import away, joint_unit, on_figure, stopped, ways_end
+from .words import away, joint_unit, on_figure, paths_end, stopped
 
 MAPS = (
     "Maps: planes through the centre of the workspace, the tool in its middle orientation, a cross at the start. "
@@ -57,12 +57,12 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
             )
             yield "cycles", caption, cycles_figure(result)
     for strategy in result.drawn:
-        if strategy.ways is not None:
+        if strategy.two_paths is not None:
             with rc_context(style()):
                 yield (
-                    f"ways-{result.stems[strategy.name]}",
-                    ways_caption(result, strategy),
-                    ways_figure(strategy, result),
+                    f"paths-{result.stems[strategy.name]}",
+                    two_paths_caption(result, strategy),
+                    two_paths_figure(strategy, result),
                 )
     if has_ranges(result):
         with rc_context(style()):
@@ -83,24 +83,24 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 def robot_caption(result: JobResult) -> str:
     """What to see in the picture of the robot."""
     said = "The robot at the start is pale grey. "
-    if any(s.ways is not None for s in result.drawn):
+    if any(s.two_paths is not None for s in result.drawn):
         said += (
             "Half a loop clockwise leads it to where it is light blue, half a loop counter-clockwise to the orange "
-            "outline. The tool is at one pose in both: where the two robots differ, the joints depend on the way."
+            "outline. The tool is at one pose in both: where the two robots differ, the joints depend on the path."
         )
     else:
         said += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
-        said += " Its joints are compared with none of another way there." if result.one_way else ""
+        said += " Its joints are compared with none of another path there." if result.one_way else ""
     if len(result.drawn) > MOST_PANELS:
         said += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
     return said
 
 
-def ways_caption(result: JobResult, strategy: StrategyResult) -> str:
-    """What to see in the picture of the two ways."""
+def two_paths_caption(result: JobResult, strategy: StrategyResult) -> str:
+    """What to see in the picture of the two paths."""
     caption = (
         f"{strategy.name}: each joint over half a loop, clockwise (solid) and counter-clockwise (dashed), to the same "
-        "tool pose. Dots that lie on each other: the joints do not depend on the way."
+        "tool pose. Dots that lie on each other: the joints do not depend on the path."
     )
     apart = strategy.metrics["same_joints"]
     if np.isfinite(apart):
@@ -109,27 +109,27 @@ def ways_caption(result: JobResult, strategy: StrategyResult) -> str:
     return caption
 
 
-def ways_figure(strategy: StrategyResult, result: JobResult | None = None) -> Any:
+def two_paths_figure(strategy: StrategyResult, result: JobResult | None = None) -> Any:
     """Joint histories by both ways, one panel a joint. [ZR11, Figs 4, 5, 8]"""
     from matplotlib.figure import Figure
 
-    if strategy.ways is None:
-        raise ValueError("a strategy without two ways has no such figure")
-    clockwise, counter = strategy.ways
+    if strategy.two_paths is None:
+        raise ValueError("a strategy without two paths has no such figure")
+    clockwise, counter = strategy.two_paths
     n = len(clockwise.joint_names)
     columns = min(n, 2 if n == 4 else COLUMNS)
     rows = -(-n // columns)
     word = "holonomic" if strategy.verdict.holonomic else "not holonomic"
     title = f"{on_figure(strategy.name)} ({word})"
     if Status.COMPLETE not in (clockwise.status, counter.status) or clockwise.status is not counter.status:
-        title += "\n" + ways_end(strategy.ways)
+        title += "\n" + paths_end(strategy.two_paths)
     top = 0.45 + 0.2 * (1 + title.count("\n"))
     bottom = 0.85 if n == rows * columns else 0.55
     figure = Figure(figsize=(max(4.4 * columns, 6.4), (2.6 if rows == 1 else 1.6) * rows + bottom + top))
     margins(figure, left=0.7, right=0.6, bottom=bottom, top=top, width_gap=1.15, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
-        joint_ways(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)
+        joint_histories(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)
     for column in range(columns):
         last = max(r for r in range(rows) if r * columns + column < n)
         grid[last, column].set_xlabel("time [s]")
@@ -265,29 +265,31 @@ def stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyRes
     """The stage for the starts and ends of some strategies, and their paths."""
     casts = [cast(result, s) for s in drawn]
     postures = np.array([one.q for actors, _ in casts for one in actors])
-    pairs: list[tuple[Vector, Vector]] = [(s.ways[0].q[-1], s.ways[1].q[-1]) for s in drawn if s.ways is not None]
+    pairs: list[tuple[Vector, Vector]] = [
+        (s.two_paths[0].q[-1], s.two_paths[1].q[-1]) for s in drawn if s.two_paths is not None
+    ]
     pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
     curves = [curve for _, found in casts for curve in found]
     return stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
 
 
 def cast(result: JobResult, strategy: StrategyResult) -> tuple[list[Actor], list[Curve]]:
-    """The postures to show of a strategy, and its tool's paths; the start is pale, the second way an outline."""
-    actors = [Actor(result.start, GREY, "ghost")]
-    if strategy.ways is None:
+    """The postures to show of a strategy, and its tool's paths; the start is pale, the second path an outline."""
+    actors = [Actor(result.q0, GREY, "ghost")]
+    if strategy.two_paths is None:
         color = HOLONOMIC if strategy.verdict.holonomic else NONHOLONOMIC
         points = tool_points(result, strategy.cycles)
         return [*actors, Actor(strategy.cycles.q[-1], color)], [Curve(p, LOOP) for p in points]
-    clockwise, counter = strategy.ways
+    clockwise, counter = strategy.two_paths
     actors += [Actor(clockwise.q[-1], CLOCKWISE), Actor(counter.q[-1], COUNTER_CLOCKWISE, "outline")]
     curves = [Curve(points, CLOCKWISE) for points in tool_points(result, clockwise)]
     return actors, curves + [Curve(points, COUNTER_CLOCKWISE, 3) for points in tool_points(result, counter)]
 
 
 def _apart(strategy: StrategyResult) -> float:
-    """How far the two ways end apart, or the last posture from the first."""
-    one, other = strategy.ways or (strategy.cycles, strategy.cycles)
-    gap = one.q[-1] - (other.q[-1] if strategy.ways else strategy.cycles.q[0])
+    """How far the two paths end apart, or the last posture from the first."""
+    one, other = strategy.two_paths or (strategy.cycles, strategy.cycles)
+    gap = one.q[-1] - (other.q[-1] if strategy.two_paths else strategy.cycles.q[0])
     return float(np.abs(gap).max())
 
 
@@ -313,8 +315,8 @@ def tool_points(result: JobResult, walk: Trajectory) -> list[Any]:
 
 
 def _ending(strategy: StrategyResult) -> str:
-    if strategy.ways is not None:
-        return ways_end(strategy.ways)
+    if strategy.two_paths is not None:
+        return paths_end(strategy.two_paths)
     return stopped(strategy.cycles) or "at the end of the path"
 
 

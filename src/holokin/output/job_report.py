@@ -19,7 +19,7 @@ from .job_figures import figures
 from .job_result import JobResult
 from .job_table import NOTHING, columns, remarks, rows
 from .result_folder import FACTS, renewed
-from .words import joint_unit, ways_words
+from .words import joint_unit, paths_words
 
 NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
@@ -31,9 +31,9 @@ _TERMS = {
         "says where the joints are."
     ),
     "Drift": "how far the joints are, at the end of a cycle, from where they were at its beginning.",
-    "Two ways apart": (
+    "Two paths apart": (
         "how much the joints differ when the tool comes to the same pose by half a loop clockwise, and by half a loop "
-        "counter-clockwise; a dash where the path has no two ways, or a way was not gone to its end."
+        "counter-clockwise; a dash where the path has no two paths, or a path was not gone to its end."
     ),
     "Tracking": "the largest distance of the tool from its path.",
     "Sigma min": "the least singular value of the task Jacobian: at zero the tool cannot move in some direction.",
@@ -87,10 +87,10 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
     """result.json, with the names of all files that a later run may replace: written last."""
     facts = {
         "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
-        "robot_source": result.robot.source, "task": result.task, "start": result.start.tolist(),
+        "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
         "path_length_m": result.path.length,
-        "two_ways": ways_words(result) or "compared",
+        "two_paths": paths_words(result) or "compared",
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
         "not_run": [vars(one) for one in result.not_run],
@@ -104,7 +104,7 @@ def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:  # fmt: skip
     robot = result.robot
-    start = posture_text(result.start, robot.joint_names)
+    start = posture_text(result.q0, robot.joint_names)
     verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
@@ -124,7 +124,7 @@ def _page(
         ),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
-        *([f"<p>{escape(ways_words(result))}</p>"] if ways_words(result) else []),
+        *([f"<p>{escape(paths_words(result))}</p>"] if paths_words(result) else []),
         *_terms(),
         *_coverage(result),
         *_timing(result),
@@ -200,7 +200,7 @@ def _cell(text: str) -> str:
 
 
 def _figure(folder: FilePath, stem: str, caption: str) -> str:
-    wide = stem.startswith(("ways", "cycles", "coverage"))  # for a telephone
+    wide = stem.startswith(("paths", "cycles", "coverage"))  # for a telephone
     return svg_figure((folder / f"{stem}.svg").read_bytes(), caption, wide)
 
 

@@ -32,7 +32,7 @@ class Check(NoTruthValue, ask="`.passed`"):
 
 @dataclass(frozen=True, eq=False)
 class StrategyResult:
-    """One strategy in a job: its verdict, its two ways (clockwise, counter-clockwise), its cycles, metrics, checks.
+    """One strategy in a job: its verdict, its two paths (clockwise, counter-clockwise), its cycles, metrics, checks.
 
     coverage, slices: of the job's workspace, where it has one and the strategy has leaves. timed: the cycles as the
     job's [timing] has them, where it has one and they were followed to their end. motion_check: what [checks] found,
@@ -44,7 +44,7 @@ class StrategyResult:
     name: str
     group: str
     verdict: Verdict
-    ways: tuple[Trajectory, Trajectory] | None
+    two_paths: tuple[Trajectory, Trajectory] | None
     cycles: Trajectory
     status: Status
     trouble: str
@@ -65,8 +65,8 @@ class StrategyResult:
     def trajectories(self) -> dict[str, Trajectory]:
         """All trajectories by a short name."""
         named = {"cycles": self.cycles}
-        if self.ways is not None:
-            named |= {"clockwise": self.ways[0], "counter-clockwise": self.ways[1]}
+        if self.two_paths is not None:
+            named |= {"clockwise": self.two_paths[0], "counter-clockwise": self.two_paths[1]}
         return named
 
     def summary(self) -> dict[str, Any]:
@@ -105,7 +105,7 @@ class NotRun:
 class JobResult:
     """A whole job's findings.
 
-    obstacles: those of [checks] that stand still. one_way: why its path has no two ways to a pose, at which joints
+    obstacles: those of [checks] that stand still. one_way: why its path has no two paths to a pose, at which joints
     could be compared, or empty. meanings: of the metrics of its strategies; [joint] there stands for the joints' unit.
     """
 
@@ -114,7 +114,7 @@ class JobResult:
     about: str
     robot: Robot
     task: str
-    start: Vector
+    q0: Vector
     path: AnyPath
     cycles: int
     strategies: tuple[StrategyResult, ...]

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import brief
 from .job_result import JobResult, StrategyResult
 from .palette import BAD, GOOD, HOLONOMIC_TEXT, WARNING
-from .words import check_words, joint_unit, speed_warning, ways_words
+from .words import check_words, joint_unit, paths_words, speed_warning
 
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
@@ -49,7 +49,7 @@ def _columns(result: JobResult) -> list[_Column]:
         _Column("strategy", lambda s: s.name, "left"),
         _Column("verdict", lambda s: "holonomic" if s.verdict.holonomic else "NOT holonomic", "left"),
         _Column(f"drift / cycle\n[{joints}]", figure("drift_mean")),
-        _Column(f"two ways\napart [{joints}]" if narrow else f"two ways apart\n[{joints}]", figure("spread")),
+        _Column(f"two paths\napart [{joints}]" if narrow else f"two paths apart\n[{joints}]", figure("spread")),
         _Column(f"tracking\n[{task}]", figure("tracking")),
         _Column("sigma\nmin", figure("sigma")),
         _Column("speed\n/ MP", figure("speed", "{:.3f}".format)),
@@ -96,8 +96,8 @@ def print_result(result: JobResult, console: Any) -> None:
     for cells in rows(result):
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
     console.print(table)
-    if ways_words(result):
-        console.print(f"  {ways_words(result)}", markup=False, highlight=False)
+    if paths_words(result):
+        console.print(f"  {paths_words(result)}", markup=False, highlight=False)
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
     for strategy in result.strategies:

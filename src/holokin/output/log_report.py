@@ -81,7 +81,7 @@ def joints_at_start(axes: Any, audit: LogAudit) -> Any:
 
 
 def tool_cycles(axes: Any, audit: LogAudit) -> Any:
-    """The tool's path, cycles by colour, the way in and out in grey, and the arm at the start pose after some."""
+    """The tool's path, cycles by colour, the path in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize, to_hex
@@ -107,7 +107,7 @@ def tool_cycles(axes: Any, audit: LogAudit) -> Any:
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):
-        here = (at >= cycles.start[i]) & (at <= cycles.stop[i])
+        here = (at >= cycles.q0[i]) & (at <= cycles.stop[i])
         if here.any():
             axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())

@@ -30,9 +30,9 @@ LIMIT = PURPLE
 LOOP = GREEN
 """The path that the tool shall follow."""
 CLOCKWISE = SKY
-"""The clockwise way round a loop, or the way there."""
+"""The clockwise path round a loop, or the path there."""
 COUNTER_CLOCKWISE = ORANGE
-"""The counter-clockwise way round a loop, or the way back."""
+"""The counter-clockwise path round a loop, or the path back."""
 
 GOOD = GREEN
 """In tables: as expected."""

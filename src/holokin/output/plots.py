@@ -1,6 +1,6 @@
 """Drawing, one thing a function: each takes an Axes and returns it.
 
-As in the paper, the clockwise way is solid and the counter-clockwise one dashed.
+As in the paper, the clockwise path is solid and the counter-clockwise one dashed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..robot import Robot
 from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
 from .words import on_figure
 
-WAYS = {
+DIRECTIONS = {
     "clockwise": {"color": CLOCKWISE, "linestyle": "-", "linewidth": 2.4},
     "counter-clockwise": {"color": COUNTER_CLOCKWISE, "linestyle": (0, (4, 1.5)), "linewidth": 1.8},
 }
-"""How the two ways are drawn."""
+"""How the two paths are drawn."""
 
 NAMED = 7
 """Joints in a panel that have a colour each: those that move most. The others are grey, and named together."""
@@ -80,13 +80,15 @@ def thin(count: int, most: int = 600) -> Indices:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
 
 
-def joint_ways(axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int, robot: Robot | None = None) -> Any:
+def joint_histories(
+    axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int, robot: Robot | None = None
+) -> Any:
     """One joint over time, by both ways, with the gap at the end or crosses where they stop. [ZR11, Figs 4, 5, 8]
 
     Of a robot with limits these are lines, or where they are far beyond the panel, numbers at its right edge.
     """
     stops: list[float] = []
-    for walk, (label, style) in zip((clockwise, counter), WAYS.items(), strict=True):
+    for walk, (label, style) in zip((clockwise, counter), DIRECTIONS.items(), strict=True):
         keep = thin(len(walk))
         axes.plot(walk.t[keep], walk.q[keep, joint], label=label, **style)
         if walk.status is not Status.COMPLETE:

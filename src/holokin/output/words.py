@@ -41,13 +41,13 @@ def stopped(walk: Trajectory) -> str:
     return f"stopped at {walk.t[-1]:.3g} s, {walk.status.cause.removeprefix('stopped').lstrip(': ')}"
 
 
-def ways_end(ways: tuple[Trajectory, Trajectory]) -> str:
-    """How the clockwise and the counter-clockwise way end: alike, apart, or before the end."""
-    clockwise, counter = ways
+def paths_end(pair: tuple[Trajectory, Trajectory]) -> str:
+    """How the clockwise and the counter-clockwise path end: alike, apart, or before the end."""
+    clockwise, counter = pair
     if clockwise.status is counter.status is Status.COMPLETE:
         gap = clockwise.q[-1] - counter.q[-1]
-        apart = f"the two ways end {largest(gap, clockwise.joint_units)} apart"
-        return "both ways end at the same joints" if np.abs(gap).max() < ALIKE else apart
+        apart = f"the two paths end {largest(gap, clockwise.joint_units)} apart"
+        return "both paths end at the same joints" if np.abs(gap).max() < ALIKE else apart
     named = [("clockwise", clockwise), ("counter-clockwise", counter)]
     return "\n".join(f"{name} {stopped(walk)}" for name, walk in named if walk.status is not Status.COMPLETE)
 
@@ -69,9 +69,9 @@ def check_words(strategy: StrategyResult) -> str:
     return f"{'nothing found, but ' if clear else ''}only {seen} was looked at: there the law stopped"
 
 
-def ways_words(result: JobResult) -> str:
-    """That no two ways were compared, and why; empty where the path has them."""
-    return f"Two ways were not compared: {result.one_way}" if result.one_way else ""
+def paths_words(result: JobResult) -> str:
+    """That no two paths were compared, and why; empty where the path has them."""
+    return f"Two paths were not compared: {result.one_way}" if result.one_way else ""
 
 
 def speed_warning(result: JobResult, strategy: StrategyResult) -> str:

@@ -129,13 +129,13 @@ def with_leads(
     retract: float = 0.0,
     axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Path:
-    """The path with a straight way in before it and a way out after it.
+    """The path with a straight path in before it and a way out after it.
 
     Args:
         lead_in, lead_out: their lengths [m]; by default both are alike. 0 leaves one out.
         along: where the tool comes from and goes to (3,), as seen from the path's ends; by default it comes and goes
             along the tangent, at the speed that the path has there, so that there is no corner.
-        retract: a further way [m] along `axis` (3,), from above the way in and up from the way out.
+        retract: a further way [m] along `axis` (3,), from above the path in and up from the path out.
 
     The tool keeps its orientation on the leads.
 

@@ -268,10 +268,10 @@ class Path(Value):
                 pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(a, b))
         return pieces
 
-    def ways(self) -> tuple[Path, Path]:
+    def halves(self) -> tuple[Path, Path]:
         """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
         if not self.closed:
-            raise OpenPathError("splitting into two ways", self.gap)
+            raise OpenPathError("splitting into two paths", self.gap)
         return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
 
     def reversed(self) -> Path:

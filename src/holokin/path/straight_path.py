@@ -1,4 +1,4 @@
-"""`StraightWay`: from one tool pose to another, the position along a line, the rotation evenly about one axis."""
+"""`StraightPath`: from one tool pose to another, the position along a line, the rotation evenly about one axis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..base.types import Array, Indices, Value, Vector
 
 
 @dataclass(frozen=True, eq=False)
-class StraightWay(Value):
+class StraightPath(Value):
     """p(s) = position + s move, R(s) = exp(s turn) rotation, s from 0 to 1: the twist (move, turn) is constant.
 
     One way, of (3,), (3, 3), (3,), (3,); or many side by side, of (k, 3), (k, 3, 3), (k, 3), (k, 3), or from one pose.
@@ -32,13 +32,13 @@ class StraightWay(Value):
         return p + s * v, (rotation_matrix((s * w).reshape(-1, 3)) @ R.reshape(-1, 3, 3)).reshape(R.shape)
 
 
-def straight(position: Vector, rotation: Array, end: Vector, end_rotation: Array) -> StraightWay:
-    """The straight way from a pose to another, by the shorter turn; or ways between many."""
+def straight(position: Vector, rotation: Array, end: Vector, end_rotation: Array) -> StraightPath:
+    """The straight path from a pose to another, by the shorter turn; or ways between many."""
     if rotation.shape[-2] == 3:
         turn = rotation_vector(end_rotation @ np.swapaxes(rotation, -1, -2))
     else:
         turn = rotation_vector(end_rotation.reshape(-1, 3, 3) @ np.swapaxes(rotation.reshape(-1, 3, 3), -1, -2)).ravel()
-    return StraightWay(position, rotation, end - position, turn)
+    return StraightPath(position, rotation, end - position, turn)
 
 
 def rotation_vector(R: Array) -> Array:

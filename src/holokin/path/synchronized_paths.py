@@ -127,10 +127,10 @@ class SynchronizedPaths(Value):
         """The piece between two fractions of the duration, 0 <= start < stop <= 1."""
         return SynchronizedPaths(tuple(path.part(start, stop) for path in self.paths))
 
-    def ways(self) -> tuple[SynchronizedPaths, SynchronizedPaths]:
+    def halves(self) -> tuple[SynchronizedPaths, SynchronizedPaths]:
         """The two ways round closed paths to the poses half a loop away. Raises: OpenPathError."""
         if not self.closed:
-            raise OpenPathError("splitting into two ways", self.gap)
+            raise OpenPathError("splitting into two paths", self.gap)
         return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
 
     def reversed(self) -> SynchronizedPaths:

@@ -122,7 +122,7 @@ def play(
     plan = _Plan.of(path, begun, dt, cycles)
     check_start(task, start, plan.position[0], plan.rotation[0])
     K = 10.0 if gain is None else gain
-    law = controller(strategy, dt=dt, start=start, gain=K, constraint_gain=K)
+    law = controller(strategy, dt=dt, q0=start, gain=K, constraint_gain=K)
     plant = make_plant(task.robot, drive, dt=dt, density=density)
     pushed = -1 if push is None else _pushed(plant, push)
     return _Loop(strategy, law, plant, plan, told, noise, push, pushed, rng).go(start, cycles)
@@ -224,11 +224,11 @@ class _Loop:
         self.data = self.mujoco.MjData(self.plant.model)
         self.torque = np.zeros(self.plant.model.nv)
 
-    def go(self, start: Vector, cycles: int) -> PhysicalRun:
+    def go(self, q0: Vector, cycles: int) -> PhysicalRun:
         """Let the arm sag into its servos, then run the cycles."""
-        self._rest(start)
+        self._rest(q0)
         plan, dt, total = self.plan, self.plan.dt, cycles * self.plan.steps
-        command, clock, seen, k, done = start.copy(), 0.0, (0.0, 0), 0, 0
+        command, clock, seen, k, done = q0.copy(), 0.0, (0.0, 0), 0, 0
         every = max(1, round(LOGGED / dt))
         rests, stopped, slowed = [self.q], "", 1.0
         watch = LoopWatch(dt, log=self.feedback == "measured")
@@ -281,16 +281,16 @@ class _Loop:
         """Where the joints are."""
         return self.data.qpos[self.plant.places]
 
-    def _rest(self, start: Vector) -> None:
-        self.data.qpos[self.plant.places] = start
+    def _rest(self, q0: Vector) -> None:
+        self.data.qpos[self.plant.places] = q0
         for joint in self.plant.robot.joints:  # followers too
-            value = joint.multiplier * start[joint.coordinate] + joint.offset
+            value = joint.multiplier * q0[joint.coordinate] + joint.offset
             if joint.name not in self.plant.robot.joint_names:
                 self.data.joint(joint.name).qpos[0] = value
-        none = np.zeros(len(start))
+        none = np.zeros(len(q0))
         for _ in range(round(SAG / self.plan.dt)):
-            rates = none if self.plant.servo.kind == "position" else 5.0 * (start - self.q)
-            self._drive(start, rates, none, -1.0)
+            rates = none if self.plant.servo.kind == "position" else 5.0 * (q0 - self.q)
+            self._drive(q0, rates, none, -1.0)
 
     def _drive(self, command: Vector, dq: Vector, noise: Vector, t: float) -> None:
         """One step of the physics. A position servo reads the noise: it is told command - noise, which is the same."""

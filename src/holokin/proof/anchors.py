@@ -21,18 +21,18 @@ NEWTONS = 3
 """Steps to a root from its predictor."""
 
 
-def anchored(domain: Domain, found: Covered, start: Vector, closed: bool) -> Anchors:
+def anchored(domain: Domain, found: Covered, q0: Vector, closed: bool) -> Anchors:
     """Of some cells, joined to each other, in the order of a path. `closed`: its end is to be its beginning."""
-    d, posture = domain.equation.d, start
-    start = domain.equation.completed(posture[None])[0]
+    d, posture = domain.equation.d, q0
+    q0 = domain.equation.completed(posture[None])[0]
     if not len(found):
-        return Anchors(np.zeros((1, d)), start[None], np.inf, np.inf, None)
-    places = [(np.zeros(1), start)] if d == 1 else []
+        return Anchors(np.zeros((1, d)), q0[None], np.inf, np.inf, None)
+    places = [(np.zeros(1), q0)] if d == 1 else []
     if isinstance(domain, PoseRegion):
         middle = domain.equation.completed(domain.q[None])[0]
-        places = [(domain.place_of(posture), start), (np.zeros(d), middle)]
+        places = [(domain.place_of(posture), q0), (np.zeros(d), middle)]
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
-    u, q, within = np.zeros(d), start, np.inf
+    u, q, within = np.zeros(d), q0, np.inf
     for u, q in places:
         within = distance_at(domain, found, _holding(found, 0, u), u, q)
         if within < NEAR:

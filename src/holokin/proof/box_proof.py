@@ -10,7 +10,7 @@ import numpy as np
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics import inverse
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_way, tool_at
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_path, tool_at
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from .bounds import UP
@@ -150,7 +150,7 @@ class PoseRegion(Value, Domain):
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton(correct, q, *pose, leaf, side)
             try:
-                q = go(q, straight_way(tool_at(task, q), pose, (leaf, leaf))) if near is None else near[0]
+                q = go(q, straight_path(tool_at(task, q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
             except HolokinError:

@@ -148,9 +148,9 @@ def _theorem(
     return f"Not all is proven, since {f'at {place} ' if place else ''}{extent.cause}; but {said}."
 
 
-def _hull(found: Covered, start: Vector) -> tuple[Vector, Vector]:
+def _hull(found: Covered, q0: Vector) -> tuple[Vector, Vector]:
     if not len(found):
-        return start, start
+        return q0, q0
     return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
 
 

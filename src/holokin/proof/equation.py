@@ -59,9 +59,9 @@ class Equation(Value):
         """Parameters of the family."""
         return self.family.dimension
 
-    def level(self, start: Vector) -> Vector:
+    def level(self, q0: Vector) -> Vector:
         """The c of E: the leaf through a posture (joints,)."""
-        return np.atleast_1d(self.strategy.g(start))
+        return np.atleast_1d(self.strategy.g(q0))
 
     def completed(self, q: Matrix) -> Matrix:
         """All unknowns (k, n) at postures (k, joints)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
-from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_step, leaf_value, newton
+from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton
 from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
@@ -17,7 +17,7 @@ PIECES = 100
 near to it as it can; a proof ends long before, where its cells would be too small."""
 
 
-def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: int) -> tuple[Matrix, Extent, str]:
+def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int) -> tuple[Matrix, Extent, str]:
     """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
 
     Raises:
@@ -25,13 +25,13 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: i
         SingularityError, BranchError, TrackingError: not even a first step is possible.
     """
     task = strategy.task
-    strategy(start)
-    plan = make_plan(task, path, samples, task.place(start)[1])
-    check_start(task, start, *plan.first)
-    go, c = leaf_follower(strategy, start, PIECES), leaf_value(strategy, start)
+    strategy(q0)
+    plan = make_plan(task, path, samples, task.place(q0)[1])
+    check_start(task, q0, *plan.first)
+    go, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
     correct = leaf_step(strategy)
-    side = float(correct(start, *plan.first, c)[3])
-    found = [start]
+    side = float(correct(q0, *plan.first, c)[3])
+    found = [q0]
     for step in range(plan.steps):
         try:  # a posture on another branch would leave cells that do not join
             near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)
@@ -44,5 +44,5 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, start: Vector, samples: i
     return np.array(found), Extent.WHOLE, ""
 
 
-def _way(plan: Plan, step: int, c: Vector) -> Way:
-    return Way(lambda share: (*plan.target(step, share), c), *plan.bends(step))
+def _way(plan: Plan, step: int, c: Vector) -> LeafPath:
+    return LeafPath(lambda share: (*plan.target(step, share), c), *plan.bends(step))

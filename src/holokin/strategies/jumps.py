@@ -197,7 +197,7 @@ def jump_near(strategy: HolonomicStrategy, q: Vector) -> Jump | None:
 
 
 def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | None:
-    """(k, jump): the first one of g on the straight ways between postures (N, n), between rows k and k + 1."""
+    """(k, jump): the first one of g on the straight paths between postures (N, n), between rows k and k + 1."""
     if not may_jump(strategy) or len(Q) < 2:
         return None
     at = states(strategy, Q)
@@ -209,7 +209,7 @@ def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | Non
 
 
 def _between(strategy: HolonomicStrategy, a: Vector, b: Vector, at_a: Vector, at_b: Vector) -> Jump | None:
-    """A jump of g on the straight way from a to b; every switch that turns over is halved to where it does."""
+    """A jump of g on the straight path from a to b; every switch that turns over is halved to where it does."""
     words = _switches(strategy)[0]
     for i in np.flatnonzero(at_a != at_b):
         low, high = a, b

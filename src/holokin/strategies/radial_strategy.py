@@ -50,7 +50,7 @@ of the label. PPR arm, 4 steps, 300 random postures at 11 m: with no bound the l
 
 AT_CENTER = 1e-2
 """Way [joint units] added to a posture's own, so that round-off at the centre itself, in single precision 1e-6 of the
-joints, is no miss; so short a way has no error of the steps."""
+joints, is no miss; so short a path has no error of the steps."""
 
 WRONG = 0.01
 """Error of the gain, as a share of it, from which on it is refused; from less where the label's margin is below 1.
@@ -67,41 +67,41 @@ Found = tuple[SX, SX, SX]
 
 
 @made
-def radial(strategy: Strategy, start: ArrayLike, *, steps: int = 4, name: str | None = None) -> HolonomicStrategy:
-    """The holonomic strategy whose leaves are carried by `strategy` along straight segments from the pose at `start`.
+def radial(strategy: Strategy, q0: ArrayLike, *, steps: int = 4, name: str | None = None) -> HolonomicStrategy:
+    """The holonomic strategy whose leaves are carried by `strategy` along straight segments from the pose at `q0`.
 
     Its constraint g labels q_b, where `strategy` leads from q when the tool goes straight back to the centre, in
     position and along log(R R0^T) in orientation. With one redundant joint g is arc length along the self-motion from
-    `start` to q_b, as an angle: a full turn is once round a closed self-motion, half a turn the length of an open one.
+    `q0` to q_b, as an angle: a full turn is once round a closed self-motion, half a turn the length of an open one.
     With r > 1, and near a singular posture where the self-motion turns too sharply, it is Z^T (q_b - start), Z (n, r)
-    the self-motions at `start`.  q_b is integrated by `steps` Runge-Kutta steps; any number gives an exactly holonomic
+    the self-motions at `q0`.  q_b is integrated by `steps` Runge-Kutta steps; any number gives an exactly holonomic
     strategy, more steps one nearer to the ideal one (the error goes with steps^-4).
 
     It ends, with a SingularityError (REPRESENTATION), where
     - the integrated transport misses the centre by 1 % of the joints' way or 0.003, or comes a hundred times nearer
       to a singularity of `strategy` than its ends are: the segment passes too near one, or is too long for `steps`;
     - the steps do not give the gain to 1 %, as its label's gradient tells (an estimate): a PPR arm has 1 m for a step;
-    - q_b is not on the self-motion through `start`: it is on another branch, or beyond a singular end of this one;
+    - q_b is not on the self-motion through `q0`: it is on another branch, or beyond a singular end of this one;
     - g is Z^T (q_b - start) and det(Z^T N(q_b)) = 0, N (n, r) the self-motions at q_b: there this label turns.
     Elsewhere [J; J_g] is regular, up to the error of the steps: an estimate, since what is between steps is not seen.
     Size: about 4 `steps` times the given strategy.
 
     Args:
-        start: posture (n,) at the centre x0.
+        q0: posture (n,) at the centre x0.
         steps: Runge-Kutta steps of one segment.
 
     Raises:
         ArgumentError: steps < 1.
-        SingularityError: `strategy` is singular at `start`.
+        SingularityError: `strategy` is singular at `q0`.
     """
     task = strategy.task
-    q0 = frozen(start_posture(task.robot, start))
+    start = frozen(start_posture(task.robot, q0))
     whole("steps", steps)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
-    strategy(q0)
-    lines = _lines(strategy, q0, steps)
+    strategy(start)
+    lines = _lines(strategy, start, steps)
     return holonomic(task, _constraint(f"radial strategy of {strategy.name}", task.n - task.m, lines), name=name)
 
 

@@ -47,18 +47,18 @@ class Label:
     angular: bool
 
 
-def label_of(task: Task, start: Vector) -> Label:
-    """A label of the postures that hold the tool where it is at `start` (n,), 0 there.
+def label_of(task: Task, q0: Vector) -> Label:
+    """A label of the postures that hold the tool where it is at `q0` (n,), 0 there.
 
     Arc length where the self-motions are curves; a curve that turns too sharply for it, as close to singular postures,
     is labelled by the projection too.
     """
-    return (_arc_length(task, start) if task.n - task.m == 1 else None) or _projection(task, start)
+    return (_arc_length(task, q0) if task.n - task.m == 1 else None) or _projection(task, q0)
 
 
-def _projection(task: Task, start: Vector) -> Label:
+def _projection(task: Task, q0: Vector) -> Label:
     """Z^T (q - start), Z (n, r) the self-motions at the start; it turns where det(Z^T N) = 0, N (n, r) those at q."""
-    Z = null_space(task.jacobian(start))
+    Z = null_space(task.jacobian(q0))
 
     def margin(q: SX) -> SX:
         J = task.jacobian_expression(task.kinematics(q), q)
@@ -67,17 +67,17 @@ def _projection(task: Task, start: Vector) -> Label:
             product = product * R[i, i]
         return fabs(product)
 
-    return Label(lambda q: SX(Z.T) @ (q - SX(start)), margin, angular=False)
+    return Label(lambda q: SX(Z.T) @ (q - SX(q0)), margin, angular=False)
 
 
-def _arc_length(task: Task, start: Vector) -> Label | None:
+def _arc_length(task: Task, q0: Vector) -> Label | None:
     """The weighted mean of the angles of nodes along the self-motion: atan2(sum w_k sin a_k, sum w_k cos a_k).
 
     a = 2 pi s / S once round a closed one of length S, pi s / S on an open one; w_k = exp(-d_k^2 / 2 width^2), d_k the
     distance to node k with hinges on their circles, so that a full turn of a joint is no way at all. None if no nodes
     are fine enough.
     """
-    curve = self_motion(task, start, step=STEP, length=LENGTH, limits=False)
+    curve = self_motion(task, q0, step=STEP, length=LENGTH, limits=False)
     E, turn = _on_circles(task.robot, curve.q), 2 * np.pi if curve.closed else np.pi
     length = curve.s[-1] - curve.s[0]
     angles = turn * curve.s / length

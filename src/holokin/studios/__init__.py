@@ -13,7 +13,7 @@ from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .sliders import Slider
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
-from .two_paths import LawWays, TwoWays
+from .two_paths import LawPaths, TwoPaths
 
 __all__ = [
     "DEFAULT",
@@ -21,9 +21,9 @@ __all__ = [
     "CloudStatus",
     "Judgement",
     "Law",
+    "LawPaths",
     "LawState",
     "LawStatus",
-    "LawWays",
     "Loop",
     "Motion",
     "Origin",
@@ -33,7 +33,7 @@ __all__ = [
     "Slider",
     "Snapshot",
     "Studio",
-    "TwoWays",
+    "TwoPaths",
     "circle_loop",
     "default_laws",
     "eight_loop",

@@ -31,7 +31,7 @@ def default_workspace(task: Task, home: Vector) -> Workspace:
 
 
 def covered(
-    strategy: HolonomicStrategy, name: str, start: Vector, region: Workspace, samples: int, limits: bool,
+    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool,
     tell: Callable[[Cloud], bool],
 ) -> None:  # fmt: skip
     """The coverage of a workspace by the leaf through a posture (n,); `tell` hears of each piece, and says to go on."""
@@ -42,7 +42,7 @@ def covered(
             return
         for first in range(0, len(poses), PIECE):
             some = poses[first : first + PIECE]
-            parts.append(coverage(strategy, start, pose_cloud(some), samples=len(some), limits=limits))
+            parts.append(coverage(strategy, pose_cloud(some), q0, samples=len(some), limits=limits))
             ended = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
             if not tell(_cloud(name, parts, len(poses), ended)):
                 return

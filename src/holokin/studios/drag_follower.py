@@ -11,10 +11,10 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Value, Vector, finite, tool_pose
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
-from ..inverse_kinematics.inverse_function import is_native, way_to
-from ..inverse_kinematics.leaf import WayEnd, leaf_value, leaf_walk, straight_way, tool_at
+from ..inverse_kinematics.inverse_function import how_far, is_native
+from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path, tool_at
 from ..motion import ControlLaw, StepStatus, controller
-from ..path.straight_path import StraightWay, straight
+from ..path.straight_path import StraightPath, straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task
 from .session_laws import Law
@@ -33,7 +33,7 @@ MOST = 400
 """Steps of one way at most: four metres."""
 
 PIECES = 60
-"""Pieces of one way along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most."""
+"""Pieces of one path along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most."""
 
 STRETCHED = 0.03
 """Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
@@ -73,23 +73,23 @@ def poses_of(task: Task, pose: ArrayLike) -> Array:
     return poses
 
 
-def follower(law: Law, begin: Vector, limits: bool) -> Follower:
-    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `begin` (n,).
+def follower(law: Law, q0: Vector, limits: bool) -> Follower:
+    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `q0` (n,).
 
     Raises:
         HolokinError: the law is not defined there.
     """
     if isinstance(law.rule, HolonomicStrategy):
-        return _by_leaf(law.rule, begin, limits)
+        return _by_leaf(law.rule, q0, limits)
     if isinstance(law.rule, Strategy):
         return _by_velocity(law.rule, limits)
     return _by_steps(law.rule, law.task, limits)
 
 
-def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follower:
+def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
     """In a region round the start the same pose has the same joints, whatever the path of the tool."""
-    ik, task = inverse(strategy, begin, limits), strategy.task
-    level = leaf_value(strategy, begin)
+    ik, task = inverse(strategy, q0, limits), strategy.task
+    level = leaf_value(strategy, q0)
 
     def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
         pose = poses[0] if task.frames == 1 else poses
@@ -97,11 +97,11 @@ def _by_leaf(strategy: HolonomicStrategy, begin: Vector, limits: bool) -> Follow
             try:
                 return ik.near(pose, q), InverseStatus.REACHED
             except HolokinError:
-                return way_to(ik, pose, q)
+                return how_far(ik, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_way(tool_at(task, q), task.target(poses), levels))
-        return last, InverseStatus.REACHED if ended is WayEnd.REACHED else InverseStatus.LEAF_ENDS
+        last, ended = walk(q, straight_path(tool_at(task, q), task.target(poses), levels))
+        return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
         last, status = go(q, poses, wait)
@@ -120,17 +120,17 @@ def _beyond(task: Task, q: Vector) -> bool:
 
 
 def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
-    """Small steps along the straight way, each slowed where a joint would be too fast, then Newton's method."""
+    """Small steps along the straight path, each slowed where a joint would be too fast, then Newton's method."""
     task = strategy.task
     law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
     still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
     error = task.error_function
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
-        way, steps = _way(task, q, poses)
+        path, steps = _way(task, q, poses)
         seen, status = [q], StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
-            target = way.at(k / steps) if k < steps else task.target(poses)
+            target = path.at(k / steps) if k < steps else task.target(poses)
             seen.append(seen[-1] + PERIOD * law.step(seen[-1], _pose(task, target), still))
             status = law.status
             if status >= StepStatus.LIMIT:
@@ -145,17 +145,17 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
 
 
 def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
-    """A control law along the straight way, as `simulate` runs it."""
+    """A control law along the straight path, as `simulate` runs it."""
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
-        way, steps = _way(task, q, poses)
+        path, steps = _way(task, q, poses)
         F = task.frames
-        twist = np.hstack([way.move.reshape(F, 3), way.turn.reshape(F, 3)]) / (steps * PERIOD)
+        twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
         at = q
         try:
             step = rule.begin(q.copy())
             for k in range(1, steps + CORRECTIONS + 1):
-                target = _pose(task, way.at(min(1.0, k / steps)))
+                target = _pose(task, path.at(min(1.0, k / steps)))
                 rates = twist if k <= steps else np.zeros((F, 6))
                 at = at + PERIOD * np.asarray(step(at.copy(), target, rates[0] if F == 1 else rates, PERIOD))
         except HolokinError as problem:
@@ -174,12 +174,12 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     return follow
 
 
-def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightWay, int]:
-    """The straight way of the tools from a posture to poses, and its number of steps."""
-    way = straight(*task.place(q), *task.target(poses))
-    far = float(np.linalg.norm(way.move.reshape(-1, 3), axis=1).max())
-    turned = float(np.linalg.norm(way.turn.reshape(-1, 3), axis=1).max()) if any(task.angular) else 0.0
-    return way, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
+def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
+    """The straight path of the tools from a posture to poses, and its number of steps."""
+    path = straight(*task.place(q), *task.target(poses))
+    far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
+    turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max()) if any(task.angular) else 0.0
+    return path, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
 
 
 def _pose(task: Task, target: tuple[Vector, Array]) -> Array:

@@ -19,7 +19,7 @@ from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide
 from .session_laws import Law
 from .sliders import Slider, leaves_of
 from .states import LawStatus, Snapshot
-from .two_paths import WIDTH, TwoWays, two_ways
+from .two_paths import WIDTH, TwoPaths, two_paths
 
 
 class LawGroup(ABC):
@@ -93,8 +93,8 @@ class LawGroup(ABC):
     def drag(self, pose: ArrayLike) -> Snapshot:
         """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
 
-        Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight way. A
-        law that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
+        Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight path.
+        A law that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
         target is within its reach again. Nothing is raised for such a pose.
 
         Raises:
@@ -121,8 +121,8 @@ class LawGroup(ABC):
                 run.forget()
             return self._changed()
 
-    def two_ways(self, pose: ArrayLike, *, width: float = WIDTH, samples: int = 200) -> TwoWays:
-        """Each law by two ways from its posture to a tool pose (4, 4), and how far its joints end apart.
+    def two_paths(self, pose: ArrayLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
+        """Each law by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
 
         As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.
 
@@ -132,7 +132,7 @@ class LawGroup(ABC):
         wanted = poses_of(self.task, pose)[0]
         with self._lock:
             runs = [(run.law, run.q, run.status) for run in self._runs.values()]
-        return two_ways(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
+        return two_paths(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
 
     def self_motion(self, name: str, direction: int = 0) -> Slider:
         """The slider of one law along its self-motion, from where it stands; see `move_self`.

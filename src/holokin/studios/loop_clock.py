@@ -53,7 +53,7 @@ def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limit
         run.forget()
         try:
             start: Vector = frozen(loop_start(run.law, loop, home))
-            run.begin, run.walk = start, walk(run.law, loop, start, limits)
+            run.q0, run.walk = start, walk(run.law, loop, start, limits)
             plans.append(run.walk.plan)
         except HolokinError as problem:
             run.status, run.sentence, run.whole = LawStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
@@ -80,10 +80,10 @@ def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
     there = playing.gathered >= GATHER
     share = 1.0 if there else (playing.gathered - before) / (GATHER - before)
     for run in runs:
-        if run.walk is not None and run.begin is not None:
-            run.put(Move(run.begin if there else run.q + share * (run.begin - run.q), LawStatus.FOLLOWING))
+        if run.walk is not None and run.q0 is not None:
+            run.put(Move(run.q0 if there else run.q + share * (run.q0 - run.q), LawStatus.FOLLOWING))
             if there:
-                run.history.add(np.zeros(1), run.begin[None])
+                run.history.add(np.zeros(1), run.q0[None])
     if there:
         playing.phase = Phase.RUNNING
 
@@ -123,6 +123,6 @@ def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wai
         run.whole &= run.status is LawStatus.FOLLOWING
     elif playing.frames % RETRY == 0:
         run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
-    if until == len(playing.ends) and run.begin is not None:
-        error = run.q - run.begin if run.whole else np.full(len(run.q), np.nan)
+    if until == len(playing.ends) and run.q0 is not None:
+        error = run.q - run.q0 if run.whole else np.full(len(run.q), np.nan)
         run.drifts = frozen(np.vstack([run.drifts, error]))

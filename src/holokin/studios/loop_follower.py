@@ -10,7 +10,7 @@ import numpy as np
 from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
 from ..inverse_kinematics import inverse, move_to_leaf
-from ..inverse_kinematics.leaf import Way, leaf_follower, leaf_value, native_leaf
+from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_value, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..motion import ControlLaw, approach
 from ..motion.follow_path import build_native
@@ -40,7 +40,7 @@ class Walk:
 
     law: Law
     plan: Plan
-    begin: Vector
+    q0: Vector
     limits: bool
     native: NativeFollower | None
     stepper: Stepper
@@ -91,7 +91,7 @@ def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
     return approach(leading, loop.path, begin, by=loop.keys["entry"]).q[-1]
 
 
-def walk(law: Law, loop: Loop, begin: Vector, limits: bool, *, build: bool = False) -> Walk:
+def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False) -> Walk:
     """A law that begins a loop at a posture (n,) with the tool at its start.
 
     Args:
@@ -102,33 +102,33 @@ def walk(law: Law, loop: Loop, begin: Vector, limits: bool, *, build: bool = Fal
     """
     task = law.task
     if limits:
-        task.robot.check_limits(begin)
+        task.robot.check_limits(q0)
     if law.strategy is not None:
-        law.strategy(begin)
-    plan = make_plan(task, loop.path, loop.samples, task.place(begin)[1])
-    check_start(task, begin, *plan.first)
+        law.strategy(q0)
+    plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
+    check_start(task, q0, *plan.first)
     native: NativeFollower | None = None
     if isinstance(law.rule, HolonomicStrategy):
-        native = native_leaf(law.rule, plan, begin, limits, load=True, build=build)
-        stepper = _leaf_stepper(law.rule, plan, begin)
+        native = native_leaf(law.rule, plan, q0, limits, load=True, build=build)
+        stepper = _leaf_stepper(law.rule, plan, q0)
     elif isinstance(law.rule, Strategy):
-        native = native_velocity(law.rule, plan, begin, limits, load=True, build=build)
+        native = native_velocity(law.rule, plan, q0, limits, load=True, build=build)
         stepper = velocity_stepper(law.rule, plan)
     else:
-        stepper = _control_stepper(law.rule, plan, begin)
-    return Walk(law, plan, begin, limits, native, stepper)
+        stepper = _control_stepper(law.rule, plan, q0)
+    return Walk(law, plan, q0, limits, native, stepper)
 
 
-def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, begin: Vector) -> Stepper:
+def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Stepper:
     """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
-    follow, c = leaf_follower(strategy, begin, PIECES), leaf_value(strategy, begin)
-    return lambda q, i: follow(q, Way(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
+    follow, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
+    return lambda q, i: follow(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def _control_stepper(rule: ControlLaw, plan: Plan, begin: Vector) -> Stepper:
+def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
     """The steps of `simulate`."""
     poses, twists = step_targets(plan)
-    step = rule.begin(begin.copy())
+    step = rule.begin(q0.copy())
 
     def stepper(q: Vector, i: int) -> Vector:
         rates = np.asarray(step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i])), dtype=float)
@@ -145,11 +145,11 @@ def poses_at(plan: Plan, step: int) -> Array:
     return poses
 
 
-def compiled(law: Law, begin: Vector) -> None:
+def compiled(law: Law, q0: Vector) -> None:
     """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
     try:
         if isinstance(law.rule, HolonomicStrategy):
-            _ = inverse(law.rule, begin).engine
+            _ = inverse(law.rule, q0).engine
         if law.strategy is not None:
             build_native(law.strategy)
     except HolokinError:  # told when the law is asked to follow

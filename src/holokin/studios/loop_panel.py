@@ -1,4 +1,4 @@
-"""The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two ways to one pose."""
+"""The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two paths to one pose."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import circle_of
 from .session_loops import circle_loop, eight_loop
 from .stage import Stage
-from .two_paths import LawWays
+from .two_paths import LawPaths
 
 SHOWN = 3.0
-"""Seconds in which two ways are shown."""
+"""Seconds in which two paths are shown."""
 
 SAME = 1e-6
 """Joint difference [rad or m] below which two postures are one: round-off is far below it."""
@@ -42,11 +42,11 @@ class LoopPanel:
         self.close = gui.add_button("Close the polygon", color="gray", disabled=True)
         gui.add_divider()
         gui.add_markdown(
-            "**Two ways to one pose**: drag the tool somewhere, then see a law go there from the start by two ways."
+            "**Two paths to one pose**: drag the tool somewhere, then see a law go there from the start by two paths."
         )
         names = tuple(law.name for law in page.session.laws)
         self.law = gui.add_dropdown("Law", names)
-        self.ways = gui.add_button("Go two ways to the tool's place", color="gray")
+        self.two_paths = gui.add_button("Go two paths to the tool's place", color="gray")
         self.answer = gui.add_markdown("")
         self._connect()
 
@@ -76,9 +76,9 @@ class LoopPanel:
             self.close.disabled = True
             page.ask(page.handles.close_corners)
 
-        @self.ways.on_click
+        @self.two_paths.on_click
         def _(_event: Any) -> None:
-            page.alone("two ways", self._two_ways)
+            page.alone("two paths", self._two_paths)
 
     def _tool(self) -> Any:
         return self.page.session.snapshot().target[0][:3, 3]
@@ -92,40 +92,40 @@ class LoopPanel:
         self.page.say("")
         self.page.session.set_loop(loop)
 
-    def _two_ways(self) -> None:
+    def _two_paths(self) -> None:
         """Runs in the thread of the click: the page's own thread goes on, and leaves the robots alone."""
         page, wanted = self.page, self.page.session.snapshot().target
         if np.allclose(wanted, page.session.reset().target):
-            page.say("The tool is at its start: drag it somewhere, and two ways lead there from the start.")
+            page.say("The tool is at its start: drag it somewhere, and two paths lead there from the start.")
             return
         try:
-            found = page.session.two_ways(wanted)
+            found = page.session.two_paths(wanted)
         except HolokinError as problem:
             page.session.drag(wanted)
             page.say(str(problem))
             return
-        way = next(way for way in found.ways if way.name == self.law.value)
+        path = next(path for path in found.by_law if path.name == self.law.value)
         for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
-            page.scene.path(found.points[index], f"way{index}", color)
-        if way.sentence:
-            self.answer.content = way.sentence
+            page.scene.path(found.points[index], f"path{index}", color)
+        if path.sentence:
+            self.answer.content = path.sentence
         else:
-            same = "the same joints" if way.spread < SAME else "other joints"
-            self.answer.content = f"Both ways end at one pose, with **{same}**: {way.spread:.3g} rad or m apart."
+            same = "the same joints" if path.spread < SAME else "other joints"
+            self.answer.content = f"Both paths end at one pose, with **{same}**: {path.spread:.3g} rad or m apart."
         with page.own_drawing():
-            self._show(way, [law.name for law in page.session.laws].index(way.name))
+            self._show(path, [law.name for law in page.session.laws].index(path.name))
         for index in range(2):
-            page.scene.path([], f"way{index}")
+            page.scene.path([], f"path{index}")
         page.session.drag(wanted)
 
-    def _show(self, way: LawWays, law: int) -> None:
-        """One way by the solid robot, the other by a ghost, in the law's colour where there is another law."""
-        page, steps = self.page, min(len(way.a), len(way.b))
+    def _show(self, path: LawPaths, law: int) -> None:
+        """One path by the solid robot, the other by a ghost, in the law's colour where there is another law."""
+        page, steps = self.page, min(len(path.a), len(path.b))
         count, lead = len(page.session.laws), page.lead
         ghost = law if law != lead else (lead + 1) % count
         for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
-            Q = np.tile(way.a[row], (count, 1))
-            Q[ghost] = way.b[row]
+            Q = np.tile(path.a[row], (count, 1))
+            Q[ghost] = path.b[row]
             page.scene.show(Q)
             time.sleep(SHOWN / 75)
         time.sleep(SHOWN / 2)

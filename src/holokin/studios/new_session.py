@@ -136,7 +136,7 @@ def _based(keys: dict[str, Any], path: AnyPath) -> dict[str, Any]:
 
 
 def session_of_robot(
-    robot: Robot, task: Task | None = None, start: ArrayLike | None = None, *, source: str = "",
+    robot: Robot, task: Task | None = None, q0: ArrayLike | None = None, *, source: str = "",
     origin: dict[str, Any] | None = None,
 ) -> Session:  # fmt: skip
     """A session of a robot, with laws and a loop to begin with.
@@ -144,7 +144,7 @@ def session_of_robot(
     Args:
         task: by default the pose, of each hand of a robot with two arms, or else the position, or less, so that a joint
             is to spare.
-        start: by default a regular posture in the middle of the joint limits, with the tool down where there is one.
+        q0: by default a regular posture in the middle of the joint limits, with the tool down where there is one.
         origin: what a job says of the robot: its [robot]. With a task of your own no job can be written.
 
     Raises:
@@ -153,7 +153,7 @@ def session_of_robot(
     chosen = _task_of(robot) if task is None else task
     redundant(chosen)
     tried = TRIED // chosen.frames
-    starts = _ready(chosen)[:tried] if start is None else robot.checked(start, "the start posture")[None]
+    starts = _ready(chosen)[:tried] if q0 is None else robot.checked(q0, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
     told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())

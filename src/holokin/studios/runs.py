@@ -32,7 +32,7 @@ class Run:
     drifts: Matrix  # (cycles, n)
     status: LawStatus = LawStatus.FOLLOWING
     sentence: str = ""
-    begin: Vector | None = None  # of the loop
+    q0: Vector | None = None  # of the loop
     walk: Walk | None = None
     whole: bool = True  # it has made every step of the loop
     judgement: Judgement | None = None
@@ -54,7 +54,7 @@ class Run:
 
     def forget(self) -> None:
         """What was recorded of the loop."""
-        self.begin, self.walk, self.whole, self.state = None, None, True, None
+        self.q0, self.walk, self.whole, self.state = None, None, True, None
         self.history, self.drifts = History(len(self.q)), frozen(np.zeros((0, len(self.q))))
 
 

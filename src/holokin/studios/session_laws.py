@@ -48,7 +48,7 @@ class Law(Value):
         return self.rule if isinstance(self.rule, Strategy) else None
 
 
-def default_laws(task: Task, start: Vector) -> tuple[Law, ...]:
+def default_laws(task: Task, q0: Vector) -> tuple[Law, ...]:
     """Laws to begin with, all defined at a posture (n,).
 
     The pseudo-inverse; the joints locked that fix the self-motion best; the arm angle, where the task leaves one joint
@@ -60,7 +60,7 @@ def default_laws(task: Task, start: Vector) -> tuple[Law, ...]:
     names = task.robot.joint_names
     redundant(task)
     pinv = moore_penrose(task, name="pseudo-inverse")
-    joints = [names[i] for i in locked_joints(task, start)]
+    joints = [names[i] for i in locked_joints(task, q0)]
     found: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
     said = f"lock {', '.join(joints)}"
     found.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
@@ -71,11 +71,11 @@ def default_laws(task: Task, start: Vector) -> tuple[Law, ...]:
             found.append(("arm angle", angle, {"kind": "arm-angle"}))
         except NoArmError:
             pass
-    found.append(("radial", radial(pinv, start, name="radial"), {"kind": "radial"}))
+    found.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
     return tuple(
         Law(name, colour, rule, task, None, keys)
         for colour, (name, rule, keys) in enumerate(found)
-        if defined(rule, start)
+        if defined(rule, q0)
     )
 
 

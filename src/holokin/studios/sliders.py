@@ -9,7 +9,7 @@ import numpy as np
 from ..base.types import Vector
 from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError
-from ..inverse_kinematics.leaf import REGULAR, WayEnd, leaf_follower, leaf_value, leaf_walk, straight_way, tool_at
+from ..inverse_kinematics.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path, tool_at
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..symbolic.null_space import null_vector
@@ -157,7 +157,7 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
     here, level = tool_at(law.task, q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_way(here, here, (level, level + change)))
+    return leaf_follower(strategy, q)(q, straight_path(here, here, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:
@@ -179,9 +179,9 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
         if rate is None:
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
-        new, ended = walk(at, straight_way(here, here, (c, c + sign * size * unit)))
-        beyond = ended is WayEnd.REACHED and limits and bool((robot.beyond(new) > 0).any())
-        if ended is not WayEnd.REACHED or beyond:
+        new, ended = walk(at, straight_path(here, here, (c, c + sign * size * unit)))
+        beyond = ended is PathEnd.REACHED and limits and bool((robot.beyond(new) > 0).any())
+        if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"
             wide /= 4

@@ -1,4 +1,4 @@
-"""Two ways to one pose: how far the joints of each law are apart where they meet."""
+"""Two paths to one pose: how far the joints of each law are apart where they meet."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .session_laws import Law
 from .states import LawStatus
 
 WIDTH = 0.1
-"""How far the two ways go apart in their middle, each from the straight line [m]."""
+"""How far the two paths go apart in their middle, each from the straight line [m]."""
 
 
 @dataclass(frozen=True, eq=False)
-class LawWays(Value):
-    """One law on both ways: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
+class LawPaths(Value):
+    """One law on both paths: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
 
     Where it does not get there both ways, a and b are empty, `spread` is NaN and `sentence` says why.
     """
@@ -35,17 +35,17 @@ class LawWays(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class TwoWays:
-    """Two ways of the tool to one pose, points (2, k, 3) to draw, and what each law's joints do on them."""
+class TwoPaths:
+    """Two paths of the tool to one pose, points (2, k, 3) to draw, and what each law's joints do on them."""
 
     points: Array
     paths: tuple[Path, Path]
-    ways: tuple[LawWays, ...]
+    by_law: tuple[LawPaths, ...]
 
 
-def two_ways(
+def two_paths(
     laws: Sequence[tuple[Law, Vector, LawStatus]], pose: Matrix, width: float, samples: int, limits: bool
-) -> TwoWays:
+) -> TwoPaths:
     """The tool goes from where it is to a pose (4, 4) by a corner to the left, and by one to the right.
 
     laws: each with the posture (n,) where it stands, and whether it follows.
@@ -53,7 +53,7 @@ def two_ways(
     Raises:
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
-    of_one_tool(laws[0][0].task, "two ways to one pose")
+    of_one_tool(laws[0][0].task, "two paths to one pose")
     law, q, _ = next((one for one in laws if one[2] is LawStatus.FOLLOWING), laws[0])
     paths = _pair(law.task.pose(q), pose, width)
     found = []
@@ -61,14 +61,14 @@ def two_ways(
         a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
         try:
             if law.strategy is None:
-                raise ArgumentError("the law", law.name, "two ways are followed by strategies, not by control laws")
+                raise ArgumentError("the law", law.name, "two paths are followed by strategies, not by control laws")
             both = path_spread(law.strategy, *paths, q, samples=samples, limits=limits)
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
-        found.append(LawWays(law.name, law.colour, a, b, spread, sentence))
+        found.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
     points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoWays(points, paths, tuple(found))
+    return TwoPaths(points, paths, tuple(found))
 
 
 def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:

@@ -24,7 +24,7 @@ PATIENCE = 6.0
 """Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""
 
 ADDRESS = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}")
-"""Of a scheduler: host and port, with or without the way there."""
+"""Of a scheduler: host and port, with or without the path there."""
 
 LOST = 60.0
 """Seconds to wait for another worker after the last one was lost."""

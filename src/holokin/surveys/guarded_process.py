@@ -232,7 +232,7 @@ class Guarded:
         return pipe.recv()
 
     def _begun(self) -> tuple[BaseProcess, Connection]:
-        """A new process, and the way to it. Raises: OSError, EOFError: it did not begin, or is closed."""
+        """A new process, and the path to it. Raises: OSError, EOFError: it did not begin, or is closed."""
         context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
         with _starting, _without_main():

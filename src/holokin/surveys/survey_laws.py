@@ -39,7 +39,7 @@ Gain = Annotated[float, Field(ge=0, le=1e6)]
 class LawTable(Table):
     """A control law: it is run by `simulate`, with steps as long as those of the strategies."""
 
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """The control law of a task, from a start posture (n,). Raises: HolokinError."""
         raise NotImplementedError
 
@@ -65,7 +65,7 @@ class Damped(LawTable):
     damping: Positive = 0.05
     gain: Gain = GAIN
 
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `damped`."""
         return damped(task, self.damping, self.gain, name=name)
 
@@ -78,7 +78,7 @@ class GradientProjection(LawTable):
     weight: Gain = 1.0
     gain: Gain = GAIN
 
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `gradient_projection`; of the start posture as `repetitive_motion`, which is the same."""
         if self.cost == "start":
             return repetitive_motion(task, self.weight, self.gain, name=name)
@@ -103,7 +103,7 @@ class Library(LawTable):
     posture_gain: Gain = 1.0
     preferred: Annotated[list[Length], Few] | None = None
 
-    def law(self, task: Task, start: Vector, name: str) -> ControlLaw:
+    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `pink_law`, `mink_law` or `placo_law`. Raises: ArgumentError: a task that is no whole pose."""
         if task.orientation != "twist" or task.m != (3 if task.robot.planar else 6):
             cure = f"{', '.join(LIBRARIES)} follow whole poses here: use kind = 'pose'"
@@ -129,10 +129,10 @@ class Given(LawTable):
     kind: Literal["given"]
     key: str
 
-    def law(self, task: Task, start: Vector, name: str) -> Any:
+    def law(self, task: Task, q0: Vector, name: str) -> Any:
         """What the function returns."""
         function = given(self.key)
-        return _as_law(function(task, start) if _takes_start(function) else function(task))
+        return _as_law(function(task, q0) if _takes_start(function) else function(task))
 
 
 def _takes_start(function: Callable[..., Any]) -> bool:
@@ -156,12 +156,12 @@ else:
     AnyLaw = Annotated[Union[(*OF_A_JOB, *OWN_KINDS)], Field(discriminator="kind")]
 
 
-def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector) -> dict[str, AnyLaw]:
+def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector) -> dict[str, AnyLaw]:
     """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
     table = laws[name]
-    found = resolved(laws, table.of, task, start) if isinstance(table, ClosedLoop) else {}
+    found = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
     if isinstance(table, BestLock):
-        joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, start)]
+        joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, q0)]
         table = Lock(kind="lock", joints=joints)
     return found | {name: table}
 
@@ -174,14 +174,14 @@ def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
     )
 
 
-def built(laws: Mapping[str, AnyLaw], name: str, task: Task, start: Vector, folder: FilePath) -> Strategy | ControlLaw:
+def built(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector, folder: FilePath) -> Strategy | ControlLaw:
     """The law of a name; modules are looked for in the survey file's folder first. Raises: HolokinError."""
     table = laws[name]
     if isinstance(table, Own):
-        return _as_law(imported(table.function, folder)(task, start))
+        return _as_law(imported(table.function, folder)(task, q0))
     if isinstance(table, ClosedLoop):
-        of = built(laws, table.of, task, start, folder)
+        of = built(laws, table.of, task, q0, folder)
         if not isinstance(of, Strategy):
             raise ArgumentError("of", table.of, "it is a control law already: name a strategy")
         return closed_loop(of, table.gain, name=name)
-    return table.build(task, start, name) if isinstance(table, StrategyTable) else table.law(task, start, name)
+    return table.build(task, q0, name) if isinstance(table, StrategyTable) else table.law(task, q0, name)

@@ -32,7 +32,7 @@ def drawn(table: LoopTable, length: float, planar: bool, rng: np.random.Generato
     size = _number(table.size, rng) if table.size is not None else _number(table.share, rng) * length
     speed = _number(table.speed, rng)
     normal, turned = _normal(table, planar, rng), rng.uniform(0, 2 * np.pi)
-    clockwise = table.way == "clockwise" or (table.way == "random" and bool(rng.integers(2)))
+    clockwise = table.direction == "clockwise" or (table.direction == "random" and bool(rng.integers(2)))
     # not by rotations of a library, whose last digits may differ from version to version
     a, b = np.asarray(frame_about(normal))[:, :2].T
     u, v = np.cos(turned) * a + np.sin(turned) * b, np.cos(turned) * b - np.sin(turned) * a
@@ -70,7 +70,7 @@ def _normal(table: LoopTable, planar: bool, rng: np.random.Generator) -> Vector:
 
 
 def _raster(size: float) -> Matrix:
-    """Lines there and back, and a straight way home beside them."""
+    """Lines there and back, and a straight path home beside them."""
     side = size / 2**0.5
     rows = []
     for k in range(LINES):

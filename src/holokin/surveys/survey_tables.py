@@ -70,7 +70,7 @@ class LoopTable(KindTable):
     size: Annotated[Positive | tuple[Positive, Positive] | None, Pair] = None
     share: Annotated[Share | tuple[Share, Share] | None, Pair] = None
     plane: Plane | Row = "random"
-    way: Literal["counter-clockwise", "clockwise", "random"] = "random"
+    direction: Literal["counter-clockwise", "clockwise", "random"] = "random"
     speed: Annotated[Positive | tuple[Positive, Positive], Pair] = 0.1
     count: Annotated[int, Field(ge=1, le=MOST_OF_A_KIND)] = 1
 

@@ -54,7 +54,7 @@ BOUND = 16
 
 
 @dataclass(frozen=True, eq=False)
-class NearestLaw(Value):
+class ClosestHolonomic(Value):
     """The nearest repeatable law that was found, and how near others are.
 
     strategy: an ordinary one; start (n,): the posture in the middle of the region.
@@ -69,7 +69,7 @@ class NearestLaw(Value):
     """
 
     strategy: HolonomicStrategy
-    start: Vector
+    q0: Vector
     ours: Deviation
     radial: Deviation | None
     bound: float | None
@@ -88,7 +88,7 @@ class NearestLaw(Value):
 
 
 @typed
-def nearest(
+def closest_holonomic(
     strategy: Strategy,
     region: Region | Ball,
     *,
@@ -97,7 +97,7 @@ def nearest(
     samples: int = 4096,
     seed: int = 0,
     length: float | None = None,
-) -> NearestLaw:
+) -> ClosestHolonomic:
     """The repeatable law nearest to a given one over a joint region, in the mean of |G_g - G|_F^2. [RM93]
 
     Its leaves are g = phi + a series of the tool pose and phi: polynomials up to `degree`, and where the region holds
@@ -146,16 +146,16 @@ def nearest(
         near = None
     if near is not None and near.rms < min(REPEATABLE, ours.rms):  # the given law has leaves: those of radial
         found, ours, least, terms = straight, near, 1.0, 0
-    return NearestLaw(found, start, ours, near, bound, least, metres, terms, steps)
+    return ClosestHolonomic(found, start, ours, near, bound, least, metres, terms, steps)
 
 
 def _base(
-    task: Task, base: Constraint | None, start: Vector, region: Region | Ball
+    task: Task, base: Constraint | None, q0: Vector, region: Region | Ball
 ) -> tuple[Constraint | None, float | None]:
     """(base constraint, period), with one redundant joint: a period where the region holds closed self-motions that phi
     grows round.
     """
-    whole = self_motion(task, start, step=0.05, limits=False)
+    whole = self_motion(task, q0, step=0.05, limits=False)
     if not whole.closed:
         return base, None
     turned = whole.q[-1] - whole.q[0]
@@ -174,7 +174,7 @@ def _base(
     return base, turn or None
 
 
-def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, count: int, seed: int) -> Matrix:
+def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: int, seed: int) -> Matrix:
     """Postures (k, n) that fill the region evenly: a box in its joints, a ball in tool positions and arc length."""
     if isinstance(region, Region):
         return region.sample(count, seed)
@@ -182,15 +182,15 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, start: Vector, coun
     if not region.along > 0:
         cure = "give hk.analysis.ball(start, radius, along=...): a repeatable law has leaves side by side"
         raise ArgumentError("`along` of the ball", region.along, cure)
-    u, pose = sobol(4, count, seed), task.pose(start)
+    u, pose = sobol(4, count, seed), task.pose(q0)
     poses = np.tile(pose, (count, 1, 1))
     poses[:, :3, 3] = _positions(pose[:3, 3], region.radius, u, task.robot.planar)
-    found = inverse(law, start).batch(poses)
+    found = inverse(law, q0).batch(poses)
     ok = found.reached
     Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]
     along = region.along
     if task.n - task.m == 1:
-        whole = self_motion(task, start, step=0.05, limits=False)
+        whole = self_motion(task, q0, step=0.05, limits=False)
         along = min(along, (whole.s[-1] - whole.s[0]) / 2) if whole.closed else along
     v = np.random.default_rng(seed).normal(size=Q.shape)
     Q, sound = SelfMotions(task, p, R).walked(Q, v, (2 * u[ok, 3] - 1) * along, STEP)
