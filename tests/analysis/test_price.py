@@ -94,6 +94,7 @@ def cut_law(given: hk.Strategy, sharpness: float) -> hk.Strategy:
     return hk.holonomic(given.task, hk.custom(g, name="law with a cut"))
 
 
+@pytest.mark.campaign
 def test_a_law_with_a_cut_has_less_rms_than_the_twin_but_not_less_at_most(ppr_given: hk.Strategy) -> None:
     """On one leaf no rms deviation but 0 is the least; what must fall back once on every loop is the maximum."""
     before = np.inf

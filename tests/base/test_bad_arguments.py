@@ -18,6 +18,7 @@ from conftest import (
     Command,
     assert_refused,
     assert_untouched,
+    drawn,
     write_job,
 )
 from holokin.errors import (
@@ -44,7 +45,8 @@ PLANAR = {
 # --- strategies that do not fit -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@drawn(
+    4,
     ("strategy", "words"),
     [
         ('kind = "lock"\njoints = ["q1", "q2"]\n', ("2 rows", "n = 3", "m = 2", "exactly r = n - m = 1")),

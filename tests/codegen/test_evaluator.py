@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, drawn
 from holokin.codegen import evaluator
 from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError, SingularityError
@@ -99,7 +99,7 @@ class Kind(np.ndarray):
 
 
 @compiled
-@pytest.mark.parametrize("n", [2, 5, 12])
+@drawn(1, "n", [2, 5, 12])
 def test_planar_arms_of_any_size_agree(n: int) -> None:
     """Without redundancy there is no constraint row; twelve joints are solved by a dense factorisation."""
     arm = hk.from_dh([{"a": 1.0 / n} for _ in range(n)], name=f"{n}R")

@@ -18,7 +18,7 @@ from benchmarks import kills
 from benchmarks.kills import deadly, hidden, state
 
 import holokin as hk
-from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, write_job
+from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, drawn, write_job
 from forked import forked, start
 from holokin.base.files import aside, replacing
 from holokin.errors import WriteError
@@ -148,7 +148,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
+@drawn(1,
     ("arguments", "wanted"),
     [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
      (["audit", "log.csv", "--robot", "ppr", "--plot", "a.png"], "a.png")],
@@ -208,7 +208,7 @@ def dies(out: Path, files: dict[str, str], k: int, after: bool) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -9
 
 
-@pytest.mark.parametrize("after", [False, True])
+@drawn(2, "after", [False, True])
 @pytest.mark.parametrize("repair", ["the same job", "another job", "killed, too"])
 def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(out: Path, after: bool, repair: str) -> None:
     old, new = {"report.html": "old", "old.csv": "old"}, {"report.html": "new", "new.csv": "new"}
@@ -363,7 +363,8 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     assert hidden(out) == []
 
 
-@pytest.mark.parametrize(
+@drawn(
+    1,
     "lost",
     [
         "class Last:\n  def __del__(self): signal.raise_signal(signal.SIGINT)\n Last()",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, urdf
+from conftest import IIWA_START, PANDA_START, drawn, urdf
 from holokin.constraints import find_arm
 from holokin.designing import PoseStatus
 from holokin.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError
@@ -88,7 +88,7 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6).q, found.q)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@drawn(1, "seed", range(3))
 def test_the_postures_of_an_iiwa_at_other_poses_are_those_of_the_closed_form(iiwa14: hk.Robot, seed: int) -> None:
     q0 = IIWA_START + np.random.default_rng(seed).uniform(-0.4, 0.4, 7)
     T, points = iiwa_pose(q0)
@@ -295,6 +295,7 @@ def test_an_elbow_kept_above_its_arm_ends_its_leaf_where_it_passes_over_the_shou
     assert np.abs(N / np.linalg.norm(N)) == pytest.approx(np.array([1, 0, 1, 0, 0, 0, 0]) / 2**0.5, abs=1e-3)
 
 
+@pytest.mark.campaign
 def test_where_the_elbow_stands_at_the_start_counts_for_more_than_the_wrist(panda: hk.Robot) -> None:
     shares = {}
     for wrist, joints in (("found", None), ("last", (1, 3, 6))):

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import urdf
+from conftest import campaign, drawn, urdf
 from exported import rates
 from holokin.constraints import centring_cost
 from holokin.designing.best_section import Limits, Search
@@ -68,6 +68,7 @@ def test_a_panda_over_a_box_has_the_known_least_squared_speeds(found: hk.Design,
     assert found.holds
 
 
+@pytest.mark.campaign
 def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     found: hk.Design, oracle: PoseCloud, task: hk.Task
 ) -> None:
@@ -139,8 +140,8 @@ def search_of(task: hk.Task, space: hk.Workspace, base: hk.Constraint, goal: Obj
     return Search(section, costs_of(task.robot, goal, c.turns, c.spread), goal.weights, limits, near)
 
 
-@pytest.mark.parametrize("name", Objective.NAMES)
-@pytest.mark.parametrize("case", ["position", "pose", "cost"])
+@drawn(2, "name", Objective.NAMES)
+@drawn(2, "case", ["position", "pose", "cost"])
 def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: str) -> None:
     """The objective and the violated limits by the coefficients, also with r = 4, with turns, with a curved base."""
     whole = hk.pose(panda)
@@ -164,7 +165,7 @@ def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: 
     assert here[1] @ way == pytest.approx((ahead[0] - behind[0]) / (2 * h), rel=2e-5)
 
 
-@pytest.mark.parametrize("goal", ["one", "all"])
+@pytest.mark.parametrize("goal", ["one", campaign("goal", "all")])
 def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, swift: hk.Design, goal: str) -> None:
     every = Objective(1.0, 1.0, 1.0, 1.0, 1.0)
     found = swift if goal == "one" else hk.design(task, SMALL, READY, objective=every, degree=1, samples=16)
@@ -177,7 +178,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
     """Without limits the design comes nearer; with them the squared speed is higher, and they hold at the check."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "1")  # it is long enough for a compiler
     margin, rcond, space = 0.5, 0.12, hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
-    words = {"base": hk.lock("panda_joint3"), "degree": 1, "samples": 48}
+    words = {"base": hk.lock("panda_joint3"), "degree": 1, "samples": 24}
     free = hk.design(task, space, READY, **words)
     held = hk.design(task, space, READY, **words, margin=margin, rcond=rcond)
 
@@ -185,7 +186,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
         q = hk.inverse(d.strategy, d.q0).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 
-    checked = space.poses(192, seed=1)
+    checked = space.poses(96, seed=1)
     assert least_margin(free, checked) < margin <= least_margin(held, checked)
     assert held.checked.rcond >= rcond
     assert held.holds and held.impossible == 0
@@ -193,7 +194,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
     assert held.costs[1] > held.costs[0]  # the base law breaks them, and the answer says so
     assert f"to begin with (beyond hard limits at {held.broken} of the samples)" in str(held)
     assert free.broken == 0
-    assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
+    assert least_margin(held, space.poses(96, seed=9)) > margin - 0.02  # poses that nobody looked at
 
 
 def test_limits_that_no_posture_keeps_are_told(task: hk.Task) -> None:
@@ -204,6 +205,7 @@ def test_limits_that_no_posture_keeps_are_told(task: hk.Task) -> None:
     assert np.isfinite(found.bound)
 
 
+@pytest.mark.campaign
 def test_four_redundant_joints_come_near_the_least_that_a_search_finds(panda: hk.Robot) -> None:
     found = hk.design(hk.position(panda), SMALL, READY, degree=1, samples=12)
     assert not found.bound_traced

@@ -68,6 +68,7 @@ def test_no_law_is_below_the_bound_of_a_law_on_another_branch(task: hk.Task) -> 
     assert "none on these self-motions" not in str(down)
 
 
+@pytest.mark.campaign
 def test_no_posture_that_another_search_finds_costs_less(
     task: hk.Task, spread_out: tuple[Matrix, Matrix, Array]
 ) -> None:

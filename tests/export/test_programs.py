@@ -12,7 +12,7 @@ import pytest
 
 import grammars
 import holokin as hk
-from conftest import IRB_START, PANDA_START, Command
+from conftest import IRB_START, PANDA_START, Command, drawn
 from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
 from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
 from holokin.job import open_job, program_of_job, run_job
@@ -22,17 +22,19 @@ ABOUT = "wrist held: q4, q5, q6 stay \u00fc"
 TOLERANCE = 2e-3
 
 
-def timed(robot: hk.Robot, task: hk.Task, law: hk.Constraint, start: np.ndarray, dt: float) -> TimedTrajectory:
+def timed(
+    robot: hk.Robot, task: hk.Task, law: hk.Constraint, start: np.ndarray, dt: float, **limits
+) -> TimedTrajectory:
     """A triangle, or in [x y] of the base of a robot on a rail, trapezoidally timed."""
     at = robot.pose(start)[:3, 3]
     corners = at + np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0]])
     walk = hk.follow(hk.holonomic(task, law), hk.polyline(corners, closed=True), start, samples=60)
-    return hk.retime(walk, robot, velocity=3.0, acceleration=10.0, jerk=300.0, profile="trapezoidal", dt=dt)
+    return hk.retime(walk, robot, velocity=3.0, acceleration=10.0, profile="trapezoidal", dt=dt, **limits)
 
 
 @pytest.fixture(scope="module")
 def six(irb140: hk.Robot) -> TimedTrajectory:
-    return timed(irb140, hk.position(irb140), hk.lock(3, 4, 5), IRB_START, 0.002)
+    return timed(irb140, hk.position(irb140), hk.lock(3, 4, 5), IRB_START, 0.002, jerk=300.0)
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +231,6 @@ speed = "fastest"
 profile = "trapezoidal"
 velocity = 3.0
 acceleration = 10.0
-jerk = 300.0
 [program]
 coupled = true
 [strategies.wrist]
@@ -302,7 +303,7 @@ def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Pa
     assert "do not end where they started" in free.trouble
 
 
-@pytest.mark.parametrize("language", WRITERS)
+@drawn(1, "language", WRITERS)
 def test_a_job_becomes_a_program_of_each_language(language: str, tmp_path: Path) -> None:
     file = tmp_path / "weld.toml"
     file.write_text(JOB, "utf-8")

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, drawn
 from holokin.codegen import enabled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.inverse_kinematics.branch import lay_tube
@@ -238,7 +238,7 @@ def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
             assert 0 < worst <= tube.change
 
 
-@pytest.mark.parametrize("scale", [1e-11, 1e-5, 1.0, 1e11])
+@drawn(2, "scale", [1e-11, 1e-5, 1.0, 1e11])
 def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, scale: float) -> None:
     plain = hk.holonomic(hk.pose(panda), hk.linear([1.0, 0, -1, 0, 0, 0, 0]))
     scaled = hk.holonomic(hk.pose(panda), hk.linear(scale * np.array([1.0, 0, -1, 0, 0, 0, 0])))
@@ -252,6 +252,7 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     assert ends[1] == pytest.approx(ends[0], abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_the_benchmark_of_branches_runs_and_finds_none_other() -> None:
     from benchmarks.branches import cases, compare
 

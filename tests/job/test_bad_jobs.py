@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, shell, urdf, write_job
+from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, drawn, shell, urdf, write_job
 from holokin.errors import JobError, JointLimitError, OutOfReachError
 from holokin.job import read_job
 
@@ -81,7 +81,8 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
     assert_untouched(out)
 
 
-@pytest.mark.parametrize(
+@drawn(
+    4,
     ("spoilt", "words"),
     [
         ({"robot": '[robot]\nname = "pandaa"\n'}, ("'pandaa'", "did you mean 'panda'", "`holokin robots`")),
@@ -144,8 +145,9 @@ def test_half_a_urdf_is_not_half_an_arm(holokin: Command, tmp_path: Path, out: P
 # --- the command line: numbers --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-@pytest.mark.parametrize(
+@drawn(1, "value", ["nan", "inf", "-inf"])
+@drawn(
+    4,
     ("table", "text", "key"),
     [
         ("start", "[start]\nq = [0.1, {}, 0.2]\n", "[start.q.1]"),

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, drawn
 from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
@@ -100,7 +100,7 @@ SAME: dict[str, Callable[[np.ndarray], object]] = {
 }
 
 
-@pytest.mark.parametrize("kind", SAME)
+@drawn(4, "kind", SAME)
 def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.motion.Controller) -> None:
     """Each argument alone, and all three."""
     plain = [PANDA_START + 0.01, POSE, TWIST]

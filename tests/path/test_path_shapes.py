@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import holokin as hk
+from conftest import drawn
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError
 
 POINTS = np.array([[0.4, 0, 0.3], [0.5, 0.1, 0.32], [0.45, 0.2, 0.3], [0.35, 0.15, 0.25], [0.3, 0.0, 0.3]])
@@ -137,7 +138,6 @@ rows = st.tuples(st.floats(0.1, 0.3), *[st.floats(-0.1, 0.1)] * 4)
 ways = st.lists(rows, min_size=3, max_size=6)
 
 
-@settings(max_examples=10, deadline=None)
 @given(ways, st.booleans(), st.booleans())
 def test_a_spline_goes_through_its_waypoints_smoothly_and_closes(rows: list, closed: bool, timed: bool) -> None:
     given, k = np.array(rows), len(rows)
@@ -215,7 +215,7 @@ def test_over_a_sphere_the_tool_looks_along_the_radius() -> None:
     assert len(rows.corners) == 4  # three lines, two steps across
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 2e-3, 5e-3])
+@drawn(2, "tolerance", [1e-4, 2e-3, 5e-3])
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_blended_corner_stays_within_its_tolerance(tolerance: float, closed: bool) -> None:
     path = hk.polyline(SQUARE, closed=closed)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, Command, urdf
+from conftest import PANDA_START, Command, drawn, urdf
 from holokin.errors import ArgumentError, OpenPathError, StartError, UnknownNameError
 from holokin.motion import LoopWatch
 from holokin.output import physics_figures
@@ -93,7 +93,7 @@ def test_measured_joints_starve_a_loop_of_position_servos_and_it_says_so(
     assert not fed.remark
 
 
-@pytest.mark.parametrize("kind", ["velocity", "torque"])
+@drawn(1, "kind", ["velocity", "torque"])
 def test_measured_joints_suit_the_other_servos(arm: hk.Robot, kind: str) -> None:
     run = play(tied(arm), circle(arm), PANDA_START, servo=kind, dt=2e-3)
     assert run.feedback == "measured"

@@ -118,6 +118,7 @@ def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_pa
     assert caught.value.certificate.extent is Extent.BUDGET and len(caught.value.trajectory) >= 1
 
 
+@pytest.mark.campaign
 def test_a_path_into_a_joint_limit_is_proven_up_to_there(lock: Any, panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
     path = hk.arc(tool, tool - [0.3, 0, 0], np.pi, (0, 0, 1))

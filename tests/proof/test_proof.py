@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START
+from conftest import PANDA_START, PPR_START, R3_START, drawn
 from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
@@ -55,7 +55,7 @@ def test_products_of_intervals_hold_all_products_and_little_more() -> None:
             assert got == pytest.approx(same, rel=1e-13, abs=1e-290)
 
 
-@pytest.mark.parametrize("turning", [False, True], ids=["path", "box that turns"])
+@drawn(1, "turning", [False, True], ids=["path", "box that turns"])
 def test_e_bounds_the_change_of_the_derivative_along_the_predictor(turning: bool) -> None:
     """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is a fair part of e, or the bound were of no use."""
     robot = hk.load("panda")
@@ -116,7 +116,7 @@ CONSTRAINTS = {
 }
 
 
-@pytest.mark.parametrize("name", CONSTRAINTS)
+@drawn(3, "name", CONSTRAINTS)
 def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turns(name: str, panda: hk.Robot) -> None:
     """And roots lie in the tubes."""
     G = hk.holonomic(hk.pose(panda), CONSTRAINTS[name])
@@ -125,6 +125,7 @@ def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turn
     roots_are_where_they_should_be(proof, np.random.default_rng(2))
 
 
+@pytest.mark.campaign
 def test_stacked_constraints_and_tasks_of_other_coordinates_are_certified(panda: hk.Robot) -> None:
     """Position with two constraints one over the other; an axis task; Euler angles; a coupled orientation."""
     cases: list[tuple[hk.Task, hk.Constraint]] = [

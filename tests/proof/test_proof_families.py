@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, drawn
 from holokin import constraints as C
 from holokin.errors import ArgumentError
 from holokin.proof import certify, equation, follow_certified
@@ -29,7 +29,7 @@ def panda() -> hk.Robot:
     return hk.load("panda")
 
 
-@pytest.mark.parametrize("cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
+@drawn(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
 @pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
 def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
     panda: hk.Robot, cost: C.Cost, free: tuple[int, ...] | None
@@ -67,6 +67,7 @@ def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joint
     roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
 
 
+@pytest.mark.campaign
 def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> None:
     """One turns while the other goes round a circle; the poses are those of the paths."""
     task = hk.stacked(*(hk.pose(yumi, tip=hand) for hand in HANDS))

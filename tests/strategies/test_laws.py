@@ -9,12 +9,12 @@ from functools import cache, cached_property
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, R3_START, urdf
+from conftest import IRB_START, PANDA_START, PPR_START, R3_START, drawn, urdf
 from holokin.errors import BranchError
 from holokin.strategies import HolonomicStrategy
 from holokin.tasks.orientation_rows import ORIENTATIONS
@@ -161,7 +161,7 @@ CASES = [
 ]
 UNWRITTEN = ("ppr paper", "ppr given", "3r impedance", "3r impedance by stiffness")
 """Those that have leaves for which nobody wrote a g."""
-every = pytest.mark.parametrize("case", CASES, ids=[c.name for c in CASES])
+every = drawn(12, "case", CASES, ids=[c.name for c in CASES])
 
 
 def postures(case: Case, count: int, radius: float = 0.2) -> np.ndarray:
@@ -222,7 +222,6 @@ def test_the_task_jacobian_meets_finite_differences(case: Case) -> None:
         assert np.abs(J[:, i] - step).max() < 1e-8
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.sampled_from(CASES), st.lists(st.floats(-1, 1), min_size=12, max_size=12))
 def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: list[float]) -> None:
     """A random closed polygon (pose tasks: with turns of the tool that cancel): home, if holonomic."""
@@ -263,7 +262,7 @@ def test_two_paths_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> N
 HELD = [c for c in CASES if c.holonomic and c.name not in UNWRITTEN]
 
 
-@pytest.mark.parametrize("case", HELD, ids=lambda c: c.name)
+@drawn(6, "case", HELD, ids=[c.name for c in HELD])
 def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
     strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import drawn
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -180,7 +181,7 @@ def test_a_path_instead_of_a_packaged_job_opens_nothing_and_runs_nothing(shown: 
     lives(shown)
 
 
-@pytest.mark.parametrize(
+@drawn(5,
     "updates",
     [
         {"max": 1e308}, {"label": "<script>alert(1)</script>"}, {"update_cb": []}, {"sync_cb": None}, {"removed": True},

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, urdf
+from conftest import PANDA_START, PPR_START, drawn, urdf
 from holokin.job import Job, packaged_jobs, run_job
 from holokin.studios import (
     CloudStatus,
@@ -112,7 +112,7 @@ def rerun(session: Session) -> dict[str, np.ndarray]:
     return {r.name: r.cycles.drift_since_start() for r in result.strategies}
 
 
-@pytest.mark.parametrize("kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
+@drawn(1, "kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
 def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
     session, p = panda(cycles=2), TOOL[:3, 3]
     if kind.startswith("circle"):
@@ -152,7 +152,7 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
         write_job(session, tmp_path / "saved.toml")
 
 
-@pytest.mark.parametrize("name", packaged_jobs())
+@drawn(2, "name", packaged_jobs())
 def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     session = open_session(name)
     first = session.snapshot()

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
+from conftest import drawn
 from exported import STRICT
 from holokin.inverse_kinematics import InverseStatus
 from holokin.job import open_job, run_job, simulate_job
@@ -230,7 +231,6 @@ def test_each_arm_can_be_held_by_its_own_arm_angle(hands: hk.Task) -> None:
 
 
 @given(speeds=st.tuples(st.floats(0.05, 1.0), st.floats(0.05, 1.0)), corners=st.integers(2, 5))
-@settings(max_examples=20)
 def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     speeds: tuple[float, float], corners: int
 ) -> None:
@@ -341,7 +341,7 @@ MOVING = 'others = [{ kind = "circle", center = [0, 0.02, 0], relative = true }]
 LINE = 'others = [{ kind = "polyline", points = [[0, 0, 0], [0, 0.02, 0]], relative = true }]'
 
 
-@pytest.mark.parametrize("others", [MOVING, ""])
+@drawn(1, "others", [MOVING, ""])
 def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, tmp_path: Path) -> None:
     """A hand without a path stays where it is."""
     file = tmp_path / "hands.toml"
