@@ -259,9 +259,9 @@ def test_a_controller_is_refused_what_makes_no_sense(strategy: hk.Strategy) -> N
         ({"dt": 0.0}, "dt"),
         ({"dt": "a"}, "dt"),
         ({"dt": 1e-3, "gain": [1]}, "gain"),
-        ({"dt": 1e-3}, "start"),
-        ({"dt": 1e-3, "start": PANDA_START, "gain": 5e3}, "unstable"),
-        ({"dt": 1e-3, "start": PANDA_START, "constraint_gain": np.nan}, "constraint_gain"),
+        ({"dt": 1e-3}, "q0"),
+        ({"dt": 1e-3, "q0": PANDA_START, "gain": 5e3}, "unstable"),
+        ({"dt": 1e-3, "q0": PANDA_START, "constraint_gain": np.nan}, "constraint_gain"),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=said):
             hk.controller(strategy, **more)

@@ -35,7 +35,9 @@ class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):
 
     REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
     BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
-    CONVERGES = "converges: cycles repeat in the end, but the joints at a pose depend on the path, the speed or the past"
+    CONVERGES = (
+        "converges: cycles repeat in the end, but the joints at a pose depend on the path, the speed or the past"
+    )
     DRIFTS = "drifts: every cycle leaves the joints elsewhere"
     UNKNOWN = "cannot be judged: the law failed, as told below"
 
