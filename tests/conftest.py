@@ -88,7 +88,7 @@ def optimized(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]
     compiler.cache_clear()
 
 
-def drawn(count: int, names: str | tuple[str, ...], values: Iterable[Any], **more: Any) -> pytest.MarkDecorator:
+def sampled(count: int, names: str | tuple[str, ...], values: Iterable[Any], **more: Any) -> pytest.MarkDecorator:
     """`parametrize` of which `count` cases, drawn once and not picked, are in the suite, and all in the campaign."""
     cases = list(values)
     few = set(random.Random(2011).sample(range(len(cases)), count))

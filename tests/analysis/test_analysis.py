@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import subspace_angles
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, drawn
+from conftest import IRB_START, PANDA_START, PPR_START, sampled
 from holokin.analysis.straight_transport import transport
 from holokin.errors import ArgumentError, NotHolonomicError, OpenPathError
 from holokin.robot import hessian_expression
@@ -37,7 +37,7 @@ def hessian(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
     return np.stack([np.reshape(H, (robot.n, robot.n)) for H in rows])
 
 
-@pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])
+@sampled(2, "name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])
 def test_hessians_meet_finite_differences(name: str) -> None:
     robot, h = hk.load(name), 1e-6
     for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
@@ -256,7 +256,7 @@ def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3:
         assert len(caught.value.witness) == len(start)
 
 
-@drawn(2, "case", ["paper", "coupled", "arm angle", "radial"])
+@sampled(2, "case", ["paper", "coupled", "arm angle", "radial"])
 def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
     ppr: hk.Robot, irb140: hk.Robot, panda: hk.Robot, panda_given: hk.Strategy, case: str
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, drawn
+from conftest import PANDA_START, sampled
 from holokin.analysis import Directions, obstruction
 from holokin.analysis.sphere_index import TangentField, area, icosphere, poles, turn
 from holokin.errors import ArgumentError, OpenPathError
@@ -56,7 +56,7 @@ FIELDS = {
 }
 
 
-@drawn(3, "name", FIELDS)
+@sampled(3, "name", FIELDS)
 def test_the_poles_of_a_known_field_are_found_with_their_indices(name: str) -> None:
     field, known = FIELDS[name]
     turned = Rotation.from_rotvec([0.3, -0.2, 0.5])
@@ -117,7 +117,7 @@ def test_the_conventional_angle_has_two_poles_of_index_1_above_and_below_the_sho
         assert witness.pose[:3, :3] == pytest.approx(iiwa14.pose(IIWA)[:3, :3])
 
 
-@drawn(1, ("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
+@sampled(1, ("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
 def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
     iiwa14: hk.Robot, pole: tuple[float, ...], reference: tuple[float, ...]
 ) -> None:
@@ -163,6 +163,7 @@ def test_no_law_of_an_iiwa_covers_all_directions_whichever_it_is(iiwa14: hk.Robo
     assert "none covers them without a jump" in found.sentence
 
 
+@pytest.mark.campaign
 def test_a_panda_whose_wrist_stands_aside_is_not_said_to_be_like_that_beyond_what_was_traced(panda: hk.Robot) -> None:
     found = obstruction(hk.pose(panda), Directions(fineness=0), PANDA_START)
     assert found.total == 2
@@ -206,7 +207,7 @@ def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tu
     return start, hk.circle(T[:3, 3], center, axis)
 
 
-@drawn(
+@sampled(
     1,
     ("definition", "axis", "size", "turns", "samples"),
     [("conventional", Z, 0.4, 1, 16), ("stereographic", -X, 0.7, 2, 24), ("stereographic", Z, 0.4, 0, 16)],

@@ -10,13 +10,13 @@ import pytest
 from benchmarks import logs
 
 import holokin as hk
-from conftest import drawn
+from conftest import sampled
 from holokin.auditing import LogVerdict, Trend
 
 NOISES = (0.0, 1e-4, 1e-3)
 
 
-@drawn(2, "law", logs.LAWS)
+@sampled(2, "law", logs.LAWS)
 def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none(law: str) -> None:
     """Motions of six to nine cycles. "Cannot tell" is no wrong answer of the trend; of whether the joints repeated,
     it is one unless the log has much noise."""
@@ -66,7 +66,7 @@ def test_a_steady_drift_goes_on_and_what_turns_or_scatters_cannot_be_told(seed: 
         assert "Trend: cannot tell" in audit.sentence() and audit.limit is None
 
 
-@drawn(1, "corners", [False, True])
+@sampled(1, "corners", [False, True])
 def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> None:
     """A log ends up to one sample before its last cycle does, 2 mm here: the tool is followed on. At a corner between
     two samples it cannot be, and that is said."""

@@ -18,7 +18,7 @@ from conftest import (
     Command,
     assert_refused,
     assert_untouched,
-    drawn,
+    sampled,
     write_job,
 )
 from holokin.errors import (
@@ -45,7 +45,7 @@ PLANAR = {
 # --- strategies that do not fit -------------------------------------------------------------------------------
 
 
-@drawn(
+@sampled(
     4,
     ("strategy", "words"),
     [

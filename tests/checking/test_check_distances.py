@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
-from conftest import PANDA_START, urdf
+from conftest import PANDA_START, campaign, sampled, urdf
 from holokin.checking.gaps import LinkGap, floor_gap, link_gap, links_of, segment_distance
 from holokin.checking.sweep import ACCURACY, sweep
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape
@@ -169,7 +169,7 @@ def pinocchio_least(file: str, q: np.ndarray, names: tuple[str, ...], pairs: lis
 ARMS = {"panda.urdf": ("panda_hand", {"panda_finger_joint1": 0.0}), "ur5_robot.urdf": ("ee_link", {})}
 
 
-@pytest.fixture(scope="module", params=ARMS)
+@pytest.fixture(scope="module", params=["panda.urdf", campaign("arm", "ur5_robot.urdf")])
 def arm(request: pytest.FixtureRequest) -> tuple[str, hk.Robot]:
     tip, locked = ARMS[request.param]
     return request.param, hk.load(urdf(request.param), tip=tip, locked=locked)
@@ -205,7 +205,7 @@ def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:
     assert clear.passed and clear.clearance > 0.01
 
 
-@pytest.mark.parametrize("name", ["panda", "irb140", "rail-ur10e", "yumi", "ppr"])
+@sampled(2, "name", ["panda", "irb140", "rail-ur10e", "yumi", "ppr"])
 def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
     """|d(q) - d(q')| <= weights . |q - q'|, of links from each other, of two arms, from a ball and from the floor."""
     robot = hk.with_capsules(hk.load(name), 0.05)

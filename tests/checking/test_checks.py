@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, Command, assert_refused, drawn, urdf, write_job
+from conftest import PANDA_START, R3_START, Command, assert_refused, sampled, urdf, write_job
 from holokin.checking import FindingKind
 from holokin.errors import ArgumentError, MissingExtraError, ShapeError, UnknownNameError
 from holokin.recording import Recording
@@ -261,7 +261,7 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     assert holokin("run", hit, "--out", out).code == 1
 
 
-@drawn(
+@sampled(
     3,
     ("checks", "words"),
     [

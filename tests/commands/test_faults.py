@@ -18,7 +18,7 @@ from benchmarks import kills
 from benchmarks.kills import deadly, hidden, state
 
 import holokin as hk
-from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, drawn, write_job
+from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, sampled, write_job
 from forked import forked, start
 from holokin.base.files import aside, replacing
 from holokin.errors import WriteError
@@ -148,7 +148,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@drawn(1,
+@sampled(1,
     ("arguments", "wanted"),
     [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
      (["audit", "log.csv", "--robot", "ppr", "--plot", "a.png"], "a.png")],
@@ -208,8 +208,8 @@ def dies(out: Path, files: dict[str, str], k: int, after: bool) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -9
 
 
-@drawn(2, "after", [False, True])
-@pytest.mark.parametrize("repair", ["the same job", "another job", "killed, too"])
+@pytest.mark.parametrize("after", [False, True])
+@sampled(1, "repair", ["the same job", "another job", "killed, too"])
 def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(out: Path, after: bool, repair: str) -> None:
     old, new = {"report.html": "old", "old.csv": "old"}, {"report.html": "new", "new.csv": "new"}
     mine = {"notes.txt": "mine", "arm.jpg": "mine too"}
@@ -307,7 +307,7 @@ def test_an_unexpected_error_has_its_own_exit_code_and_one_sentence(
     assert "Traceback (most recent call last)" in told.err and "in broken" in told.err
 
 
-@pytest.mark.parametrize("error", [EOFError("e"), RecursionError("r"), BrokenPipeError(32, "b"), OSError(5, "disk")])
+@sampled(2, "error", [EOFError("e"), RecursionError("r"), BrokenPipeError(32, "b"), OSError(5, "disk")])
 def test_no_error_ends_with_the_code_of_a_failed_expectation(
     holokin: Command, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
@@ -363,7 +363,7 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     assert hidden(out) == []
 
 
-@drawn(
+@sampled(
     1,
     "lost",
     [

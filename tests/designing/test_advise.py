@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, Command, assert_refused, urdf
+from conftest import PANDA_START, Command, assert_refused, sampled, urdf
 from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.candidates import Candidate, candidates
@@ -213,7 +213,7 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
     assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
 
 
-@pytest.mark.parametrize(
+@sampled(3,
     ("file", "tip", "joints"),
     [
         ("panda.urdf", "panda_hand_tcp", 7), ("xarm7.urdf", "link_eef", 7), ("tiago.urdf", "hand_grasping_frame", 8),
@@ -330,9 +330,7 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
     assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "none" / "x.toml"), "none", "No such file")
-    assert_refused(
-        holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks"
-    )
+    assert_refused(holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks")
     assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import campaign, drawn, urdf
+from conftest import campaign, sampled, urdf
 from exported import rates
 from holokin.constraints import centring_cost
 from holokin.designing.best_section import Limits, Search
@@ -140,8 +140,8 @@ def search_of(task: hk.Task, space: hk.Workspace, base: hk.Constraint, goal: Obj
     return Search(section, costs_of(task.robot, goal, c.turns, c.spread), goal.weights, limits, near)
 
 
-@drawn(2, "name", Objective.NAMES)
-@drawn(2, "case", ["position", "pose", "cost"])
+@sampled(2, "name", Objective.NAMES)
+@sampled(2, "case", ["position", "pose", "cost"])
 def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: str) -> None:
     """The objective and the violated limits by the coefficients, also with r = 4, with turns, with a curved base."""
     whole = hk.pose(panda)

@@ -92,7 +92,7 @@ def test_limits_cut_the_least_off_where_a_dense_walk_does(
     cut, step = 0, 0.01
     lines = [hk.strategies.self_motion(task, q, step=step, length=20.0, limits=False).q for q in Q]
     energies = [squared_speed(task, R, line) for line in lines]
-    for allowed in (1.0, 0.75, 0.6):
+    for allowed in (1.0, 0.6):
         here = floor_of(task, Q, p, R, allowed).here
         for k, (line, energy) in enumerate(zip(lines, energies, strict=True)):
             within, wider = inside(task, line, allowed), inside(task, line, allowed + step)

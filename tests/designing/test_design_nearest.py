@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_RADIUS, drawn
+from conftest import PANDA_START, PPR_RADIUS, sampled
 from holokin.analysis import ball, box
 from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.leaf_series import SampledSeries, series_over
@@ -22,7 +22,7 @@ def slope(relative: float) -> float:
     return relative * np.sqrt(1.5 / 2)
 
 
-@drawn(1, "start", [(0.9, -0.3, np.pi / 4), (1.0, 0.5, -2.0), (0.0, 0.0, 3.0)])
+@sampled(1, "start", [(0.9, -0.3, np.pi / 4), (1.0, 0.5, -2.0), (0.0, 0.0, 3.0)])
 def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
     ppr: hk.Robot, start: tuple[float, ...]
 ) -> None:

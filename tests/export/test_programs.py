@@ -12,7 +12,7 @@ import pytest
 
 import grammars
 import holokin as hk
-from conftest import IRB_START, PANDA_START, Command, drawn
+from conftest import IRB_START, PANDA_START, Command, sampled
 from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
 from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
 from holokin.job import open_job, program_of_job, run_job
@@ -303,7 +303,7 @@ def test_a_law_that_drifts_is_not_endless_in_a_job_and_that_is_said(tmp_path: Pa
     assert "do not end where they started" in free.trouble
 
 
-@drawn(1, "language", WRITERS)
+@sampled(1, "language", WRITERS)
 def test_a_job_becomes_a_program_of_each_language(language: str, tmp_path: Path) -> None:
     file = tmp_path / "weld.toml"
     file.write_text(JOB, "utf-8")

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import holokin as hk
-from conftest import Command, campaign, drawn
+from conftest import Command, campaign, sampled
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
@@ -156,7 +156,7 @@ def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
 PICTURES = ROOT / "docs" / "pictures"
 
 
-@drawn(1, "name", ["self_motion", "planar_loops", "leaves"])
+@sampled(1, "name", ["self_motion", "planar_loops", "leaves"])
 def test_a_picture_of_the_concepts_can_be_drawn_again(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

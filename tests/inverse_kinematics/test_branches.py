@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START, drawn
+from conftest import PANDA_START, sampled
 from holokin.codegen import enabled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.inverse_kinematics.branch import lay_tube
@@ -129,7 +129,7 @@ def last_fold(kind: str, w: float, above: float) -> float:
 
 @pytest.mark.parametrize("samples", ENGINES)
 @pytest.mark.parametrize("kind", list(FOLDS))
-@pytest.mark.parametrize("width", [0.0316, 1e-2, 1e-3, 1e-4])
+@sampled(1, "width", [0.0316, 1e-2, 1e-3, 1e-4])
 def test_a_fold_however_narrow_ends_the_walk(kind: str, width: float, samples: int) -> None:
     """From q3 well above the folds towards them: the leaf ends where h' = 0, and the joint is there."""
     if samples > 5000 and not enabled():
@@ -238,7 +238,7 @@ def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
             assert 0 < worst <= tube.change
 
 
-@drawn(2, "scale", [1e-11, 1e-5, 1.0, 1e11])
+@sampled(2, "scale", [1e-11, 1e-5, 1.0, 1e11])
 def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, scale: float) -> None:
     plain = hk.holonomic(hk.pose(panda), hk.linear([1.0, 0, -1, 0, 0, 0, 0]))
     scaled = hk.holonomic(hk.pose(panda), hk.linear(scale * np.array([1.0, 0, -1, 0, 0, 0, 0])))

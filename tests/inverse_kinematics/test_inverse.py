@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, drawn
+from conftest import PANDA_START, sampled
 from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
@@ -177,7 +177,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert worst < 1e-12
 
 
-@drawn(1, "law", ["lock", "arm angle", "position"])
+@sampled(1, "law", ["lock", "arm angle", "position"])
 def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
     if law == "position":

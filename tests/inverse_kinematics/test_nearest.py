@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START, drawn
+from conftest import PANDA_START, PPR_START, R3_START, sampled
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
 from holokin.inverse_kinematics import InverseStatus, Nearest
 
@@ -64,7 +64,7 @@ def edge_of_two_links(nearly: float) -> float:
     return float(np.sqrt(1 + 4 + 4 * np.cos(elbow)))
 
 
-@pytest.mark.parametrize(("far", "elbow"), [(3.5, 0.0), (30.0, 0.0), (0.9, 3.0), (0.3, 3.0)])
+@sampled(2, ("far", "elbow"), [(3.5, 0.0), (30.0, 0.0), (0.9, 3.0), (0.3, 3.0)])
 def test_two_links_reach_for_a_point_along_its_radius_and_stop_at_the_margin(
     two_links, far: float, elbow: float
 ) -> None:
@@ -145,7 +145,7 @@ def test_poses_have_the_same_answers_in_every_order(ik, panda: hk.Robot) -> None
         assert np.array_equal(ik.nearest(poses[i]).q, answers[i])
 
 
-@drawn(1, "limits", [False, True])
+@sampled(1, "limits", [False, True])
 def test_joints_move_at_most_as_fast_as_the_margin_allows_when_a_hand_leaves_and_comes_back(
     ik, panda: hk.Robot, limits: bool
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, drawn, shell, urdf, write_job
+from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, shell, urdf, write_job
 from holokin.errors import JobError, JointLimitError, OutOfReachError
 from holokin.job import read_job
 
@@ -81,7 +81,7 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
     assert_untouched(out)
 
 
-@drawn(
+@sampled(
     4,
     ("spoilt", "words"),
     [
@@ -145,8 +145,8 @@ def test_half_a_urdf_is_not_half_an_arm(holokin: Command, tmp_path: Path, out: P
 # --- the command line: numbers --------------------------------------------------------------------------------
 
 
-@drawn(1, "value", ["nan", "inf", "-inf"])
-@drawn(
+@sampled(1, "value", ["nan", "inf", "-inf"])
+@sampled(
     4,
     ("table", "text", "key"),
     [
@@ -220,7 +220,8 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
     assert np.linalg.norm(walk.x[-1]) < 3.0
 
 
-@pytest.mark.parametrize(
+@sampled(
+    4,
     ("path", "words"),
     [
         ('kind = "circle"\n', ("kind = 'circle' needs center",)),

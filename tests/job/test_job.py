@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import drawn, urdf
+from conftest import sampled, urdf
 from holokin.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from holokin.job.metrics import METRICS
 from holokin.job.schema import Bound, Job
@@ -33,7 +33,7 @@ def done(job: str) -> JobResult:
     return run_job(*open_job(job))
 
 
-@drawn(3, "job", packaged_jobs())
+@sampled(3, "job", packaged_jobs())
 def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
     result = done(job)
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]

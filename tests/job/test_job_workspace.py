@@ -128,6 +128,7 @@ def test_an_expected_share_that_no_job_can_show_says_why(tmp_path: Path, holokin
         assert checks[key].found.startswith("not known") and "has no leaves" in checks[key].found
 
 
+@pytest.mark.campaign
 def test_the_example_shows_what_it_says_also_with_fewer_poses(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "examples" / "panda-workspace.toml").read_text("utf-8")
     assert "samples = 256" in text

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import assert_refused, assert_untouched, drawn, write_job
+from conftest import assert_refused, assert_untouched, sampled, write_job
 from holokin.errors import BranchError, OutOfReachError, StartError
 from holokin.job import open_job, run_job
 
@@ -59,7 +59,7 @@ def laws(panda: hk.Robot) -> tuple[hk.Strategy, hk.Strategy]:
 NAMES = ("poses", "timed", "function", "lines", "eight", "raster", "spiral", "blend", "leads")
 
 
-@drawn(3, "name", NAMES)
+@sampled(3, "name", NAMES)
 def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, laws, name: str) -> None:
     tied, least = laws
     path = loops(panda)[name]
@@ -69,7 +69,7 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, l
         assert float(hk.drift(least, path, Q0, samples=150).largest[-1]) > 1e-3
 
 
-@drawn(1, "name", ["timed", "raster", "blend"])
+@sampled(1, "name", ["timed", "raster", "blend"])
 def test_native_code_and_the_virtual_machine_follow_alike(
     panda: hk.Robot, laws, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,7 +101,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
     assert run.tracking_error() < 1e-4
 
 
-@drawn(1, "by", ["joints", "tool"])
+@sampled(1, "by", ["joints", "tool"])
 @pytest.mark.parametrize("leaf", [None, 0.25])
 def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot, laws, by: str, leaf) -> None:
     tied, _ = laws
@@ -178,7 +178,7 @@ samples = 60
 FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
 
 
-@drawn(2,
+@sampled(2,
     ("path", "length"),
     [
         ('kind = "spline"\nrelative = true\npoints = [[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0]]\n'
@@ -205,7 +205,7 @@ def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: flo
     assert ("enters the path" in result.about) == ("entry" in path)
 
 
-@pytest.mark.parametrize(
+@sampled(4,
     ("path", "words"),
     [
         ('kind = "spline"\n', ("kind = 'spline' needs points",)),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import drawn
+from conftest import sampled
 from holokin.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
 from holokin.motion import Controller, StepStatus
 from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR
@@ -50,7 +50,7 @@ def _side(c: Controller, q: np.ndarray) -> float:
     return float(np.sign(np.linalg.det(np.vstack([strategy.task.jacobian(q), strategy.rows(q)]))))
 
 
-@drawn(1, "native", ["1", "0"])
+@sampled(1, "native", ["1", "0"])
 def test_no_step_under_ok_is_faster_than_a_turn_a_second_or_leaves_the_tool_far_off(
     native: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

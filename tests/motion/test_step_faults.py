@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, drawn
+from conftest import PANDA_START, campaign, sampled
 from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
@@ -40,7 +40,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.fixture(params=["native", "native without Python's headers", "virtual machine"])
+@pytest.fixture(params=["native", campaign("servo", "native without Python's headers"), "virtual machine"])
 def servo(
     request: pytest.FixtureRequest, cache: Path, strategy: hk.Strategy, monkeypatch: Patch
 ) -> hk.motion.Controller:
@@ -100,7 +100,7 @@ SAME: dict[str, Callable[[np.ndarray], object]] = {
 }
 
 
-@drawn(4, "kind", SAME)
+@sampled(4, "kind", SAME)
 def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.motion.Controller) -> None:
     """Each argument alone, and all three."""
     plain = [PANDA_START + 0.01, POSE, TWIST]
@@ -111,7 +111,7 @@ def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo
         assert np.array_equal(servo.step(*arguments), expected)
 
 
-@pytest.mark.parametrize("kind", [np.float32, np.float16, np.int64, np.uint8, np.bool_])
+@sampled(2, "kind", [np.float32, np.float16, np.int64, np.uint8, np.bool_])
 def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.motion.Controller) -> None:
     q = np.array([0, 1, 0, -1, 0, 1, 0]).astype(kind)
     pose = servo.strategy.task.robot.pose(q.astype(float))
@@ -120,7 +120,7 @@ def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.m
     assert np.array_equal(servo.step(q, pose, TWIST), expected)
 
 
-@pytest.mark.parametrize(
+@sampled(5,
     ("value", "error"),
     [
         (0.5, ShapeError), (np.array(0.5), ShapeError), (np.zeros(0), ShapeError), (np.zeros((7, 1)), ShapeError),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START, drawn
+from conftest import PANDA_START, PPR_START, R3_START, sampled
 from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
@@ -55,7 +55,7 @@ def test_products_of_intervals_hold_all_products_and_little_more() -> None:
             assert got == pytest.approx(same, rel=1e-13, abs=1e-290)
 
 
-@drawn(1, "turning", [False, True], ids=["path", "box that turns"])
+@sampled(1, "turning", [False, True], ids=["path", "box that turns"])
 def test_e_bounds_the_change_of_the_derivative_along_the_predictor(turning: bool) -> None:
     """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is a fair part of e, or the bound were of no use."""
     robot = hk.load("panda")
@@ -116,7 +116,7 @@ CONSTRAINTS = {
 }
 
 
-@drawn(3, "name", CONSTRAINTS)
+@sampled(3, "name", CONSTRAINTS)
 def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turns(name: str, panda: hk.Robot) -> None:
     """And roots lie in the tubes."""
     G = hk.holonomic(hk.pose(panda), CONSTRAINTS[name])
@@ -140,6 +140,7 @@ def test_stacked_constraints_and_tasks_of_other_coordinates_are_certified(panda:
         roots_are_where_they_should_be(proof, np.random.default_rng(3), 1)
 
 
+@pytest.mark.campaign
 def test_a_planar_tool_is_certified_while_it_turns_by_more_than_a_whole_turn() -> None:
     """Along a spline with 2.9 rad to its second pose and 3.5 rad on: half a turn, where a logarithm jumps, is nothing.
 
@@ -215,6 +216,7 @@ def test_singular_boxes_are_refused_with_their_reason() -> None:
     refused(certify(law, hk.workspace(box=(x, (0.1, 0.1, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
 
 
+@pytest.mark.campaign
 def test_a_box_about_a_nearly_stretched_arm_is_refused_and_no_grid_is_too_fine() -> None:
     robot, q = hk.load("panda"), np.array([0.0, 0.4, 0.0, -1e-5, 0.0, 1.6, 0.8])
     law = hk.holonomic(hk.position(robot), hk.lock(2, 4, 5, 6))

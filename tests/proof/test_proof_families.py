@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, drawn
+from conftest import PANDA_START, sampled
 from holokin import constraints as C
 from holokin.errors import ArgumentError
 from holokin.proof import certify, equation, follow_certified
@@ -29,7 +29,7 @@ def panda() -> hk.Robot:
     return hk.load("panda")
 
 
-@drawn(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
+@sampled(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
 @pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
 def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
     panda: hk.Robot, cost: C.Cost, free: tuple[int, ...] | None
@@ -51,6 +51,7 @@ def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
     assert proof.whole and max(float(np.abs(G.g(p) - G.g(q)).max()) for p in walk.q) < 1e-12
 
 
+@pytest.mark.campaign
 def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joints(yumi: hk.Robot) -> None:
     """A closed path of the left hand as the right one sees it; the least-motion rows of the start are held."""
     task = hk.relative_pose(yumi, *HANDS)

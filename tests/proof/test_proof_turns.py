@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, drawn
+from conftest import PANDA_START, R3_START, sampled
 from holokin import constraints as C
 from holokin.proof import certify, follow_certified
 from holokin.proof.certificate import Extent
@@ -50,7 +50,7 @@ def test_minors_are_determinants_and_their_squares_the_volume_of_the_jacobian() 
     assert np.isclose(sum(float(signed[i]) * w[i] for i in range(4)), np.linalg.det(np.vstack([J, w])))
 
 
-@drawn(2, "name", ["panda", "iiwa14", "rail-ur10e", "sawyer"])
+@sampled(2, "name", ["panda", "iiwa14", "rail-ur10e", "sawyer"])
 def test_the_jacobian_of_a_middle_link_has_the_null_vectors_and_the_volume_of_the_tool_s(name: str) -> None:
     """Joints that slide and fixed rotations of any angle included."""
     robot, rng = hk.load(name), np.random.default_rng(0)
@@ -74,6 +74,7 @@ def volume_along_the_self_motion(robot: hk.Robot, q: np.ndarray) -> float:
     return float(values[1] - values[0]) / 2e-4
 
 
+@pytest.mark.campaign
 def test_stationary_manipulability_of_a_panda_is_certified_without_further_unknowns(tmp_path: Path) -> None:
     """Along the path the derivative of the manipulability stays what it is at the start; the checker agrees."""
     robot = hk.load("panda")
@@ -107,6 +108,7 @@ def turned_loop(robot: hk.Robot) -> hk.Path:
     return there + hk.line(x - [0.03, 0, 0], x, turn=-turn)
 
 
+@pytest.mark.campaign
 def test_leaves_that_are_tilted_by_the_orientation_are_certified_across_their_reference(tmp_path: Path) -> None:
     """The logarithm has a switch 0.02 rad from there; the followed joints are on the leaf of the code that runs."""
     robot = hk.load("panda")

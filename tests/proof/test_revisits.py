@@ -71,6 +71,7 @@ def test_several_certified_cycles_need_joints_that_return(drifting: Certificate)
         hk.follow(law, hk.circle(x, center=(0, 0, 0)), q, certified=True, cycles=2)
 
 
+@pytest.mark.campaign
 def test_repeated_cycles_never_jump_whatever_the_law_and_the_circle() -> None:
     """Drawn at random: starts, circles round the base and beside it, laws in which q1 counts and does not."""
     rng, ends = np.random.default_rng(26), []

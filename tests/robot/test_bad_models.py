@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command, assert_refused, drawn, write_job
+from conftest import Command, assert_refused, sampled, write_job
 from holokin.errors import ExportError, HolokinError, RobotFileError
 
 JOINT = (
@@ -86,7 +86,7 @@ RAIL = {
 """Eight axes."""
 
 
-@drawn(
+@sampled(
     1,
     ("language", "said"),
     [

@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import campaign, drawn, urdf, urdf_files
+from conftest import campaign, sampled, urdf, urdf_files
 from holokin.errors import RobotFileError
 from holokin.robot import models_by_name as reading
 from holokin.robot import urdf as urdf_reading
@@ -131,7 +131,7 @@ def compared(path: Path) -> Comparison:
     return Comparison(pose, jacobian, refused, mimics)
 
 
-@drawn(12, "path", urdf_files(), ids=lambda p: f"{p.parent.parent.name}-{p.stem}")
+@sampled(12, "path", urdf_files(), ids=lambda p: f"{p.parent.parent.name}-{p.stem}")
 def test_every_moving_chain_agrees_with_pinocchio(path: Path) -> None:
     chains = moving_chains(path)
     if isinstance(chains, str):
@@ -155,7 +155,7 @@ def test_what_was_compared_is_not_little() -> None:
     assert sum(c.mimics for c in found) >= 60
 
 
-@pytest.mark.parametrize("name", ["panda.urdf", "baxter.urdf", "pr2.urdf", "tiago_pro.urdf"])
+@sampled(2, "name", ["panda.urdf", "baxter.urdf", "pr2.urdf", "tiago_pro.urdf"])
 def test_mimic_joints_agree_with_pinocchios_own(name: str) -> None:
     path = urdf(name)
     model = pin.buildModelFromUrdf(str(path), mimic=True)

@@ -7,7 +7,7 @@ import pytest
 from casadi import atan2, ceil, fabs, floor, fmin, fmod, if_else, sign
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, drawn
+from conftest import PANDA_START, R3_START, sampled
 from holokin.errors import JumpError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.strategies import may_jump, pfaffian
@@ -43,7 +43,7 @@ def law(robot: hk.Robot, q0: np.ndarray, part, seed: int) -> tuple[hk.Strategy, 
 ROBOTS = {"planar-3r": R3_START, "panda": PANDA_START}
 
 
-@drawn(2, ("name", "kind"), [*(("planar-3r", kind) for kind in JUMPS), ("panda", "if_else")])
+@sampled(2, ("name", "kind"), [*(("planar-3r", kind) for kind in JUMPS), ("panda", "if_else")])
 def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: str, kind: str) -> None:
     met = 0
     for seed in range(3 if name == "planar-3r" else 1):
@@ -78,7 +78,7 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
     assert met >= (2 if name == "planar-3r" else 1)
 
 
-@pytest.mark.parametrize(("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), ("panda", "if_else")])
+@sampled(2, ("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), ("panda", "if_else")])
 def test_a_kink_of_g_stops_nothing_and_the_joints_return(name: str, kind: str) -> None:
     G, q0 = law(hk.load(name), ROBOTS[name], KINKS[kind], 1)
     verdict = hk.involutivity(G, hk.around(q0, 0.2), samples=16)
@@ -88,7 +88,7 @@ def test_a_kink_of_g_stops_nothing_and_the_joints_return(name: str, kind: str) -
     assert np.abs(walk.drift()).max() < 1e-8
 
 
-@pytest.mark.parametrize("seed", range(4))
+@sampled(2, "seed", range(4))
 def test_planes_that_jump_apart_are_not_holonomic_and_a_circle_drifts(planar_3r: hk.Robot, seed: int) -> None:
     """Each side is holonomic by itself, dq_3 = a dq_j: at random postures there is no curvature."""
     rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import drawn
+from conftest import sampled
 from holokin.studios import Motion, open_session, record, record_session
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +44,7 @@ def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str,
     assert [law["solid"] for law in caption["laws"]] == [False, True]
 
 
-@drawn(1, "title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
+@sampled(1, "title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
 def test_no_title_ends_the_script_of_a_recording_or_hides_its_end(motions, title: str) -> None:
     """After "<!--<script" a browser looks for two ends of a script: the page would stay empty."""
     pytest.importorskip("viser", reason="the extra `studio` is not installed")

@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
-from conftest import drawn
+from conftest import sampled
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -126,7 +126,7 @@ def attacked(scene: Any, page: Any, names: list[str], paths: list[str]) -> None:
     assert state(scene) == before and set(scene.studio.server.get_clients()) == clients
 
 
-@drawn(1, "host", ["localhost", "127.0.0.1", EVIL])
+@sampled(1, "host", ["localhost", "127.0.0.1", EVIL])
 def test_a_page_of_another_origin_does_nothing_without_the_token(scene: Any, host: str) -> None:
     page = scene.context.new_page()
     page.goto(f"http://{host}:{scene.port}/")
@@ -134,7 +134,7 @@ def test_a_page_of_another_origin_does_nothing_without_the_token(scene: Any, hos
     page.close()
 
 
-@drawn(1, "host", ["localhost", "127.0.0.1", EVIL])
+@sampled(1, "host", ["localhost", "127.0.0.1", EVIL])
 def test_nor_does_it_where_it_knows_the_token(scene: Any, host: str) -> None:
     """The origin alone keeps it out: the token was read from a terminal that is shared, as in a lecture."""
     page = scene.context.new_page()

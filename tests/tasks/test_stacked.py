@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import drawn
+from conftest import sampled
 from exported import STRICT
 from holokin.inverse_kinematics import InverseStatus
 from holokin.job import open_job, run_job, simulate_job
@@ -65,7 +65,8 @@ def test_the_jacobian_of_both_hands_is_that_of_pinocchio(yumi: Robot, hands: hk.
         assert np.abs(hands.jacobian(q) - np.vstack(rows)).max() < 1e-9
 
 
-@pytest.mark.parametrize(
+@sampled(
+    2,
     "kinds",
     [("twist", "zyz"), ("axis", None), (None, None), ("rotation-vector", "axis"), ("axis", "axis")],
 )
@@ -341,7 +342,7 @@ MOVING = 'others = [{ kind = "circle", center = [0, 0.02, 0], relative = true }]
 LINE = 'others = [{ kind = "polyline", points = [[0, 0, 0], [0, 0.02, 0]], relative = true }]'
 
 
-@drawn(1, "others", [MOVING, ""])
+@sampled(1, "others", [MOVING, ""])
 def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, tmp_path: Path) -> None:
     """A hand without a path stays where it is."""
     file = tmp_path / "hands.toml"
