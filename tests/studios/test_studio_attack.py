@@ -13,8 +13,8 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
-from conftest import sampled
 
+pytestmark = pytest.mark.campaign  # without a browser: test_studio_door.py
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
 EVIL = "evil.example"
@@ -126,7 +126,7 @@ def attacked(scene: Any, page: Any, names: list[str], paths: list[str]) -> None:
     assert state(scene) == before and set(scene.studio.server.get_clients()) == clients
 
 
-@sampled(1, "host", ["localhost", "127.0.0.1", EVIL])
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1", EVIL])
 def test_a_page_of_another_origin_does_nothing_without_the_token(scene: Any, host: str) -> None:
     page = scene.context.new_page()
     page.goto(f"http://{host}:{scene.port}/")
@@ -134,7 +134,7 @@ def test_a_page_of_another_origin_does_nothing_without_the_token(scene: Any, hos
     page.close()
 
 
-@sampled(1, "host", ["localhost", "127.0.0.1", EVIL])
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1", EVIL])
 def test_nor_does_it_where_it_knows_the_token(scene: Any, host: str) -> None:
     """The origin alone keeps it out: the token was read from a terminal that is shared, as in a lecture."""
     page = scene.context.new_page()

@@ -198,6 +198,7 @@ def test_a_target_out_of_reach_makes_the_handle_red_with_one_sentence_and_nothin
     assert np.abs(session.snapshot().laws[1].q - before.laws[1].q).max() < 1e-6
 
 
+@pytest.mark.campaign
 def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> None:
     page, session = shown.page, shown.session
     session.set_speed(8.0)
