@@ -346,8 +346,7 @@ def test_the_command_says_the_verdict_and_writes_its_files(tmp_path: Path, monke
         assert plot.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-@sampled(
-    4,
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["nothing.csv", "--robot", "panda"], "there is no such file"),

@@ -18,7 +18,6 @@ from conftest import (
     Command,
     assert_refused,
     assert_untouched,
-    sampled,
     write_job,
 )
 from holokin.errors import (
@@ -45,8 +44,7 @@ PLANAR = {
 # --- strategies that do not fit -------------------------------------------------------------------------------
 
 
-@sampled(
-    4,
+@pytest.mark.parametrize(
     ("strategy", "words"),
     [
         ('kind = "lock"\njoints = ["q1", "q2"]\n', ("2 rows", "n = 3", "m = 2", "exactly r = n - m = 1")),

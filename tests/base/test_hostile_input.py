@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, sampled, write_job
+from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, write_job
 from holokin.analysis import MOST_JOINTS
 from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
 from holokin.inverse_kinematics.reach import out_of_reach
@@ -23,7 +23,7 @@ POINTS = ", ".join(["[0, 0]"] * 10_001)
 CUSTOM = '[strategies.mine]\nkind = "custom"\ng = [{!r}]\n'
 
 
-@sampled(6,
+@pytest.mark.parametrize(
     ("spoilt", "words"),
     [
         ({"start": f"[start]\nq = [{'9' * 5000}]\n"}, ("not TOML", "1e300")),

@@ -224,8 +224,7 @@ def test_what_is_no_urdf_is_told_what_is_wanted(holokin: Command, tmp_path: Path
 MINE = "[strategies.mine]\n"
 
 
-@sampled(
-    6,
+@pytest.mark.parametrize(
     ("spoilt", "words"),
     [
         ({"path": SOUND["path"] + "speed = -1\n"}, "[path.speed] is -1; give a number above 0\n"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, Command, assert_refused, sampled, urdf, write_job
+from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
 from holokin.checking import FindingKind
 from holokin.errors import ArgumentError, MissingExtraError, ShapeError, UnknownNameError
 from holokin.recording import Recording
@@ -261,8 +261,7 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     assert holokin("run", hit, "--out", out).code == 1
 
 
-@sampled(
-    3,
+@pytest.mark.parametrize(
     ("checks", "words"),
     [
         ("[checks]\nflor = 0.0\n", ("checks.flor", "floor")),

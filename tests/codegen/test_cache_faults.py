@@ -50,7 +50,7 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
 }  # fmt: skip
 
 
-@sampled(4, "kind", FOLDERS)
+@pytest.mark.parametrize("kind", FOLDERS)
 def test_a_cache_folder_that_will_not_do_is_refused_once(
     kind: str, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:

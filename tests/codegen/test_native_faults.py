@@ -92,7 +92,7 @@ def script(folder: Path, text: str) -> str:
     return f"'{file}'"
 
 
-@sampled(2, "given", NO_COMPILERS.values(), ids=NO_COMPILERS)
+@pytest.mark.parametrize("given", NO_COMPILERS.values(), ids=NO_COMPILERS)
 def test_a_cc_that_is_no_compiler_is_left_out(
     given: str, built: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:
@@ -102,7 +102,7 @@ def test_a_cc_that_is_no_compiler_is_left_out(
     assert "CC is" in message
 
 
-@sampled(3, "text", SILENT.values(), ids=SILENT)
+@pytest.mark.parametrize("text", SILENT.values(), ids=SILENT)
 def test_a_program_that_says_no_version_is_left_out(
     text: str, built: Path, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:

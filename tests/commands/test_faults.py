@@ -307,7 +307,7 @@ def test_an_unexpected_error_has_its_own_exit_code_and_one_sentence(
     assert "Traceback (most recent call last)" in told.err and "in broken" in told.err
 
 
-@sampled(2, "error", [EOFError("e"), RecursionError("r"), BrokenPipeError(32, "b"), OSError(5, "disk")])
+@pytest.mark.parametrize("error", [EOFError("e"), RecursionError("r"), BrokenPipeError(32, "b"), OSError(5, "disk")])
 def test_no_error_ends_with_the_code_of_a_failed_expectation(
     holokin: Command, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
@@ -363,8 +363,7 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     assert hidden(out) == []
 
 
-@sampled(
-    1,
+@pytest.mark.parametrize(
     "lost",
     [
         "class Last:\n  def __del__(self): signal.raise_signal(signal.SIGINT)\n Last()",

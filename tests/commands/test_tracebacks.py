@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import sampled
 
 PANDA_START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 BENT = [{"a": 0.3}, {"a": 0.3}, {"a": 0.2}]
@@ -53,7 +52,7 @@ MISTAKES: dict[str, Callable[[Path], object]] = {
 }  # fmt: skip
 
 
-@sampled(5, "mistake", MISTAKES)
+@pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_shows_one_traceback(mistake: str, tmp_path: Path) -> None:
     with pytest.raises((hk.HolokinError, TypeError)) as told:
         MISTAKES[mistake](tmp_path)

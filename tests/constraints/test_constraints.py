@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import minimize
 
 import holokin as hk
-from conftest import IIWA_START, IRB_START, PANDA_START, sampled
+from conftest import IIWA_START, IRB_START, PANDA_START
 from holokin.errors import (
     ArgumentError,
     ConstraintRowsError,
@@ -139,8 +139,7 @@ def test_the_height_of_the_elbow_is_held(panda: hk.Robot) -> None:
     assert np.abs(walk.drift()).max() < 1e-12
 
 
-@sampled(
-    2,
+@pytest.mark.parametrize(
     "cost",
     [
         hk.constraints.posture_cost(R3_START + 0.2, [1.0, 2.0, 0.5]),

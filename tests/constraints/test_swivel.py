@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, sampled, urdf
+from conftest import IIWA_START, PANDA_START, urdf
 from holokin.constraints import find_arm
 from holokin.designing import PoseStatus
 from holokin.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError
@@ -88,7 +88,7 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6).q, found.q)
 
 
-@sampled(1, "seed", range(3))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_postures_of_an_iiwa_at_other_poses_are_those_of_the_closed_form(iiwa14: hk.Robot, seed: int) -> None:
     q0 = IIWA_START + np.random.default_rng(seed).uniform(-0.4, 0.4, 7)
     T, points = iiwa_pose(q0)
@@ -159,7 +159,7 @@ def closed_form(points: np.ndarray, kind: str, R: np.ndarray, V: np.ndarray) -> 
 
 
 @pytest.mark.parametrize("kind", ["stereographic", "conventional"])
-@sampled(2, "arm", ["iiwa14", "panda", "xarm7", "named"])
+@pytest.mark.parametrize("arm", ["iiwa14", "panda", "xarm7", "named"])
 def test_the_slopes_of_both_angles_are_elias_and_wens_on_arms_with_offsets_too_T13(arm: str, kind: str) -> None:
     """d psi = J_e d(E - S) + J_w d(W - S); how the points move is by central differences."""
     robot = hk.load(urdf("xarm7.urdf")) if arm == "xarm7" else hk.load("iiwa14" if arm == "iiwa14" else "panda")

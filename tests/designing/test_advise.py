@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, Command, assert_refused, sampled, urdf
+from conftest import PANDA_START, Command, assert_refused, urdf
 from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.candidates import Candidate, candidates
@@ -213,7 +213,7 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
     assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
 
 
-@sampled(3,
+@pytest.mark.parametrize(
     ("file", "tip", "joints"),
     [
         ("panda.urdf", "panda_hand_tcp", 7), ("xarm7.urdf", "link_eef", 7), ("tiago.urdf", "hand_grasping_frame", 8),

@@ -64,7 +64,7 @@ def edge_of_two_links(nearly: float) -> float:
     return float(np.sqrt(1 + 4 + 4 * np.cos(elbow)))
 
 
-@sampled(2, ("far", "elbow"), [(3.5, 0.0), (30.0, 0.0), (0.9, 3.0), (0.3, 3.0)])
+@pytest.mark.parametrize(("far", "elbow"), [(3.5, 0.0), (30.0, 0.0), (0.9, 3.0), (0.3, 3.0)])
 def test_two_links_reach_for_a_point_along_its_radius_and_stop_at_the_margin(
     two_links, far: float, elbow: float
 ) -> None:

@@ -81,8 +81,7 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
     assert_untouched(out)
 
 
-@sampled(
-    4,
+@pytest.mark.parametrize(
     ("spoilt", "words"),
     [
         ({"robot": '[robot]\nname = "pandaa"\n'}, ("'pandaa'", "did you mean 'panda'", "`holokin robots`")),
@@ -220,8 +219,7 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
     assert np.linalg.norm(walk.x[-1]) < 3.0
 
 
-@sampled(
-    4,
+@pytest.mark.parametrize(
     ("path", "words"),
     [
         ('kind = "circle"\n', ("kind = 'circle' needs center",)),

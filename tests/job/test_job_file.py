@@ -121,8 +121,7 @@ def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
     assert result.q0[2] == PANDA_START[2]
 
 
-@sampled(
-    3,
+@pytest.mark.parametrize(
     ("strategy", "words"),
     [
         ('kind = "moore-penrose"\nleaf = 0\n', "does not use leaf; leave it out"),

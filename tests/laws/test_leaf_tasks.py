@@ -87,7 +87,7 @@ MODELS: dict[str, Callable[[], tuple[hk.Robot, pin.Model]]] = {
 }
 
 
-@sampled(2, "model", MODELS)
+@pytest.mark.parametrize("model", MODELS)
 def test_the_height_of_a_joint_is_that_of_pinocchio_whatever_else_the_model_has(model: str) -> None:
     robot, theirs = MODELS[model]()
     start = np.linspace(0.3, -0.9, robot.n)

@@ -178,7 +178,7 @@ samples = 60
 FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
 
 
-@sampled(2,
+@pytest.mark.parametrize(
     ("path", "length"),
     [
         ('kind = "spline"\nrelative = true\npoints = [[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0]]\n'
@@ -205,7 +205,7 @@ def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: flo
     assert ("enters the path" in result.about) == ("entry" in path)
 
 
-@sampled(4,
+@pytest.mark.parametrize(
     ("path", "words"),
     [
         ('kind = "spline"\n', ("kind = 'spline' needs points",)),

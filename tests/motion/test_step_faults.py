@@ -111,7 +111,7 @@ def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo
         assert np.array_equal(servo.step(*arguments), expected)
 
 
-@sampled(2, "kind", [np.float32, np.float16, np.int64, np.uint8, np.bool_])
+@pytest.mark.parametrize("kind", [np.float32, np.float16, np.int64, np.uint8, np.bool_])
 def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.motion.Controller) -> None:
     q = np.array([0, 1, 0, -1, 0, 1, 0]).astype(kind)
     pose = servo.strategy.task.robot.pose(q.astype(float))
@@ -120,7 +120,7 @@ def test_numbers_of_other_types_are_taken_at_their_value(kind: type, servo: hk.m
     assert np.array_equal(servo.step(q, pose, TWIST), expected)
 
 
-@sampled(5,
+@pytest.mark.parametrize(
     ("value", "error"),
     [
         (0.5, ShapeError), (np.array(0.5), ShapeError), (np.zeros(0), ShapeError), (np.zeros((7, 1)), ShapeError),

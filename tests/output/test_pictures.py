@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import sampled
 from holokin.job import open_job, run_job
 from holokin.output import animate as films
 from holokin.output import film, palette
@@ -116,7 +115,7 @@ def test_a_rail_lies_along_its_axis_and_its_carriage_rides_on_it() -> None:
 # --- the picture of the robot ---
 
 
-@sampled(2, "name", ["panda", "irb140", "ppr", "rail-ur10e", "mobile-ur5e"])
+@pytest.mark.parametrize("name", ["panda", "irb140", "ppr", "rail-ur10e", "mobile-ur5e"])
 def test_the_robot_fills_its_panel(name: str) -> None:
     robot = hk.load(name)
     q = PANDA if name == "panda" else np.clip(0.4 * np.ones(robot.n), robot.lower, robot.upper)

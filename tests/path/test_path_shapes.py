@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import holokin as hk
-from conftest import sampled
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError
 
 POINTS = np.array([[0.4, 0, 0.3], [0.5, 0.1, 0.32], [0.45, 0.2, 0.3], [0.35, 0.15, 0.25], [0.3, 0.0, 0.3]])
@@ -215,7 +214,7 @@ def test_over_a_sphere_the_tool_looks_along_the_radius() -> None:
     assert len(rows.corners) == 4  # three lines, two steps across
 
 
-@sampled(2, "tolerance", [1e-4, 2e-3, 5e-3])
+@pytest.mark.parametrize("tolerance", [1e-4, 2e-3, 5e-3])
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_blended_corner_stays_within_its_tolerance(tolerance: float, closed: bool) -> None:
     path = hk.polyline(SQUARE, closed=closed)

@@ -15,7 +15,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
-from conftest import sampled
 from forged import (
     NONE,
     REJECTED,
@@ -201,7 +200,7 @@ FALSE: dict[str, Callable[[Data], Any]] = {
 }  # fmt: skip
 
 
-@sampled(5, "name", FALSE)
+@pytest.mark.parametrize("name", FALSE)
 def test_a_false_certificate_with_the_right_digest_is_not_verified(name: str, loop: Data, file: Path) -> None:
     assert outcome(changed(loop, FALSE[name]), file) in (REJECTED, NONE)
 

@@ -116,7 +116,7 @@ CONSTRAINTS = {
 }
 
 
-@sampled(3, "name", CONSTRAINTS)
+@pytest.mark.parametrize("name", CONSTRAINTS)
 def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turns(name: str, panda: hk.Robot) -> None:
     """And roots lie in the tubes."""
     G = hk.holonomic(hk.pose(panda), CONSTRAINTS[name])

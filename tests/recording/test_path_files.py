@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipe
 
 import holokin as hk
-from conftest import sampled
 from holokin.errors import ArgumentError, RecordingError
 
 ROWS = np.array([[400, 0, 300], [450, 20, 300], [500, 0, 310]])
@@ -95,7 +94,7 @@ def test_remarks_are_passed_over_and_what_is_left_out_must_be_there(tmp_path: Pa
         hk.read_waypoints(file, ignore=["x_mm", "tool_*"])
 
 
-@sampled(3, "form", forms())
+@pytest.mark.parametrize("form", forms())
 def test_all_forms_of_a_pose_are_one_path(tmp_path: Path, form: str) -> None:
     header, columns, said = forms()[form]
     read = hk.read_waypoints(table(tmp_path / "w.csv", header, *columns), **said)  # type: ignore[arg-type]

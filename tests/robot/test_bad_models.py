@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command, assert_refused, sampled, write_job
+from conftest import Command, assert_refused, write_job
 from holokin.errors import ExportError, HolokinError, RobotFileError
 
 JOINT = (
@@ -86,8 +86,7 @@ RAIL = {
 """Eight axes."""
 
 
-@sampled(
-    1,
+@pytest.mark.parametrize(
     ("language", "said"),
     [
         ("krl", "KRL holds 6 axes of a robot and 6 external ones, but 8 are given"),

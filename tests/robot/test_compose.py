@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import Command, assert_refused, sampled, urdf, write_job
+from conftest import Command, assert_refused, urdf, write_job
 from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
 from holokin.job import open_job
 from holokin.job.job_parts import build_robot
@@ -177,8 +177,7 @@ def test_a_tool_and_a_mounting_of_one_robot_in_a_job(tmp_path: Path) -> None:
     assert np.abs(robot.pose(q) - expected).max() < 1e-15
 
 
-@sampled(
-    4,
+@pytest.mark.parametrize(
     ("robot", "words"),
     [
         ("[robot]\n", ("[robot]", "names no robot", "give name, or parts")),

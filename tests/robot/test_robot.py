@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled, urdf
+from conftest import PANDA_START, urdf
 from holokin.errors import (
     ArgumentError,
     JointLimitError,
@@ -65,7 +65,7 @@ def test_a_dh_robot_is_the_textbook_product(table: list, convention: str, angle:
     assert robot.jacobian(q).shape == (6, len(table))
 
 
-@sampled(4, "name", NAMES)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_geometric_jacobian_is_the_derivative_of_the_pose(name: str) -> None:
     robot = hk.load(name)
     h = 1e-6

@@ -68,7 +68,7 @@ ARMS = [
 ]
 
 
-@sampled(1, "form", ["urdf", "mjcf"])
+@pytest.mark.parametrize("form", ["urdf", "mjcf"])
 @pytest.mark.parametrize(("file", "tips"), ARMS)
 def test_masses_and_followers_survive(file: str, tips: list[str], form: str, tmp_path: Path) -> None:
     robot = hk.from_urdf(urdf(file), tip=tips)

@@ -78,7 +78,7 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
     assert met >= (2 if name == "planar-3r" else 1)
 
 
-@sampled(2, ("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), ("panda", "if_else")])
+@pytest.mark.parametrize(("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), ("panda", "if_else")])
 def test_a_kink_of_g_stops_nothing_and_the_joints_return(name: str, kind: str) -> None:
     G, q0 = law(hk.load(name), ROBOTS[name], KINKS[kind], 1)
     verdict = hk.involutivity(G, hk.around(q0, 0.2), samples=16)
@@ -88,7 +88,7 @@ def test_a_kink_of_g_stops_nothing_and_the_joints_return(name: str, kind: str) -
     assert np.abs(walk.drift()).max() < 1e-8
 
 
-@sampled(2, "seed", range(4))
+@pytest.mark.parametrize("seed", range(4))
 def test_planes_that_jump_apart_are_not_holonomic_and_a_circle_drifts(planar_3r: hk.Robot, seed: int) -> None:
     """Each side is holonomic by itself, dq_3 = a dq_j: at random postures there is no curvature."""
     rng = np.random.default_rng(seed)

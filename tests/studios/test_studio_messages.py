@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import sampled
 
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -147,7 +146,7 @@ def test_a_number_between_ends_of_numpy_can_be_sent_on(value: float) -> None:
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(found)) == min(max(value, 0.0), 1.0)
 
 
-@sampled(2, ("sent", "kept"), [(1e308, 10_000), (-7, 0), (2.6, 3), (12, 12), (2**63 - 1, 10_000)])
+@pytest.mark.parametrize(("sent", "kept"), [(1e308, 10_000), (-7, 0), (2.6, 3), (12, 12), (2**63 - 1, 10_000)])
 def test_a_number_of_cycles_is_clamped_before_anyone_else_hears_of_it(shown: Any, sent: float, kept: int) -> None:
     cycles = shown.studio.page.panels.cycles
     cycles.value = 5
@@ -181,7 +180,7 @@ def test_a_path_instead_of_a_packaged_job_opens_nothing_and_runs_nothing(shown: 
     lives(shown)
 
 
-@sampled(5,
+@pytest.mark.parametrize(
     "updates",
     [
         {"max": 1e308}, {"label": "<script>alert(1)</script>"}, {"update_cb": []}, {"sync_cb": None}, {"removed": True},

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from conftest import sampled
 from holokin.errors import ExpressionError
 from holokin.symbolic import intervals as iv
 from holokin.symbolic.interval_function import _NAMES, _RULES, IntervalFunction, operation_list
@@ -109,7 +108,7 @@ def _precise() -> None:
     flint.ctx.prec = 400
 
 
-@sampled(7, "name", ONE)
+@pytest.mark.parametrize("name", ONE)
 @QUICK
 @given(ends=BOXES, share=SHARE, other=SHARE)
 @example(ends=[1e-200, 1e-200], share=0.0, other=0.0)
@@ -134,7 +133,7 @@ def test_an_interval_of_a_function_holds_its_true_values(
         assert one.high[0] - one.low[0] <= 1e-11 * abs(one.low[0]) + 1e-300
 
 
-@sampled(4, "name", TWO)
+@pytest.mark.parametrize("name", TWO)
 @QUICK
 @given(a=BOXES, b=BOXES, share=SHARE, other=SHARE)
 @example(a=[-1.0, 1.0], b=[-1.0, -1.0], share=0.5, other=0.5)

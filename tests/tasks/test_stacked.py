@@ -65,8 +65,7 @@ def test_the_jacobian_of_both_hands_is_that_of_pinocchio(yumi: Robot, hands: hk.
         assert np.abs(hands.jacobian(q) - np.vstack(rows)).max() < 1e-9
 
 
-@sampled(
-    2,
+@pytest.mark.parametrize(
     "kinds",
     [("twist", "zyz"), ("axis", None), (None, None), ("rotation-vector", "axis"), ("axis", "axis")],
 )
