@@ -195,6 +195,7 @@ def test_an_arm_seen_from_its_hand_is_the_inverse() -> None:
     assert back.pose(q[::-1]) @ arm.pose(q) == pytest.approx(np.eye(4), abs=1e-14)
 
 
+@pytest.mark.campaign
 def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(monkeypatch: Patch) -> None:
     """The left arm does four tenths of what the right one does, mirrored; one more row holds."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # native code of so many joints: `test_a_long_arm_comes_home`

@@ -129,6 +129,7 @@ def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
     assert not witness.hole
 
 
+@pytest.mark.campaign
 def test_a_locked_joint_leaves_two_caps_out_of_reach_and_they_hold_the_indices(iiwa14: hk.Robot) -> None:
     """The wrist turns about joint 2 at a fixed distance from its axis's plane: no direction nearer to the vertical."""
     found = obstruction(hk.holonomic(hk.pose(iiwa14), hk.lock(2)), Directions(fineness=1), IIWA)
@@ -228,6 +229,7 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
     assert f"round the path makes {often} of the self-motion, " in found.sentence
 
 
+@pytest.mark.campaign
 def test_the_other_way_round_the_turns_are_the_other_way(iiwa14: hk.Robot) -> None:
     start, path = loop(iiwa14, Z, 0.4, -Y)
     law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition="conventional"))

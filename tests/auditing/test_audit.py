@@ -71,6 +71,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
     assert found["paths"].metrics["apart"] > 1e-2
 
 
+@pytest.mark.campaign
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
     found = hk.audit(locked(panda, 2), panda, **FINER)
     assert found.verdict is hk.auditing.Repeatability.REPEATS

@@ -251,6 +251,7 @@ def test_a_posture_task_settles_and_its_ratio_is_found() -> None:
     assert audit.limit is None
 
 
+@pytest.mark.campaign
 def test_a_posture_task_depends_on_the_speed_once_settled() -> None:
     """Its null-space motion takes time: slow rounds pull harder. The last of each speed are compared."""
     log, _ = settling([1] * 5 + [4] * 3, rest=2.0)

@@ -244,6 +244,7 @@ def test_the_loops_of_a_fine_raster_are_counted(lines: int, loops: int) -> None:
     assert cycles.length == pytest.approx(s[-1], rel=0.01)
 
 
+@pytest.mark.campaign
 def test_a_long_way_in_and_out_does_not_count() -> None:
     """The rounds begin in the second third of the log, where no stretch begins that is looked at."""
     t = np.linspace(0, 1, 50_000)

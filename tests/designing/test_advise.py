@@ -257,6 +257,7 @@ def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -
     assert locked_joints(task, first) == [int(np.argmax(np.abs(task.null_space(first))))]
 
 
+@pytest.mark.campaign
 def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> None:
     robot = hk.from_urdf(urdf("tiago.urdf"), tip="hand_grasping_frame")
     task = fitting_task(robot)

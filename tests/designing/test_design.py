@@ -87,6 +87,7 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     assert design.bound_here == pytest.approx(np.mean(least), rel=1e-4)
 
 
+@pytest.mark.campaign
 def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
     """The spread of positions over that of rotation vectors; what was given stays as it was."""
     given = Objective(1.0, length=0.5)

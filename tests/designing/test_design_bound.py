@@ -84,6 +84,7 @@ def test_no_posture_that_another_search_finds_costs_less(
         assert (energies[inside(task, some, 0.7)] > least[0.7][k] * (1 - 1e-4)).all()
 
 
+@pytest.mark.campaign
 def test_limits_cut_the_least_off_where_a_dense_walk_does(
     task: hk.Task, spread_out: tuple[Matrix, Matrix, Array]
 ) -> None:

@@ -63,6 +63,7 @@ def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
         assert hk.involutivity(found.strategy, hk.around(PANDA_START, 0.1)).holonomic
 
 
+@pytest.mark.campaign
 def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> None:
     """Its own constraint where it has one; where it has rows alone, which nobody integrated, radial of it."""
     task, region = hk.pose(panda), hk.around(PANDA_START, 0.15)

@@ -215,6 +215,7 @@ def at(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
     return [ctypes.c_void_p(a.ctypes.data) for a in arrays]
 
 
+@pytest.mark.campaign
 @compiled
 def test_its_inverse_kinematics_comes_home_from_a_loop(c_code: ctypes.CDLL) -> None:
     strategy = sew()
@@ -270,6 +271,7 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
         assert not dq.any()
 
 
+@pytest.mark.campaign
 @compiled
 def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> None:
     other = export_c(hk.moore_penrose(hk.pose(hk.load("panda"))), tmp_path, q0=PANDA_START, name="other")

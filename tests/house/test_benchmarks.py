@@ -131,6 +131,7 @@ def test_a_call_from_python_costs_a_few_steps_in_c() -> None:
     assert times["G"].median < 5 * times["floor"].median
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.usefixtures("optimized")
 def test_a_step_of_a_radial_law_takes_at_most_25_c_floors() -> None:

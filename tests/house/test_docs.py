@@ -68,8 +68,12 @@ EXAMPLES = {
 LONG = ("teleoperation.py",)
 """Examples that compute for longer than a compiler takes."""
 
-SLOW = ("elbow_up.py", "mink_leaf.py", "mujoco_loop.py", "timed_program.py", "two_hands.py", "weld_seam.py")
-"""Examples that take longer than a second and a half: of the campaign."""
+SLOW = (
+    "check_motion.py", "drill_with_free_spin.py", "elbow_up.py", "humanoid_arm.py", "mink_leaf.py", "mujoco_loop.py",
+    "paper_irb140.py", "pink_leaf.py", "rail_and_arm.py", "teleoperation.py", "timed_program.py", "two_hands.py",
+    "waypoints_to_program.py", "weld_seam.py",
+)  # fmt: skip
+"""Examples that take longer than a second: of the campaign."""
 
 
 def test_every_example_is_tested() -> None:

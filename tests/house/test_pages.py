@@ -23,7 +23,10 @@ RUN = sorted(
 )
 LONG = ("docs/inverse.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
-SLOW = ("docs/audit.md", "docs/choose.md", "docs/inverse.md", "docs/studio.md", "docs/workspaces.md")
+SLOW = tuple(
+    f"docs/{name}.md"
+    for name in ("audit", "choose", "concepts", "inverse", "libraries", "paths", "robots", "studio", "workspaces")
+)
 """Pages that take longer than two seconds: of the campaign."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))

@@ -210,6 +210,7 @@ def test_an_angle_is_settled_by_its_shorter_way() -> None:
         assert hk.move_to_leaf(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
     """What a tube claims: ||1 - Y A|| within it, at a thousand postures of it, and at its ends."""
     rng = np.random.default_rng(0)

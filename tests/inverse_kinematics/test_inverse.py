@@ -153,6 +153,7 @@ def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.R
         assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
 
 
+@pytest.mark.campaign
 def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
     """In random order, sorted, each from the last answer, and after excursions out of reach."""
     ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)

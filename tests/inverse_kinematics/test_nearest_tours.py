@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_START, R3_START, sampled
+from conftest import IIWA_START, PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.inverse_kinematics import InverseStatus
 from holokin.inverse_kinematics.nearest_pose import LEAST
 
@@ -84,11 +84,14 @@ def rested(case: Case, pose: np.ndarray, q: np.ndarray, limits: bool, most: int)
     raise AssertionError(f"still moving after {most} calls, at {q.tolist()}")
 
 
-@sampled(
-    2,
+@pytest.mark.parametrize(
     ("name", "limits", "seed"),
-    [("panda lock", True, 11), ("iiwa arm", False, 7), ("iiwa arm", True, 11), ("planar lock", False, 7)],
-)
+    [
+        ("panda lock", True, 11), ("planar lock", False, 7),
+        campaign(("name", "limits", "seed"), ("iiwa arm", False, 7)),
+        campaign(("name", "limits", "seed"), ("iiwa arm", True, 11)),
+    ],
+)  # fmt: skip
 def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
     seven, planar_3r: hk.Robot, name: str, limits: bool, seed: int
 ) -> None:

@@ -117,6 +117,7 @@ def test_only_what_can_be_followed_is_judged(ppr: hk.Robot, half_the_polar_angle
         hk.motion.winding(half_the_polar_angle, hk.circle(point, point / 2), PPR_START, limits=False)
 
 
+@pytest.mark.campaign
 def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
     law = hk.laws.closed_loop(hk.holonomic(task, hk.lock(2)))

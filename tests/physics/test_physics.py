@@ -34,6 +34,7 @@ def tied(robot: hk.Robot) -> hk.Strategy:
     return hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))
 
 
+@pytest.mark.campaign
 def test_after_20_cycles_the_holonomic_law_rests_at_servo_accuracy_and_the_pseudo_inverse_drifts_as_predicted(
     arm: hk.Robot,
 ) -> None:

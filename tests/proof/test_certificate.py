@@ -224,6 +224,7 @@ def used(data: dict[str, Any]) -> set[int]:
     return found
 
 
+@pytest.mark.campaign
 def test_a_box_of_poses_that_turn_and_other_tasks_are_compared_with_a_robot(panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
     G = hk.holonomic(hk.pose(panda), hk.lock("panda_joint3"))

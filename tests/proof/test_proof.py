@@ -275,6 +275,7 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     assert len(region.connected(lost)) == len(lost) == behind.sum()
 
 
+@pytest.mark.campaign
 def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     """With limits=False it is proven."""
     x = start(panda, PANDA_START)

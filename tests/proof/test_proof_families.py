@@ -91,6 +91,7 @@ def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> No
         certify(G, box, YUMI)
 
 
+@pytest.mark.campaign
 def test_a_box_of_poses_that_turn_is_certified_and_verified(panda: hk.Robot, tmp_path: Path) -> None:
     """Six parameters: at its corners the joints are those of inverse kinematics on the leaf."""
     pose = panda.pose(PANDA_START)

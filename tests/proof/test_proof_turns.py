@@ -88,6 +88,7 @@ def test_stationary_manipulability_of_a_panda_is_certified_without_further_unkno
     assert recheck(str(proof.save(tmp_path / "proof.json"))).whole
 
 
+@pytest.mark.campaign
 def test_stationary_manipulability_of_a_stretched_arm_is_refused() -> None:
     """Out of the reach of a planar arm; inside it is certified, by Chang's null vector, too."""
     robot, q = hk.load("planar-3r"), R3_START

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from chains import chain
-from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND, sampled
+from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND, campaign, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
 from holokin.base.types import Array
 from holokin.codegen import inverse_kernel, transport
@@ -195,7 +195,7 @@ def gone(task: hk.Task, start: np.ndarray, v: Array, steps: int = 60) -> Array:
 
 
 @compiled
-@sampled(1, ("arm", "count"), [("panda", 120), ("planar-3r", 200)])
+@pytest.mark.parametrize(("arm", "count"), [campaign(("arm", "count"), ("panda", 120)), ("planar-3r", 200)])
 def test_its_inverse_is_where_the_given_law_leads_along_hundreds_of_rays(arm: str, count: int) -> None:
     """In the same turns of all joints, and as near as 16 steps are to the given law, integrated in 60."""
     robot, rng = hk.load(arm), np.random.default_rng(1)

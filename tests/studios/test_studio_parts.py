@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, sampled, urdf
+from conftest import PANDA_START, PPR_START, campaign, sampled, urdf
 from holokin.job import Job, packaged_jobs, run_job
 from holokin.studios import (
     CloudStatus,
@@ -153,7 +153,7 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
         write_job(session, tmp_path / "saved.toml")
 
 
-@sampled(2, "name", packaged_jobs())
+@pytest.mark.parametrize("name", [campaign("name", job) if job == "orientation" else job for job in packaged_jobs()])
 def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     session = open_session(name)
     first = session.snapshot()
@@ -180,6 +180,7 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
         session_of_robot(arm, task=hk.pose(arm))
 
 
+@pytest.mark.campaign
 def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
     session = panda()
     session.start_work()

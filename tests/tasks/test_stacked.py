@@ -130,7 +130,7 @@ def plane_hands() -> hk.Task:
     return hk.stacked(*(hk.pose(both, tip=tip.name) for tip in both.tips))
 
 
-@pytest.mark.parametrize("native", [True, False])
+@sampled(1, "native", [True, False])
 def test_inverse_kinematics_takes_a_pose_for_each_hand(
     native: bool, plane_hands: hk.Task, hands: hk.Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,6 +159,7 @@ def test_inverse_kinematics_takes_a_pose_for_each_hand(
     assert ("virtual machine" in ik.engine) is not native
 
 
+@pytest.mark.campaign
 def test_native_steps_along_paths_are_those_of_the_virtual_machine(
     hands: hk.Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
