@@ -266,9 +266,9 @@ def test_g_is_of_strategies_from_a_constraint(panda: hk.Robot) -> None:
 
 @compiled
 def test_memory_does_not_grow_with_calls(both: list[Calls]) -> None:
-    """Thousands of calls of each as native code, some of them converted, some refused."""
+    """Hundreds of calls of some as native code, some of them converted, some refused."""
     bad = PANDA_START * np.nan
-    for name in NAMES:
+    for name in NAMES[::3]:
         call = both[1][name][0]
         given = PANDA_START.tolist()
 

@@ -175,19 +175,26 @@ def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, sw
     assert found.checked.reached == found.checked.poses == 64
 
 
-def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("arm", ["planar-3r", campaign("arm", "panda")])
+def test_limits_that_bind_are_kept_at_other_poses(arm: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without limits the design comes nearer; with them the squared speed is higher, and they hold at the check."""
-    monkeypatch.setenv("HOLOKIN_NATIVE", "1")  # it is long enough for a compiler
-    margin, rcond, space = 0.5, 0.12, hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
-    words = {"base": hk.lock("panda_joint3"), "degree": 1, "samples": 24}
-    free = hk.design(task, space, READY, **words)
-    held = hk.design(task, space, READY, **words, margin=margin, rcond=rcond)
+    robot = hk.load(arm)
+    if arm == "panda":
+        monkeypatch.setenv("HOLOKIN_NATIVE", "1")  # it is long enough for a compiler
+        task, q0, margin, rcond = hk.pose(robot), READY, 0.5, 0.12
+        space = hk.workspace(box=([0.5, 0.05, 0.4], [0.05, 0.1, 0.05]), spin=1.5)
+    else:
+        task, q0, margin, rcond = hk.position(robot), np.array([0.3, 0.9, 0.7]), 1.9, 0.12
+        space = hk.workspace(box=(robot.pose(q0)[:3, 3], [0.3, 0.3, 0.0]))
+    words = {"base": hk.lock(2), "degree": 1, "samples": 48}
+    free = hk.design(task, space, q0, **words)
+    held = hk.design(task, space, q0, **words, margin=margin, rcond=rcond)
 
     def least_margin(d: hk.Design, poses: np.ndarray) -> float:
         q = hk.inverse(d.strategy, d.q0).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 
-    checked = space.poses(96, seed=1)
+    checked = space.poses(192, seed=1)
     assert least_margin(free, checked) < margin <= least_margin(held, checked)
     assert held.checked.rcond >= rcond
     assert held.holds and held.impossible == 0
@@ -195,7 +202,7 @@ def test_limits_that_bind_are_kept_at_other_poses(task: hk.Task, monkeypatch: py
     assert held.costs[1] > held.costs[0]  # the base law breaks them, and the answer says so
     assert f"to begin with (beyond hard limits at {held.broken} of the samples)" in str(held)
     assert free.broken == 0
-    assert least_margin(held, space.poses(96, seed=9)) > margin - 0.02  # poses that nobody looked at
+    assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
 
 
 def test_limits_that_no_posture_keeps_are_told(task: hk.Task) -> None:

@@ -51,6 +51,7 @@ def two_link_answer(start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     return np.array([q1 + turn - heading(bent) + heading(before), q2 + bent - before, q3])
 
 
+@pytest.mark.campaign
 def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> None:
     strategy = locked()
     task = strategy.task

@@ -57,6 +57,7 @@ def test_the_table_has_a_column_only_in_a_job_with_a_workspace(result: JobResult
     assert {len(row) for row in rows(plain)} == {len(columns(plain))}
 
 
+@pytest.mark.campaign
 def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     tmp_path: Path, out: Path, holokin: Command
 ) -> None:

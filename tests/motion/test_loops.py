@@ -125,6 +125,7 @@ def test_velocity_takes_the_same_steps(name: str, path: hk.Path, monkeypatch: Pa
     assert np.abs(theirs.drift()).max() > 1e-3
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize(
     ("path", "error"),

@@ -225,6 +225,7 @@ def test_a_job_with_a_path_that_is_none_is_refused(holokin, tmp_path: Path, out:
     assert_untouched(out)
 
 
+@pytest.mark.campaign
 def test_an_entry_that_leads_nowhere_is_told(panda: hk.Robot, laws) -> None:
     far = hk.line([2.0, 0, 0.3], [2.1, 0, 0.3])
     for by in ("tool", "joints"):

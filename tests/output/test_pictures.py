@@ -234,6 +234,7 @@ def test_every_law_in_the_picture_of_drift_is_named_or_counted(circle: JobResult
     assert len(heights) <= 8 and np.diff(heights).min(initial=1.0) > 0.05  # none over another
 
 
+@pytest.mark.campaign
 def test_one_way_is_not_called_two() -> None:
     name, job, file = open_job("ppr-half-circle")
     result = run_job(name, job.model_copy(update={"expect": {}}), file)

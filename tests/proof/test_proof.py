@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START, sampled
+from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
@@ -200,16 +200,22 @@ def refused(proof: Certificate, *reasons: Extent) -> None:
     assert not proof.whole and proof.extent in reasons, proof.theorem
 
 
-def test_singular_boxes_are_refused_with_their_reason() -> None:
-    """A planar arm stretched; a PPR arm where its constraint is singular."""
+@pytest.mark.parametrize("reach", ["a line", campaign("reach", "a box")])
+def test_a_stretched_arm_is_refused_as_singular(reach: str) -> None:
+    """A planar arm."""
     robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
     law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
-    reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
     x = start(robot, q)
-    out = x / np.linalg.norm(x) * (reach + 0.05)
-    refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
-    refused(certify(law, hk.workspace(box=(x, (0.2, 0.2, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
-    ppr = hk.load("ppr")  # g = q1: singular where sin q3 = 0
+    if reach == "a box":
+        refused(certify(law, hk.workspace(box=(x, (0.2, 0.2, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
+    else:
+        out = x / np.linalg.norm(x) * (float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3])) + 0.05)
+        refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
+
+
+def test_a_box_where_the_constraint_is_singular_is_refused() -> None:
+    """g = q1 of a PPR arm: where sin q3 = 0."""
+    ppr = hk.load("ppr")
     law = hk.holonomic(hk.position(ppr), hk.lock(0))
     q = np.array([0.0, 0.0, 0.2])
     x = start(ppr, q)

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, sampled
+from conftest import IRB_START, PANDA_START
 from holokin.robot import Joint, Robot, Tip
 from holokin.tasks.task_kinds import FrameTask
 
@@ -204,7 +204,7 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
 
 @pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
-@sampled(1, "kind", ["axis", "relative"])
+@pytest.mark.parametrize("kind", ["axis", "relative"])
 def test_exported_c_does_what_python_does(kind: str, both_hands: Robot, tmp_path: Path) -> None:
     """The self-test of an export compares every function with vectors from Python, within its tolerances."""
     if kind == "axis":

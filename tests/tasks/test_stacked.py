@@ -306,6 +306,7 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         subprocess.run(["cc", *STRICT, "-c", "arms.c", "-o", "arms.o"], cwd=tmp_path / name, check=True)
 
 
+@pytest.mark.campaign
 def test_a_law_carried_along_straight_ways_of_both_hands_is_holonomic(hands: hk.Task) -> None:
     law, loop = hk.radial(hk.moore_penrose(hands), Q0, steps=1), circles(hands, 0.02)
     q = Q0 + np.random.default_rng(4).uniform(-0.05, 0.05, 14)
