@@ -327,9 +327,7 @@ def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_
     assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "none" / "x.toml"), "none", "No such file")
-    assert_refused(
-        holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks"
-    )
+    assert_refused(holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks")
     assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")
 
 

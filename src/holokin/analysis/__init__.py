@@ -1,9 +1,9 @@
 """Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law.
 
-Uses `motion`. Read first: `brackets.py`, `frobenius.py`, `verdict.py`.
+Uses `motion`. Read first: `curvature_of_planes.py`, `frobenius.py`, `verdict.py`.
 """
 
-from .brackets import MOST_JOINTS, curvature
+from .curvature_of_planes import MOST_JOINTS, curvature
 from .drift_free_sets import DriftFree, drift_free
 from .drift_prediction import DriftPrediction, predicted_drift
 from .frobenius import involutivity, involutivity_of

@@ -133,10 +133,10 @@ def newton(correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: 
 def leaf_follower(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, LeafPath], Vector]:
-    """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
+    """(q, path) -> the posture at path.at(1), continued from q, which is at path.at(0); on the branch of q0.
 
     Args:
-        tries: pieces of one way tried at most. ray: see `leaf_walk`.
+        tries: pieces of one path tried at most. ray: see `leaf_walk`.
 
     Raises:
         SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
@@ -201,7 +201,7 @@ def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk:
 def leaf_walk(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
-    """(q, way) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
+    """(q, path) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
     ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
     """
