@@ -18,12 +18,13 @@ from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
+from ..constraints import custom
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND
-from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
+from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
@@ -80,6 +81,19 @@ class LeafPath:
         derivatives of at most 2 |w|^2 / margin^2.
         """
         return width * width * (self.arc + 2 * (self.turn / min(1.0, margin)) ** 2)
+
+
+def with_leaves(strategy: Strategy) -> HolonomicStrategy:
+    """The strategy, which must have leaves; where nothing is redundant, n = m, that of the one leaf of all postures.
+
+    Raises:
+        ArgumentError: the pose and a leaf do not tell its joints.
+    """
+    if isinstance(strategy, HolonomicStrategy):
+        return strategy
+    if strategy.task.n == strategy.task.m:
+        return holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
+    raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
 
 
 @kept
