@@ -1,4 +1,4 @@
-"""Cusps: leaves with two postures of one tool pose, joined without a singular posture. Theory 8."""
+"""Cusps: leaves with two postures of one tool pose, joined without a singular posture. Theory 7.3."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def law(name: str, constraint: hk.Constraint) -> hk.Strategy:
 
 
 def three_joints(first: float) -> hk.Strategy:
-    """Wenger's arm of three joints: d2, d3, d4, r2, r3 = 1, 2, 1.5, 1, 0, alpha = -90, 90 degrees; `first` is its d2."""
+    """Wenger's arm of three joints: d3, d4, r2, r3 = 2, 1.5, 1, 0, alpha = -90, 90 degrees; `first` is its d2."""
     tool = np.eye(4)
     tool[0, 3] = 1.5
     rows = [
@@ -64,7 +64,7 @@ def test_round_a_cusp_the_joints_of_a_panda_do_not_come_back(found: dict[str, hk
 def continued(
     model: Any, frame: int, strategy: HolonomicStrategy, one: hk.analysis.CuspWitness, steps: int
 ) -> tuple[np.ndarray, set[float]]:
-    """(the posture at the end of the path, the signs of det [J; J_g] on it) by Pinocchio's kinematics and small steps."""
+    """(the posture at the end of the path, the signs of det [J; J_g] on it) by Pinocchio and small steps."""
     data, q, signs = model.createData(), one.first.copy(), set()
     level, samples = strategy.g(one.first), one.path.at(np.linspace(0, one.path.duration, steps + 1))
     begun = strategy.task.pose(one.first)[:3, :3]
@@ -97,7 +97,7 @@ def test_crossing_singular_sheets_are_no_cusps(name: str, joint: int, q0: np.nda
 
 
 def test_wengers_arm_is_cuspidal_and_one_whose_first_axes_meet_is_not() -> None:
-    """[Wen98]: four postures at rho = 2.5, z = 0.6, two of each sign of det J, joined two by two."""
+    """[Wen07]: four postures at rho = 2.5, z = 0.6, two of each sign of det J, joined two by two."""
     strategy, pose = three_joints(1.0), np.eye(4)
     pose[:3, 3] = 2.5, 0.0, 0.6
     cusps = hk.cusps(strategy, [0.1, 0.3, 0.6], starts=200)

@@ -1,4 +1,4 @@
-"""Cusp points of a leaf by Newton's method from many postures. [Wen98], theory 8.2
+"""Cusp points of a leaf by Newton's method from many postures. [Wen07], theory 7.3
 
 f restricted to a leaf g(q) = c is no local diffeomorphism where E = [J; J_g] is singular. There E v = 0, u^T E = 0, and
 
@@ -127,7 +127,7 @@ def _least_norm(A: Array, b: Matrix) -> Matrix:
     """-A^+ b of many wide systems, their rows of size one."""
     size = np.maximum(np.linalg.norm(A, axis=2), 1e-300)
     A, b = A / size[:, :, None], b / size
-    finite: Flags = np.isfinite(A).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
     U, S, Vt = np.linalg.svd(np.where(finite[:, None, None], A, 0.0), full_matrices=False)
     with np.errstate(invalid="ignore", over="ignore"):
         return -np.einsum("kji,kj->ki", Vt, np.einsum("kij,ki->kj", U, b) / np.maximum(S, 1e-300))

@@ -1,4 +1,4 @@
-"""Two postures of one leaf with one tool pose, joined by a regular motion: a leaf is cuspidal. Theory 8.3
+"""Two postures of one leaf with one tool pose, joined by a regular motion: a leaf is cuspidal. Theory 7.3
 
 Near a cusp the leaf lies over the poses as (s, y) -> (s^3 + y s, y). For y < 0 three postures share a pose; the outer
 two lie on one side of the singular sheet det E ~ 3 s^2 + y = 0 and are joined round y > 0. The tool path of that motion

@@ -1,4 +1,4 @@
-"""`cusps`: whether a leaf is one function of the tool pose beyond its folds. [Wen98], [EW25], theory 8
+"""`cusps`: whether a leaf is one function of the tool pose beyond its folds. [Wen07], theory 7.3
 
 Without curvature joints return from small loops. A leaf may have two postures of one tool pose all the same, joined by
 a regular motion on it: then a closed loop of the tool, round a cusp of the poses, does not bring the joints back.
@@ -107,8 +107,8 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
             return f"{many}; {near}; no loop of the tool round one of them was found that keeps to the leaf"
         return (
             f"cuspidal: {many}; {near}. Round a closed tool path of {least.length:.2g} m that turns by "
-            f"{least.turn:.2g} rad the joints do not come back: they end {least.apart:.3g} apart, with no singular posture on it "
-            f"(rcond {least.rcond:.1g} at least)"
+            f"{least.turn:.2g} rad the joints do not come back: they end {least.apart:.3g} apart, "
+            f"with no singular posture on it (rcond {least.rcond:.1g} at least)"
         )
 
     def __str__(self) -> str:
