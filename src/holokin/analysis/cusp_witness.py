@@ -37,10 +37,10 @@ APART = 0.02
 """Difference of the joints [joint units] from which two postures are two."""
 
 LEGS = 12
-"""Postures on each half of a motion that is looked at first."""
+"""Pieces of each half of a motion that is looked at; its tool path goes through the poses at their ends."""
 
-FINE = 40
-"""Those through which its tool path goes."""
+SAMPLES = 300
+"""Samples of that path that are followed."""
 
 TRIED = 12
 """Motions that are followed in full until one is shown to end at the other posture."""
@@ -213,7 +213,7 @@ def first_witness(
 def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits: bool) -> CuspWitness | None:
     """The witness that a motion gives; None where its tool path, followed on the leaf, ends at no other posture."""
     robot, first, second = strategy.task.robot, motion.first[0], motion.second[0]
-    Q, good = on_leaf(strategy, level, motion.lines(FINE)[0])
+    Q, good = on_leaf(strategy, level, motion.lines(LEGS)[0])
     if not good.all():
         return None
     p, R = strategy.task.poses(Q)
@@ -223,7 +223,7 @@ def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits
     turns = bool(strategy.task.rotations)
     try:
         path = spline(poses if turns else p)
-        walk = follow(strategy, path, first, samples=8 * FINE, limits=limits)
+        walk = follow(strategy, path, first, samples=SAMPLES, limits=limits)
     except HolokinError:
         return None
     if not (walk.status is Status.COMPLETE and np.abs(walk.q[-1] - second).max() < ENDS):
