@@ -27,7 +27,7 @@ from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
 from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
-from holokin.analysis.brackets import curvature_function
+from holokin.analysis.curvature_of_planes import curvature_function
 from holokin.codegen.native_library import engine
 from holokin.motion import simulate
 

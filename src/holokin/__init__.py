@@ -27,7 +27,7 @@ from . import (
     robot,
     strategies,
 )
-from .analysis import Verdict, around, curvature, involutivity, obstruction
+from .analysis import Verdict, around, curvature, cusps, involutivity, obstruction
 from .auditing import audit, audit_recording
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
@@ -147,6 +147,7 @@ __all__ = [
     "coupled",
     "coverage",
     "curvature",
+    "cusps",
     "custom",
     "custom_task",
     "design",

@@ -9,7 +9,7 @@ import pytest
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, sampled
 from holokin.analysis import Evidence
-from holokin.analysis.brackets import curvature_function
+from holokin.analysis.curvature_of_planes import curvature_function
 from holokin.analysis.roundoff import is_shown, measured, noise
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 

@@ -99,6 +99,17 @@ def test_files_outside_the_package_are_short_too(folder: str) -> None:
     assert {file: lines for file, lines in lengths.items() if lines > 400} == {}
 
 
+def test_the_tree_of_contributing_shows_the_layers() -> None:
+    """Its rows, from the bottom up, are those that the imports are held to."""
+    page = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text("utf-8")
+    rows = [
+        set(re.findall(r"(\w+)/(?= |$)", row)) for row in page.split("src/holokin/\n")[1].split("```")[0].splitlines()
+    ]
+    rooms = {room.parent.name for room in ROOT.glob("*/__init__.py")}
+    layers = [names & rooms for names in LAYERS if names & rooms]
+    assert [row for row in reversed(rows) if row] == layers
+
+
 def test_every_module_lies_in_a_room_and_has_a_name_of_its_own() -> None:
     """A file is found by its name; `__init__` says what the room is for, what it uses, what to read first."""
     assert {f.name for f in ROOT.glob("*.py")} == {"__init__.py", "__main__.py", "version.py"}

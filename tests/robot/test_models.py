@@ -193,7 +193,7 @@ def test_without_network_robot_descriptions_fails_clearly(tmp_path: Path, monkey
         monkeypatch.setenv(name, value)
     with pytest.raises(RobotFileError, match=r"its files could not be fetched.*check the network"):
         hk.load("robot_descriptions:ur5e_mj")
-    monkeypatch.setattr("holokin.robot.descriptions.find_spec", lambda name: None)
+    monkeypatch.setattr("holokin.robot.packaged_models.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("robot_descriptions:panda")
 
@@ -207,7 +207,7 @@ def test_a_name_of_example_robot_data_is_its_file(monkeypatch: pytest.MonkeyPatc
     def absent(_name: str) -> None:
         raise PackageNotFoundError
 
-    monkeypatch.setattr("holokin.robot.descriptions.files", absent)
+    monkeypatch.setattr("holokin.robot.packaged_models.files", absent)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("example-robot-data:panda")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.analysis.brackets import curvature_function
+from holokin.analysis.curvature_of_planes import curvature_function
 from holokin.symbolic import directional, jacobian, lie_bracket, pairwise_brackets
 from papers_arm import G22, N19, S3, paper_frame
 from sympy_bridge import to_sympy

@@ -1,9 +1,11 @@
 """Questions about strategies: verdicts, curvature, drift, leaf functions, distance to a repeatable law.
 
-Uses `motion`. Read first: `brackets.py`, `frobenius.py`, `verdict.py`.
+Uses `motion`. Read first: `curvature_of_planes.py`, `frobenius.py`, `verdict.py`.
 """
 
-from .brackets import MOST_JOINTS, curvature
+from .curvature_of_planes import MOST_JOINTS, curvature
+from .cusp_witness import CuspWitness
+from .cuspidal_leaf import Cusps, cusps
 from .drift_free_sets import DriftFree, drift_free
 from .drift_prediction import DriftPrediction, predicted_drift
 from .frobenius import involutivity, involutivity_of
@@ -18,6 +20,8 @@ from .verdict import Evidence, Verdict
 __all__ = [
     "MOST_JOINTS",
     "Ball",
+    "CuspWitness",
+    "Cusps",
     "Deviation",
     "Directions",
     "DriftFree",
@@ -37,6 +41,7 @@ __all__ = [
     "ball_postures",
     "box",
     "curvature",
+    "cusps",
     "deviation",
     "distance_to_repeatable",
     "drift_free",

@@ -11,7 +11,7 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Value, Vector
 from ..errors import ArgumentError
 from ..strategies import Strategy, correction, self_motion, unit_null
-from .brackets import curvature, curvature_function, pairs
+from .curvature_of_planes import curvature, curvature_function, pairs
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from ..errors import OpenPathError
 from ..path import Path
 from ..path.plan import make_plan
 from ..strategies import Strategy
-from .brackets import curvature
+from .curvature_of_planes import curvature
 from .straight_transport import transport
 
 SAMPLES = 400

@@ -24,7 +24,7 @@ from ..symbolic import (
     symbol,
     written,
 )
-from .brackets import curvature_function, pairs
+from .curvature_of_planes import curvature_function, pairs
 from .curvature_search import Scan, examine, maximised, merged, scan
 from .region import Region
 from .verdict import Evidence, Verdict

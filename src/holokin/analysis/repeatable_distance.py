@@ -11,7 +11,7 @@ from ..base.types import ArrayLike, Matrix, Value, Vector, whole
 from ..errors import ArgumentError
 from ..strategies import Strategy, radial, self_motion
 from ..symbolic.null_space import null_space
-from .brackets import curvature, curvature_function, pairs
+from .curvature_of_planes import curvature, curvature_function, pairs
 from .region import Ball
 from .straight_transport import transport
 

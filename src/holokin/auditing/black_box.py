@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.brackets import pairs
+from ..analysis.curvature_of_planes import pairs
 from ..base.arguments import typed
 from ..base.types import ArrayLike, NoTruthValue
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..analysis.brackets import pairs
+from ..analysis.curvature_of_planes import pairs
 from ..base.types import Array, Matrix, Vector
 from ..path import Path, polyline
 from ..tasks.task import Task, check_representation

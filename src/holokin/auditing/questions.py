@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..analysis.brackets import pairs
+from ..analysis.curvature_of_planes import pairs
 from ..analysis.drift_free_sets import self_motion
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, ControllerError, HolokinError

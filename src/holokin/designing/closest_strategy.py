@@ -1,4 +1,4 @@
-"""`nearest`: the repeatable law nearest to a given one over a joint region. [RM93], theory 2b, 5.4
+"""`closest_holonomic`: the repeatable law nearest to a given one over a joint region. [RM93], theory 2b, 5.4
 
 A law with leaves g(q) = const differs from a given one G by a self-motion (theory 1.5),
 

@@ -26,7 +26,7 @@ class SectionMetrics(Value):
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
     worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m]; joint_limits, the greatest
     |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is; rcond, the least of [J; J_g];
-    travel, the mean squared way of the joints between two poses [rad^2]. See `Objective`.
+    travel, the mean squared distance of the joints between two poses [rad^2]. See `Objective`.
     """
 
     poses: int

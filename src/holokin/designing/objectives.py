@@ -31,7 +31,7 @@ class Objective(Value):
     squared_speed: mean squared joint speed, mean over the poses of |G|_F^2, for a tool that moves at 1 m/s along each
         direction [rad^2/m^2]. worst_speed: greatest share of a joint's speed limit that a tool speed of 1 m/s in any
         direction asks for [s/m]. joint_limits: greatest |q - middle| over half the joint's range, 1 at a limit. rcond:
-        greatest 1 / rcond. travel: mean squared way of the joints between two poses of the workspace [rad^2].
+        greatest 1 / rcond. travel: mean squared distance of the joints between two poses of the workspace [rad^2].
     joint_weights: what a squared joint speed counts (n,), 1 each by default; a sliding joint [m] then counts as a
         hinge [rad] that uses the same share of its speed limit.
     length: metres of tool motion that count as one radian of turning; by default the spread of the workspace's

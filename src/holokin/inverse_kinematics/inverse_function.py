@@ -28,11 +28,10 @@ from ..base.types import (
     whole,
 )
 from ..codegen import InverseKernel, engine, weak
-from ..constraints import custom
 from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
 from ..path.plan import doubtful_target
 from ..robot import start_posture
-from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic, may_jump
+from ..strategies import HolonomicStrategy, Jump, Strategy, may_jump
 from .leaf import (
     REGULAR,
     LeafPath,
@@ -45,6 +44,7 @@ from .leaf import (
     leaf_walk,
     straight_path,
     tool_at,
+    with_leaves,
 )
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
 from .rays import on_ray
@@ -370,10 +370,7 @@ def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseK
         ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
-    if strategy.task.n == strategy.task.m and not isinstance(strategy, HolonomicStrategy):
-        strategy = holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
-    if not isinstance(strategy, HolonomicStrategy):
-        raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
+    strategy = with_leaves(strategy)
     q0 = start_posture(strategy.task.robot, q0)
     strategy(q0)
     if limits:

@@ -18,12 +18,13 @@ from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..codegen import LeafRules
+from ..constraints import custom
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.model import WOUND
-from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near
+from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
@@ -82,6 +83,19 @@ class LeafPath:
         return width * width * (self.arc + 2 * (self.turn / min(1.0, margin)) ** 2)
 
 
+def with_leaves(strategy: Strategy) -> HolonomicStrategy:
+    """The strategy, which must have leaves; where nothing is redundant, n = m, that of the one leaf of all postures.
+
+    Raises:
+        ArgumentError: the pose and a leaf do not tell its joints.
+    """
+    if isinstance(strategy, HolonomicStrategy):
+        return strategy
+    if strategy.task.n == strategy.task.m:
+        return holonomic(strategy.task, custom(lambda _q: [], rows=0), name=strategy.name)
+    raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
+
+
 @kept
 def leaf_step(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det [J; J_g]).
@@ -133,10 +147,10 @@ def newton(correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: 
 def leaf_follower(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, LeafPath], Vector]:
-    """(q, way) -> the posture at way.at(1), continued from q, which is at way.at(0); on the branch of q0.
+    """(q, path) -> the posture at path.at(1), continued from q, which is at path.at(0); on the branch of q0.
 
     Args:
-        tries: pieces of one way tried at most. ray: see `leaf_walk`.
+        tries: pieces of one path tried at most. ray: see `leaf_walk`.
 
     Raises:
         SingularityError (when called): [J; J_g] is singular there. BranchError: the leaf ends.
@@ -201,7 +215,7 @@ def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk:
 def leaf_walk(
     strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
 ) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
-    """(q, way) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
+    """(q, path) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
     ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
     """

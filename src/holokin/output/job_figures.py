@@ -1,4 +1,4 @@
-"""The figures of a job, composed of `plots` and `panels`: name -> matplotlib Figure."""
+"""The figures of a job, composed of `plots` and `robot_panels`: name -> matplotlib Figure."""
 
 from __future__ import annotations
 

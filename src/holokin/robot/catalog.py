@@ -11,9 +11,9 @@ from typing import Any
 from ..base.arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .chains import robot_of
-from .descriptions import is_packaged
 from .model import Robot
 from .models_by_name import MODELS, Arguments, is_model, read_tree
+from .packaged_models import is_packaged
 from .robot_table import CHAIN, robot_of_table
 from .text_files import Refuse, read_toml
 

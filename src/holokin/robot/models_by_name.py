@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ..base.arguments import typed
 from ..errors import ArgumentError
-from .descriptions import is_packaged, packaged_file
 from .mjcf import mjcf_tree
+from .packaged_models import is_packaged, packaged_file
 from .tree import Tree, above_of, links_of, root_of, tips_of
 from .urdf import urdf_text_tree, urdf_tree
 from .urdf_xml import read_model

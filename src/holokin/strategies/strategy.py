@@ -1,4 +1,4 @@
-"""`Strategy`: a right inverse G(q) of the task Jacobian, J G = 1, dq = G dx. Its kinds are in `kinds`.
+"""`Strategy`: a right inverse G(q) of the task Jacobian, J G = 1, dq = G dx. Its kinds are in `strategy_kinds`.
 
 A strategy is its planes range G, m-dimensional and transversal to the self-motions ker J. With planes spanned by a
 frame B (n, m), G = B (J B)^-1. With B = N_G this is the paper's (7), N_G (J N_G)^-1 = H H^T J^T (J H H^T J^T)^-1,

@@ -1,0 +1,188 @@
+"""`cusps`: whether a leaf is one function of the tool pose beyond its folds. [Wen07], theory 7.3
+
+Without curvature joints return from small loops. A leaf may have two postures of one tool pose all the same, joined by
+a regular motion on it: then a closed loop of the tool, round a cusp of the poses, does not bring the joints back.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.progress import progress
+from ..base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector, joined, some, whole
+from ..errors import ArgumentError
+from ..inverse_kinematics.leaf import leaf_value, with_leaves
+from ..inverse_kinematics.posture_search import MOST_STARTS, SAMPLED, spread
+from ..inverse_kinematics.whole_turns import free_hinges, turned
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy, Strategy
+from ..tasks.task import of_one_tool
+from .cusp_search import CuspPoints, seek_cusps
+from .cusp_witness import TURN, CuspWitness, candidates, first_witness
+
+CHUNK = 256
+"""Starts between two looks at the keyboard."""
+
+NEAREST = 60
+"""Cusps about which loops are looked for: those nearest to the posture that is asked about."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
+    """The cusps found on the leaf through q0 (n,), the nearest first, and tool loops that do not bring the joints back.
+
+    q: their postures (k, n). level: c (r,) of the leaf. limits: only cusps and loops within the joint limits count;
+    `outside` others were left out. starts: postures that Newton's method began from. double: those that came to where
+    singular sheets cross, which is no cusp; corank: those that came to where more than one direction is lost.
+    witnesses: of the loops that were followed from one posture to another one at the same tool pose, the smallest, and
+    the one that keeps farthest from singular postures. stopped: Ctrl-C ended the search.
+    """
+
+    strategy: HolonomicStrategy
+    q0: Vector
+    q: Matrix
+    level: Vector
+    limits: bool
+    starts: int
+    outside: int
+    double: int
+    corank: int
+    witnesses: tuple[CuspWitness, ...]
+    stopped: bool = False
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def cuspidal(self) -> bool:
+        """True where a loop was followed that does not bring the joints back; False is no proof that there is none."""
+        return bool(self.witnesses)
+
+    @property
+    def witness(self) -> CuspWitness | None:
+        """That with the smallest tool path; None where there is none."""
+        return min(self.witnesses, key=lambda one: one.size, default=None)
+
+    @property
+    def most_regular(self) -> CuspWitness | None:
+        """That whose least rcond is the greatest; None where there is none."""
+        return max(self.witnesses, key=lambda one: one.rcond, default=None)
+
+    @cached_property
+    def poses(self) -> Array:
+        """Tool poses of the cusps (k, 4, 4)."""
+        return np.array([self.strategy.task.pose(q) for q in self.q]).reshape(-1, 4, 4)
+
+    @property
+    def joints_away(self) -> Vector:
+        """The largest joint's difference [joint units] of each cusp from q0 (k,)."""
+        return np.abs(self.q - self.q0).max(axis=1) if len(self.q) else np.zeros(0)
+
+    @property
+    def tool_away(self) -> Vector:
+        """How far the tool is at each cusp from where it is at q0 [m], (k,)."""
+        return np.linalg.norm(self.poses[:, :3, 3] - self.strategy.task.pose(self.q0)[:3, 3], axis=1)
+
+    @property
+    def sentence(self) -> str:
+        """What was found, by which search, and what that says."""
+        ranged = np.isfinite(self.strategy.task.robot.lower).any()
+        within = " within the joint limits" if self.limits and ranged else ""
+        ended = ", where Ctrl-C ended the search" if self.stopped else ""
+        searched = f"{self.starts:,} starts spread over the joint ranges{ended}"
+        if not len(self):
+            crossed = (
+                f"; {self.double:,} starts came to crossings of singular sheets, which are none" if self.double else ""
+            )
+            return f"no cusp found{within} from {searched}{crossed}: a search, no proof that there is none"
+        many = f"{len(self):,} cusp{'' if len(self) == 1 else 's'} found{within} from {searched}"
+        near = f"the nearest is {self.joints_away[0]:.2g} (largest joint) and {self.tool_away[0]:.2g} m (tool) from q0"
+        least = self.witness
+        if least is None:
+            return f"{many}; {near}; no loop of the tool round one of them was found that keeps to the leaf"
+        return (
+            f"cuspidal: {many}; {near}. Round a closed tool path of {least.length:.2g} m that turns by "
+            f"{least.turn:.2g} rad the joints do not come back: they end {least.apart:.3g} apart, "
+            f"with no singular posture on it (rcond {least.rcond:.1g} at least)"
+        )
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+@typed
+def cusps(strategy: Strategy, q0: ArrayLike, *, starts: int = 1000, limits: bool = True) -> Cusps:
+    """Look for cusps of the leaf through q0, and for loops of the tool about them by which the joints do not come back.
+
+    Newton's method on g(q) = c, det [J; J_g] = 0 and its cusp condition begins at `starts` postures spread over the
+    joint ranges, hinges without a range over one turn; exact slopes come from the formulas. Loops about the cusps
+    nearest to q0 are followed by `follow`: only where one ends at another posture is the leaf called cuspidal. The leaf
+    may have several sheets, and the cusps may lie on others than that of q0.
+
+    Args:
+        strategy: with leaves; any one where nothing is redundant, n = m.
+        q0: posture (n,) on the leaf.
+        starts: more find rarer cusps.
+        limits: cusps and loops beyond the joint limits do not count.
+
+    Raises:
+        ArgumentError: a law without leaves; a task of several frames; too many starts.
+        SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them. ShapeError.
+    """
+    of_one_tool(strategy.task, "cusps")
+    leafed, robot = with_leaves(strategy), strategy.task.robot
+    if whole("starts", starts) > MOST_STARTS:
+        raise ArgumentError("starts", starts, f"give at most {MOST_STARTS:,}")
+    start = start_posture(robot, q0)
+    leafed(start)
+    if limits:
+        robot.check_limits(start)
+    level = leaf_value(leafed, start)
+    search = _searched(leafed, level, start, starts, limits)
+    near = some(search.points, slice(NEAREST))
+    motions, measures = candidates(leafed, level, near, limits) if len(near.q) else (None, np.zeros((0, 3)))
+    found = [] if motions is None else [first_witness(leafed, level, motions, i, limits) for i in _orders(measures)]
+    return Cusps(
+        leafed, start, search.points.q, level, limits, search.starts, search.outside, search.double, search.corank,
+        tuple(one for one in found if one is not None), search.starts < starts,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What came of the starts: the points, the nearest to q0 first, and counts as of `Cusps`."""
+
+    points: CuspPoints
+    starts: int
+    outside: int
+    double: int
+    corank: int
+
+
+def _searched(strategy: HolonomicStrategy, level: Vector, q0: Vector, starts: int, limits: bool) -> _Search:
+    """Newton's method from the starts, a part after the other, until Ctrl-C."""
+    begun, done, parts = spread(strategy.task.robot, starts), 0, []
+    with progress("cusps", starts) as report, suppress(KeyboardInterrupt):  # what was found is kept
+        while done < starts:
+            parts.append(seek_cusps(strategy, level, begun[done : done + CHUNK]))
+            done = min(done + CHUNK, starts)
+            report(done)
+    none = np.zeros((0, len(q0)))
+    points = joined(CuspPoints(none, none, none), *(found for found, _, _ in parts))
+    free = free_hinges(strategy, spread(strategy.task.robot, SAMPLED))
+    placed = [turned(strategy, q[None], free, q0, limits) for q in points.q]
+    inside = np.array([within for _, within in placed], dtype=bool)
+    points = replace(some(points, inside), q=np.array([q for q, _ in placed]).reshape(-1, len(q0))[inside])
+    points = some(points, np.argsort(np.abs(points.q - q0).max(axis=1), kind="stable") if len(points.q) else slice(0))
+    double, corank = (sum(part[k] for part in parts) for k in (1, 2))
+    return _Search(points, done, int(np.sum(~inside)), double, corank)
+
+
+def _orders(measures: Matrix) -> tuple[Indices, Indices]:
+    """Motions (length, turn, rcond) (k, 3) by the size of their tool paths, and by how regular they are."""
+    return np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])
