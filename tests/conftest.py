@@ -63,6 +63,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.campaign)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than cores: tests of browsers, surveys and commands wait for other processes."""
+    return (os.cpu_count() or 1) + 1
+
+
 def _build_quickly() -> None:
     """A C compiler that does not optimize, and a folder of its own for what it builds; `pytest -n` hands on both."""
     folder = HERE.parent / ".pytest_cache" / "native"

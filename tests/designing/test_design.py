@@ -114,10 +114,15 @@ def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design
 
 
 def test_a_design_survives_pickling(swift: hk.Design) -> None:
-    """Each text looks for the least of other postures anew."""
     again = pickle.loads(pickle.dumps(swift))
     assert np.array_equal(again.strategy(swift.q0), swift.strategy(swift.q0))
-    assert str(again) == str(swift)
+    assert again.costs == swift.costs and again.bound == swift.bound
+
+
+@pytest.mark.campaign
+def test_a_design_says_the_same_after_pickling(swift: hk.Design) -> None:
+    """Each text looks for the least of other postures anew."""
+    assert str(pickle.loads(pickle.dumps(swift))) == str(swift)
     assert swift.broken == 0 and "beyond hard limits" not in str(swift)
 
 

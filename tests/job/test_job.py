@@ -45,7 +45,7 @@ def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
         assert home is strategy.verdict.holonomic
 
 
-@pytest.mark.parametrize("job", PAPER)
+@pytest.mark.parametrize("job", [campaign("job", job) if job == "orientation" else job for job in PAPER])
 def test_the_tables_shown_are_what_the_jobs_print_today(job: str) -> None:
     """Every printed cell that is not round-off."""
     printed = [{cell.strip() for cell in line.split("│")} for line in RESULTS.splitlines() if "│" in line]
