@@ -145,6 +145,21 @@ def test_limits_are_looked_at_only_when_asked(panda: hk.Robot, ik) -> None:
         strict(poses[np.argmax(beyond)])
 
 
+def test_both_engines_look_at_limits(planar_3r: hk.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = hk.with_limits(planar_3r, lower=[-0.2, 0.5, -3.0], upper=[0.8, 1.3, 3.0])
+    law, q0 = hk.holonomic(hk.position(robot), hk.lock(2)), np.array([0.3, 0.9, 0.7])
+    points = robot.pose(q0)[:2, 3] + np.random.default_rng(5).uniform(-1.0, 1.0, (40, 2))
+    found = []
+    for flag in ("1", "0"):
+        monkeypatch.setenv("HOLOKIN_NATIVE", flag)
+        free, held = (hk.inverse(law, q0, limits=limits).batch(points) for limits in (False, True))
+        beyond = (robot.beyond(free.q) > 1e-9).any(axis=1)
+        assert 5 < beyond.sum() < free.reached.sum() - 5
+        assert np.array_equal(held.status == InverseStatus.LIMIT, beyond)
+        found.append(held.status)
+    assert np.array_equal(*found)
+
+
 def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.Robot) -> None:
     task, start = hk.pose(irb140), np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
     ik = hk.inverse(hk.holonomic(task, hk.custom(lambda q: q[:0], rows=0)), start)
