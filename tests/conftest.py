@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import gc
 import os
+import random
 import re
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: a worker has one core, on which threads only wait
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 import holokin as hk
+from holokin.codegen.toolchain import compiler
 from holokin.commands import main as cli
 from sketches import sketches
 
@@ -37,6 +43,68 @@ collect_ignore = (
         if re.search(r"^import pinocchio|^from test_growth", f.read_text("utf-8"), re.MULTILINE)
     ]
 )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The suite draws few examples, and its native code is quickly built; the campaign draws many, and optimizes."""
+    thorough = "not campaign" not in config.option.markexpr
+    if not thorough:
+        _build_quickly()
+    settings.register_profile("campaign", max_examples=200, deadline=None)
+    settings.register_profile("suite", max_examples=10, deadline=None)
+    settings.load_profile("campaign" if thorough else "suite")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What draws its examples is of both."""
+    if config.option.markexpr == "campaign":
+        for item in items:
+            if getattr(getattr(item, "function", None), "is_hypothesis_test", False):
+                item.add_marker(pytest.mark.campaign)
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than cores: tests of browsers, surveys and commands wait for other processes."""
+    return (os.cpu_count() or 1) + 1
+
+
+def _build_quickly() -> None:
+    """A C compiler that does not optimize, and a folder of its own for what it builds; `pytest -n` hands on both."""
+    folder = HERE.parent / ".pytest_cache" / "native"
+    command = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if os.name != "posix" or "CC" in os.environ or command is None:
+        return
+    with suppress(OSError):  # the tree cannot be written: then as users build it
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        made, written = folder / "cc", folder / f"cc.{os.getpid()}"
+        written.write_text(f'#!/bin/sh\nexec {command} "$@" -O0\n', "utf-8")
+        written.chmod(0o700)
+        written.replace(made)
+        os.environ |= {"CC": str(made), "HOLOKIN_CACHE": str(folder)}
+
+
+@pytest.fixture
+def optimized(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """Native code as users have it: for what says how fast it is."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path / "optimized"))
+    compiler.cache_clear()
+    yield
+    compiler.cache_clear()
+
+
+def sampled(count: int, names: str | tuple[str, ...], values: Iterable[Any], **more: Any) -> pytest.MarkDecorator:
+    """`parametrize` of which `count` cases, drawn once and not picked, are in the suite, and all in the campaign."""
+    cases = list(values)
+    few = set(random.Random(2011).sample(range(len(cases)), count))
+    return pytest.mark.parametrize(names, [v if i in few else campaign(names, v) for i, v in enumerate(cases)], **more)
+
+
+def campaign(names: str | tuple[str, ...], case: Any) -> Any:
+    """A case of `parametrize` for the campaign alone."""
+    if isinstance(case, type(pytest.param())):
+        return pytest.param(*case.values, marks=(*case.marks, pytest.mark.campaign), id=case.id)
+    return pytest.param(*([case] if isinstance(names, str) else case), marks=pytest.mark.campaign)
 
 
 def pytest_collection_finish() -> None:
@@ -101,7 +169,9 @@ def planar_3r() -> hk.Robot:
     return hk.load("planar-3r")
 
 
-UNCOMPILED = ("test_advise.py", "test_design.py", "test_design_bound.py", "test_obstruction.py")
+UNCOMPILED = (
+    "test_advise.py", "test_design.py", "test_design_bound.py", "test_obstruction.py", "test_units.py",
+)  # fmt: skip
 """Files whose functions are long and called a few times each: a compiler takes longer than they do (with one
 six tests took 54 s of processor time, without 15 s)."""
 

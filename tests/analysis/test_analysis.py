@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import subspace_angles
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START
+from conftest import IRB_START, PANDA_START, PPR_START, sampled
 from holokin.analysis.straight_transport import transport
 from holokin.errors import ArgumentError, NotHolonomicError, OpenPathError
 from holokin.robot import hessian_expression
@@ -256,7 +256,7 @@ def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3:
         assert len(caught.value.witness) == len(start)
 
 
-@pytest.mark.parametrize("case", ["paper", "coupled", "arm angle", "radial"])
+@sampled(2, "case", ["paper", "coupled", "arm angle", "radial"])
 def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
     ppr: hk.Robot, irb140: hk.Robot, panda: hk.Robot, panda_given: hk.Strategy, case: str
 ) -> None:

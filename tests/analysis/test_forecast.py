@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, sampled
 
 SIZES = (0.08, 0.04, 0.02, 0.01)
 
@@ -22,7 +22,7 @@ def shares(given: hk.Strategy, start: np.ndarray, loops: list[hk.Path]) -> tuple
     return np.array(out).T
 
 
-@pytest.mark.parametrize(("name", "start", "largest"), [("panda", PANDA_START, 0.02), ("iiwa14", IIWA_START, 0.04)])
+@sampled(1, ("name", "start", "largest"), [("panda", PANDA_START, 0.02), ("iiwa14", IIWA_START, 0.04)])
 def test_the_error_of_a_forecast_falls_with_the_second_power_of_the_circle(
     name: str, start: np.ndarray, largest: float
 ) -> None:

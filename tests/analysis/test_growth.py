@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from chains import chain, shared_bend
-from conftest import PANDA_START, urdf
+from conftest import PANDA_START, campaign, urdf
 from holokin.codegen import LARGEST
 from holokin.codegen import native_library as native
 from holokin.errors import SingularityError
@@ -55,7 +55,7 @@ def both_ways(make: Callable[[], hk.Strategy], monkeypatch: Patch) -> list[hk.St
     return out
 
 
-@pytest.mark.parametrize("make", [panda, snake])
+@pytest.mark.parametrize("make", [panda, campaign("make", snake)])
 @pytest.mark.parametrize("engine", ["virtual machine", pytest.param("native", marks=compiled)])
 def test_a_system_left_to_numbers_is_the_one_written_out(
     make: Callable[[], hk.Strategy], engine: str, monkeypatch: Patch
@@ -83,7 +83,7 @@ def test_a_system_left_to_numbers_is_the_one_written_out(
     assert np.array_equal(side, np.sign(np.linalg.det(A)))
 
 
-@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=[compiled, pytest.mark.campaign]), 10**9])
 def test_a_long_arm_comes_home(native_from: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)
     monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
@@ -195,6 +195,7 @@ def test_an_arm_seen_from_its_hand_is_the_inverse() -> None:
     assert back.pose(q[::-1]) @ arm.pose(q) == pytest.approx(np.eye(4), abs=1e-14)
 
 
+@pytest.mark.campaign
 def test_two_hands_carry_a_part_round_a_loop_and_all_fourteen_joints_come_home(monkeypatch: Patch) -> None:
     """The left arm does four tenths of what the right one does, mirrored; one more row holds."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # native code of so many joints: `test_a_long_arm_comes_home`
@@ -253,7 +254,7 @@ def test_a_base_at_the_end_of_the_tree_asks_for_a_tip() -> None:
         hk.from_urdf(urdf("panda.urdf"), base="panda_hand_tcp")
 
 
-@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=[compiled, pytest.mark.campaign]), 10**9])
 def test_a_constraint_written_in_tiny_units_follows_as_well(native_from: int, monkeypatch: Patch) -> None:
     """det [J; J_g] of 16 joints would be 1e-84; the sign is all that is needed."""
     monkeypatch.setattr(following, "NATIVE_FROM", native_from)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.analysis import Directions, obstruction
 from holokin.analysis.sphere_index import TangentField, area, icosphere, poles, turn
 from holokin.errors import ArgumentError, OpenPathError
@@ -117,7 +117,7 @@ def test_the_conventional_angle_has_two_poles_of_index_1_above_and_below_the_sho
         assert witness.pose[:3, :3] == pytest.approx(iiwa14.pose(IIWA)[:3, :3])
 
 
-@pytest.mark.parametrize(("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
+@sampled(1, ("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
 def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
     iiwa14: hk.Robot, pole: tuple[float, ...], reference: tuple[float, ...]
 ) -> None:
@@ -129,6 +129,7 @@ def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
     assert not witness.hole
 
 
+@pytest.mark.campaign
 def test_a_locked_joint_leaves_two_caps_out_of_reach_and_they_hold_the_indices(iiwa14: hk.Robot) -> None:
     """The wrist turns about joint 2 at a fixed distance from its axis's plane: no direction nearer to the vertical."""
     found = obstruction(hk.holonomic(hk.pose(iiwa14), hk.lock(2)), Directions(fineness=1), IIWA)
@@ -163,6 +164,7 @@ def test_no_law_of_an_iiwa_covers_all_directions_whichever_it_is(iiwa14: hk.Robo
     assert "none covers them without a jump" in found.sentence
 
 
+@pytest.mark.campaign
 def test_a_panda_whose_wrist_stands_aside_is_not_said_to_be_like_that_beyond_what_was_traced(panda: hk.Robot) -> None:
     found = obstruction(hk.pose(panda), Directions(fineness=0), PANDA_START)
     assert found.total == 2
@@ -206,7 +208,8 @@ def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tu
     return start, hk.circle(T[:3, 3], center, axis)
 
 
-@pytest.mark.parametrize(
+@sampled(
+    1,
     ("definition", "axis", "size", "turns", "samples"),
     [("conventional", Z, 0.4, 1, 16), ("stereographic", -X, 0.7, 2, 24), ("stereographic", Z, 0.4, 0, 16)],
 )
@@ -226,6 +229,7 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
     assert f"round the path makes {often} of the self-motion, " in found.sentence
 
 
+@pytest.mark.campaign
 def test_the_other_way_round_the_turns_are_the_other_way(iiwa14: hk.Robot) -> None:
     start, path = loop(iiwa14, Z, 0.4, -Y)
     law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition="conventional"))

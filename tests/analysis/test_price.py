@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, PPR_START, campaign
 from holokin.errors import ArgumentError
 from papers_arm import paper_frame
 
@@ -61,7 +61,7 @@ def near_radial_laws(given: hk.Strategy, start: np.ndarray) -> list[hk.Strategy]
     return out
 
 
-@pytest.mark.parametrize("name", ["ppr", "panda"])
+@pytest.mark.parametrize("name", ["ppr", campaign("name", "panda")])
 def test_no_regular_law_beats_the_bound_and_the_twin_is_within_a_third_of_it(name: str) -> None:
     robot = hk.load(name)
     start, radius = (CENTER_START, PPR_RADIUS) if name == "ppr" else (PANDA_START, 0.1)
@@ -94,6 +94,7 @@ def cut_law(given: hk.Strategy, sharpness: float) -> hk.Strategy:
     return hk.holonomic(given.task, hk.custom(g, name="law with a cut"))
 
 
+@pytest.mark.campaign
 def test_a_law_with_a_cut_has_less_rms_than_the_twin_but_not_less_at_most(ppr_given: hk.Strategy) -> None:
     """On one leaf no rms deviation but 0 is the least; what must fall back once on every loop is the maximum."""
     before = np.inf

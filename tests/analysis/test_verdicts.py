@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START
+from conftest import IRB_START, PANDA_START, PPR_START, sampled
 from holokin.analysis import Evidence
 from holokin.analysis.curvature_of_planes import curvature_function
 from holokin.analysis.roundoff import is_shown, measured, noise
@@ -35,7 +35,7 @@ def spoilt(strategy: hk.Strategy, rows) -> hk.Strategy:
 # --- round-off is measured ---
 
 
-@pytest.mark.parametrize("start", [[0.3, 0.8, 0.5], [0.5, 0.5, 0.5]])
+@sampled(1, "start", [[0.3, 0.8, 0.5], [0.5, 0.5, 0.5]])
 def test_a_twin_is_holonomic_over_the_whole_joint_range(planar_3r: hk.Robot, start: list[float]) -> None:
     """It goes through singularities on the way back to its centre; these amplify round-off without bound."""
     twin = hk.radial(hk.moore_penrose(hk.position(planar_3r)), start)
@@ -45,7 +45,7 @@ def test_a_twin_is_holonomic_over_the_whole_joint_range(planar_3r: hk.Robot, sta
     assert hk.involutivity(twin, region, samples=4096).holonomic
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8])
+@sampled(1, "size", [1e-3, 1e-6, 1e-8])
 def test_a_weak_defect_is_found_amid_that_round_off(planar_3r: hk.Robot, size: float) -> None:
     twin = hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START)
     law = spoilt(twin, lambda q: (0, 0, size * ca.sin(q[0])))
@@ -180,6 +180,7 @@ def test_a_narrow_bump_of_curvature_is_missed_by_64_postures_and_found_by_thorou
     assert hk.drift(law, hk.circle(point, point - [0.02, 0, 0]), place, samples=200).largest[0] > 1e-3
 
 
+@pytest.mark.campaign
 def test_thorough_leaves_a_holonomic_law_holonomic(panda: hk.Robot, planar_3r: hk.Robot) -> None:
     height = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
     assert hk.involutivity(height, hk.around(PANDA_START, 0.3), thorough=5000).samples >= 5000

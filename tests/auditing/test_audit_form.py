@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.auditing.questions import AuditSetup, ask_small_loops
 from holokin.motion import as_control_law
 from holokin.motion.control_law import Step
@@ -27,7 +27,7 @@ def asked(robot: hk.Robot, law: Step, q0: np.ndarray, plane: tuple[int, int]) ->
     return ask_small_loops(AuditSetup(as_control_law(law), hk.pose(robot), q0, 0.02, 3, 2.0, 1e-3), plane)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@sampled(2, "seed", range(6))
 def test_a_law_whose_curvature_is_zero_at_the_start_is_of_the_form_g_of_q(
     panda: hk.Robot, iiwa14: hk.Robot, seed: int
 ) -> None:
@@ -48,7 +48,8 @@ def test_a_law_whose_curvature_is_zero_at_the_start_is_of_the_form_g_of_q(
     assert metrics["turned"] < 0.1 and metrics["hurried"] < 0.01
 
 
-@pytest.mark.parametrize(
+@sampled(
+    4,
     ("kind", "changed"),
     [("length", "turned"), ("time", "hurried"), ("odd", "stairs"), ("curved", "stairs"), ("square", "turned")],
 )
@@ -71,7 +72,7 @@ def test_a_law_that_is_not_linear_in_the_twist_is_not_of_that_form(
     assert metrics[changed] > {"turned": 0.5, "hurried": 0.05, "stairs": 0.05}[changed]
 
 
-@pytest.mark.parametrize("width", [0.02, 0.018, 0.03])
+@sampled(1, "width", [0.02, 0.018, 0.03])
 def test_a_curvature_that_changes_its_sign_within_the_loop_is_no_other_form(panda: hk.Robot, width: float) -> None:
     x0 = panda.pose(PANDA_START)[0, 3]
     law = rowed(panda, 2, lambda x, v: np.sin((x[0] - x0) / width) * v[1])

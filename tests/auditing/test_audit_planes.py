@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from black_boxes import locked, pull, turn
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
 from holokin.motion import as_control_law
@@ -33,6 +33,7 @@ def curved(robot: hk.Robot, i: int, j: int, kappa: float):
     return law
 
 
+@pytest.mark.campaign
 def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     """A circle of 0.1 m there turns joint 3 by 1.5 times its area, 0.047 rad; no other plane turns it."""
     found = hk.audit(curved(panda, 1, 2, 1.5), panda, **QUICK)
@@ -44,7 +45,7 @@ def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     assert found["cycles, loop 2"].metrics["first"] < 1e-3
 
 
-@pytest.mark.parametrize(("i", "j"), [(0, 2), (1, 2), (0, 5), (2, 3), (3, 4), (3, 5)])
+@sampled(2, ("i", "j"), [(0, 2), (1, 2), (0, 5), (2, 3), (3, 4), (3, 5)])
 def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, j: int) -> None:
     """Joint 3 then drifts by kappa times area, so that is the least that the largest joint does."""
     task = hk.pose(panda)
@@ -106,7 +107,8 @@ def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> No
     assert "did not follow" in found["cycles, loop 1"].fault
 
 
-@pytest.mark.parametrize(
+@sampled(
+    3,
     ("robot", "make", "start"),
     [
         ("panda", hk.position, PANDA_START),
@@ -172,7 +174,8 @@ def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
     return hk.ControlLaw("alternates between calls", lambda q0: law)
 
 
-@pytest.mark.parametrize(
+@sampled(
+    2,
     ("make", "every"),
     [(between_runs, 1), (between_runs, 8), (between_calls, 1), (between_calls, 7), (between_calls, 400)],
 )

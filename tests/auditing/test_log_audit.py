@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import holokin as hk
-from conftest import PANDA_START, PPR_CENTER, PPR_START
+from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
 from holokin.auditing import LogVerdict
 from holokin.auditing.arcs import noise_level
 from holokin.auditing.crossings import crossings
@@ -87,7 +87,7 @@ def settling(
 # --- cycles ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", [0.0, ENCODER])
+@sampled(1, "noise", [0.0, ENCODER])
 def test_cycles_are_found_through_way_in_pauses_speeds_and_way_out(noise: float) -> None:
     way_in = walk(DRIFTING, [hk.line(START, START + [0.1, 0.05, 0.1])])[0][::-1]
     rounds = walk(DRIFTING, [CIRCLE] * 4)
@@ -114,7 +114,7 @@ def test_crossing_ones_own_path_is_no_cycle() -> None:
     assert cycles.length == pytest.approx(eight.length, rel=5e-3)
 
 
-@pytest.mark.parametrize("noise", [0.0, ENCODER])
+@sampled(1, "noise", [0.0, ENCODER])
 def test_at_the_crossing_of_an_eight_only_a_holonomic_arm_has_the_same_joints_twice(noise: float) -> None:
     """The loops of an eight undo most of each other's drift; half-way through it shows in full."""
     loops = [hk.circle(START, START - [0.08, 0, 0]), hk.circle(START, START + [0.08, 0, 0], clockwise=True)]
@@ -178,6 +178,7 @@ def test_a_cycle_that_spans_a_gap_is_left_out() -> None:
     assert np.abs(audit.drift - exact).max() < 1e-4
 
 
+@pytest.mark.campaign
 def test_a_hundred_cycles_of_few_samples_are_all_found() -> None:
     audit = hk.audit_recording(recorded(walk(HOME, [CIRCLE], samples=40) * 100, ENCODER), PANDA)
     assert len(audit.cycles) == 100
@@ -250,6 +251,7 @@ def test_a_posture_task_settles_and_its_ratio_is_found() -> None:
     assert audit.limit is None
 
 
+@pytest.mark.campaign
 def test_a_posture_task_depends_on_the_speed_once_settled() -> None:
     """Its null-space motion takes time: slow rounds pull harder. The last of each speed are compared."""
     log, _ = settling([1] * 5 + [4] * 3, rest=2.0)

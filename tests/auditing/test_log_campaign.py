@@ -10,12 +10,13 @@ import pytest
 from benchmarks import logs
 
 import holokin as hk
+from conftest import sampled
 from holokin.auditing import LogVerdict, Trend
 
 NOISES = (0.0, 1e-4, 1e-3)
 
 
-@pytest.mark.parametrize("law", logs.LAWS)
+@sampled(2, "law", logs.LAWS)
 def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none(law: str) -> None:
     """Motions of six to nine cycles. "Cannot tell" is no wrong answer of the trend; of whether the joints repeated,
     it is one unless the log has much noise."""
@@ -38,7 +39,7 @@ def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none
             assert audit.exit_code == {"REPEATS": 0, "DIFFERS": 1, "UNDECIDED": 2}[audit.verdict.name]
 
 
-def drawn(shift, cycles: int, seed: int) -> logs.Motion:
+def moved(shift, cycles: int, seed: int) -> logs.Motion:
     """A log on a random arm whose spare joints move by shift(cycles done)."""
     rng = np.random.default_rng(seed)
     while True:
@@ -53,19 +54,19 @@ def drawn(shift, cycles: int, seed: int) -> logs.Motion:
 def test_a_steady_drift_goes_on_and_what_turns_or_scatters_cannot_be_told(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size = float(rng.uniform(0.005, 0.02))
-    steady, period = drawn(lambda c: size * c, 10, seed), float(rng.uniform(14, 20))
+    steady, period = moved(lambda c: size * c, 10, seed), float(rng.uniform(14, 20))
     found = logs.judged(steady, 30.0, seed, (1e-4,))[0]
     assert (found.verdict, found.trend) == (LogVerdict.DIFFERS, Trend.GOES_ON)
-    turning = drawn(lambda c: 10 * size * np.sin(2 * np.pi * c / period), 10, seed)  # it comes back later
+    turning = moved(lambda c: 10 * size * np.sin(2 * np.pi * c / period), 10, seed)  # it comes back later
     scatter = size * rng.normal(size=12)
-    scattering = drawn(lambda c: np.interp(c, np.arange(12), scatter), 10, seed)
+    scattering = moved(lambda c: np.interp(c, np.arange(12), scatter), 10, seed)
     for motion in (turning, scattering):
         audit = logs.judged(motion, 30.0, seed, (1e-4,))[0]
         assert (audit.verdict, audit.trend) == (LogVerdict.DIFFERS, Trend.CANNOT_TELL)
         assert "Trend: cannot tell" in audit.sentence() and audit.limit is None
 
 
-@pytest.mark.parametrize("corners", [False, True])
+@sampled(1, "corners", [False, True])
 def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> None:
     """A log ends up to one sample before its last cycle does, 2 mm here: the tool is followed on. At a corner between
     two samples it cannot be, and that is said."""

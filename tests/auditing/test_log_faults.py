@@ -15,6 +15,7 @@ import pytest
 
 import holokin as hk
 from bags import JOINTS, write_bag
+from conftest import sampled
 from holokin import auditing, recording
 from holokin.auditing.cycles import find_cycles
 from holokin.errors import ArgumentError, RecordingError
@@ -36,7 +37,7 @@ def refused(path: Path | str, *words: str, robot: hk.Robot = PANDA) -> None:
 # --- what is no file, or no log -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("suffix", ["csv", "mcap", "db3", "bag"])
+@sampled(2, "suffix", ["csv", "mcap", "db3", "bag"])
 def test_pipes_and_devices_are_refused_at_once(tmp_path: Path, suffix: str) -> None:
     pipe = tmp_path / f"log.{suffix}"
     os.mkfifo(pipe)
@@ -110,7 +111,7 @@ def test_lines_that_are_read_fast_or_slowly_give_the_same_numbers(tmp_path: Path
 # --- bags -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
+@sampled(1, "kind", ["sqlite3", "mcap"])
 def test_a_bag_cut_or_overwritten_anywhere_is_read_or_refused(tmp_path: Path, kind: str) -> None:
     folder = write_bag(tmp_path / "bag", kind)
     whole = next(f for f in folder.iterdir() if f.suffix in (".mcap", ".db3"))
@@ -196,14 +197,15 @@ def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> recording.Recording:
     return recording.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
 
 
-@pytest.mark.parametrize("kind", ["even", "speeds", "pauses"])
-@pytest.mark.parametrize(("rows", "loops"), [(1000, 2), (1000, 10), (60_000, 2), (30_000, 300)])
+@sampled(1, "kind", ["even", "speeds", "pauses"])
+@sampled(3, ("rows", "loops"), [(1000, 2), (1000, 10), (60_000, 2), (30_000, 300)])
 def test_the_loops_of_a_circle_are_counted(rows: int, loops: int, kind: str) -> None:
     angle = phase(rows, loops, kind)
     q = joined(0.3 * np.cos(angle), 0.3 * np.sin(angle))
     assert len(find_cycles(recorded(q), PPR, orientation=False)) == loops
 
 
+@pytest.mark.campaign
 def test_loops_of_few_samples_are_counted_in_a_log_of_thousands() -> None:
     """On one grid over the whole log a loop would have eight points: seven were one cycle."""
     angle = phase(30_000, 2100, "even")
@@ -213,6 +215,7 @@ def test_loops_of_few_samples_are_counted_in_a_log_of_thousands() -> None:
     assert cycles.length == pytest.approx(0.6 * np.pi, rel=0.05)
 
 
+@pytest.mark.campaign
 def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
     """z' = (cos z y' - sin z x') / 2 is the pseudo-inverse of PPR."""
     start = 0.5
@@ -228,7 +231,7 @@ def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
     assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.LogVerdict.REPEATS
 
 
-@pytest.mark.parametrize(("lines", "loops"), [(20, 2), (50, 3), (100, 3)])
+@sampled(1, ("lines", "loops"), [(20, 2), (50, 3), (100, 3)])
 def test_the_loops_of_a_fine_raster_are_counted(lines: int, loops: int) -> None:
     rows = [(-0.3 * i / (lines - 1), 0.3 * ((i + k) % 2)) for i in range(lines) for k in (0, 1)]
     corners = np.array([*rows, rows[0]])
@@ -241,6 +244,7 @@ def test_the_loops_of_a_fine_raster_are_counted(lines: int, loops: int) -> None:
     assert cycles.length == pytest.approx(s[-1], rel=0.01)
 
 
+@pytest.mark.campaign
 def test_a_long_way_in_and_out_does_not_count() -> None:
     """The rounds begin in the second third of the log, where no stretch begins that is looked at."""
     t = np.linspace(0, 1, 50_000)
@@ -255,6 +259,7 @@ def test_a_long_way_in_and_out_does_not_count() -> None:
     assert cycles.q0[0] == pytest.approx(50_000, abs=100)  # the path in ends at rest
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is measured by Linux")
 def test_a_long_csv_is_read_and_judged_in_little_memory(tmp_path: Path) -> None:
     """100,000 rows, 6 MB as numbers: their text as Python strings would take 100 MB."""

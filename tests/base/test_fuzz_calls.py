@@ -29,10 +29,10 @@ def test_every_public_function_is_called(tmp_path: Path, monkeypatch: pytest.Mon
     assert answered > 0.8 * len(calls.calls())
 
 
-def test_of_500_bad_calls_none_ends_in_a_stranger_s_exception() -> None:
-    found = [harness.one("calls", seed) for seed in range(500)]
+def test_of_100_bad_calls_none_ends_in_a_stranger_s_exception() -> None:
+    found = [harness.one("calls", seed) for seed in range(100)]
     assert [(seed, calls.mutant(seed)[0], fault) for seed, _, _, fault in found if fault] == []
-    assert sum(refused for _, refused, _, _ in found) > 300
+    assert sum(refused for _, refused, _, _ in found) > 60
 
 
 @pytest.mark.parametrize("rows", [[0.5], 0.5, [True], ["0"], [0, 1.0]])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, urdf, write_job
+from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
 from holokin.job import open_job, read_job
 from holokin.job.strategy_tables import MoorePenrose
@@ -193,7 +193,7 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     assert "degrees = true" not in holokin("run", far, "--out", out).err
 
 
-@pytest.mark.parametrize("ending", [".toml", ".TOML"])
+@sampled(1, "ending", [".toml", ".TOML"])
 def test_a_job_file_named_without_its_ending_is_recognised(
     holokin: Command, tmp_path: Path, out: Path, ending: str
 ) -> None:

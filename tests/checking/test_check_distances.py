@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
-from conftest import PANDA_START, urdf
+from conftest import PANDA_START, campaign, urdf
 from holokin.checking.gaps import LinkGap, floor_gap, link_gap, links_of, segment_distance
 from holokin.checking.sweep import ACCURACY, sweep
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape
@@ -68,7 +68,6 @@ def test_a_distance_is_that_of_the_closed_form(
     assert distance(one, T, other, S) == pytest.approx(wanted, abs=2e-6)
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), lengths=st.tuples(*[st.sampled_from([0.0, 0.3, 1.0])] * 2))
 def test_capsules_are_as_far_apart_as_coal_finds(seed: int, lengths: tuple[float, float]) -> None:
     one, other = Capsule(0.05, lengths[0]), Capsule(0.07, lengths[1])
@@ -85,7 +84,6 @@ def test_parallel_and_vanishing_segments_have_a_distance(v: list[float]) -> None
     assert segment_distance(p, u, x, np.array([v])) == pytest.approx(0.3, abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_a_support_is_that_of_the_points_of_the_shape(seed: int) -> None:
     """Of points on the surface none is farther along a direction, and some are nearly so far."""
@@ -171,7 +169,7 @@ def pinocchio_least(file: str, q: np.ndarray, names: tuple[str, ...], pairs: lis
 ARMS = {"panda.urdf": ("panda_hand", {"panda_finger_joint1": 0.0}), "ur5_robot.urdf": ("ee_link", {})}
 
 
-@pytest.fixture(scope="module", params=ARMS)
+@pytest.fixture(scope="module", params=["panda.urdf", campaign("arm", "ur5_robot.urdf")])
 def arm(request: pytest.FixtureRequest) -> tuple[str, hk.Robot]:
     tip, locked = ARMS[request.param]
     return request.param, hk.load(urdf(request.param), tip=tip, locked=locked)
@@ -230,7 +228,6 @@ def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
     assert max(used) > 0.7  # weights much smaller would not do
 
 
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), few=st.integers(2, 9))
 def test_nowhere_on_a_motion_are_links_nearer_than_the_bound(seed: int, few: int) -> None:
     """Coarse samples, looked at 400 times as closely: never below the bound; the least found is nearly the least."""

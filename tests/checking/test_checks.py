@@ -61,6 +61,7 @@ def test_a_joint_that_is_too_fast_is_told_with_its_time_and_speed(arm: hk.Robot)
     assert second.value == pytest.approx(2.0, rel=1e-4) and second.limit == 1.5
 
 
+@pytest.mark.campaign
 def test_a_timed_motion_keeps_its_own_limits_and_breaks_smaller_ones(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r, rows=[0, 1])
     start = planar_3r.pose(R3_START)[:3, 3]

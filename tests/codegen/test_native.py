@@ -294,6 +294,7 @@ def _build(folder: str, k: int) -> float:
     return loaded.answer() + 0 * k
 
 
+@pytest.mark.campaign
 @compiled
 def test_several_processes_may_build_at_once(cache: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(4) as pool:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from conftest import Command
+from conftest import Command, sampled
 from faults import MACHINE, NATIVE, X, built, check, fresh, needs_compiler
 from holokin.codegen import native_library as native
 from holokin.codegen import toolchain
@@ -111,7 +111,7 @@ def test_a_program_that_says_no_version_is_left_out(
     check(NATIVE, 1, caplog, holokin)
 
 
-@pytest.mark.parametrize("says", WORKING.values(), ids=WORKING)
+@sampled(1, "says", WORKING.values(), ids=WORKING)
 def test_a_compiler_that_only_says_odd_things_is_used(
     says: str, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:
@@ -120,7 +120,7 @@ def test_a_compiler_that_only_says_odd_things_is_used(
     check(NATIVE, 0, caplog, holokin)
 
 
-@pytest.mark.parametrize("does", BROKEN.values(), ids=BROKEN)
+@sampled(8, "does", BROKEN.values(), ids=BROKEN)
 def test_after_a_broken_compiler_the_virtual_machine_runs(
     does: str, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:
@@ -132,7 +132,7 @@ def test_after_a_broken_compiler_the_virtual_machine_runs(
 BUSY = "while :; do echo busy >> busy; sleep 0.02; done"
 
 
-@pytest.mark.parametrize("does", [BUSY, f"({BUSY}) & wait", f"({BUSY}) & yes error >&2"])
+@sampled(1, "does", [BUSY, f"({BUSY}) & wait", f"({BUSY}) & yes error >&2"])
 def test_a_compiler_that_does_not_end_is_stopped_once(
     does: str, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:
@@ -146,7 +146,7 @@ def test_a_compiler_that_does_not_end_is_stopped_once(
     assert (tmp_path / "busy").stat().st_size == before  # what it had started is stopped, too
 
 
-@pytest.mark.parametrize("does", ["sleep 50", "yes"])
+@sampled(1, "does", ["sleep 50", "yes"])
 def test_a_program_that_talks_for_ever_or_never_is_left_out(
     does: str, built: Path, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:

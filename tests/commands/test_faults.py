@@ -18,7 +18,7 @@ from benchmarks import kills
 from benchmarks.kills import deadly, hidden, state
 
 import holokin as hk
-from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, write_job
+from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, sampled, write_job
 from forked import forked, start
 from holokin.base.files import aside, replacing
 from holokin.errors import WriteError
@@ -148,7 +148,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
+@sampled(1,
     ("arguments", "wanted"),
     [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
      (["audit", "log.csv", "--robot", "ppr", "--plot", "a.png"], "a.png")],
@@ -209,7 +209,7 @@ def dies(out: Path, files: dict[str, str], k: int, after: bool) -> bool:
 
 
 @pytest.mark.parametrize("after", [False, True])
-@pytest.mark.parametrize("repair", ["the same job", "another job", "killed, too"])
+@sampled(1, "repair", ["the same job", "another job", "killed, too"])
 def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(out: Path, after: bool, repair: str) -> None:
     old, new = {"report.html": "old", "old.csv": "old"}, {"report.html": "new", "new.csv": "new"}
     mine = {"notes.txt": "mine", "arm.jpg": "mine too"}

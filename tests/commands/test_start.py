@@ -50,6 +50,7 @@ def words(text: str) -> str:
     return re.sub(r"^ *[\d.]+ s, report: ", "report: ", text.translate(FRAME), flags=re.MULTILINE)
 
 
+@pytest.mark.campaign
 def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run, tmp_path: Path) -> None:
     """What is shown is what is printed, but for round-off; a "..." stands for lines that are left out."""
     blocks = [(m[1], m[2], m[3]) for m in re.finditer(r"^```(sh|toml|text)([^\n]*)\n(.*?)^```", PAGE, re.S | re.M)]

@@ -94,6 +94,7 @@ def test_turning_the_arm_about_its_line_turns_the_arm_angle_as_much(iiwa14: hk.R
     assert isinstance(psi, float)
 
 
+@pytest.mark.campaign
 def test_the_arm_angle_is_kept_round_a_circle_and_the_arm_comes_home(iiwa14: hk.Robot, panda: hk.Robot) -> None:
     for robot, start in ((iiwa14, np.array([0.1, 0.6, 0.1, -1.4, 0.0, 0.6, 0.0])), (panda, PANDA_START)):
         strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())

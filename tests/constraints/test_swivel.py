@@ -295,6 +295,7 @@ def test_an_elbow_kept_above_its_arm_ends_its_leaf_where_it_passes_over_the_shou
     assert np.abs(N / np.linalg.norm(N)) == pytest.approx(np.array([1, 0, 1, 0, 0, 0, 0]) / 2**0.5, abs=1e-3)
 
 
+@pytest.mark.campaign
 def test_where_the_elbow_stands_at_the_start_counts_for_more_than_the_wrist(panda: hk.Robot) -> None:
     shares = {}
     for wrist, joints in (("found", None), ("last", (1, 3, 6))):

@@ -86,6 +86,7 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
     assert advice.best.name in str(advice) and advice.part is None
 
 
+@pytest.mark.campaign
 def test_the_same_advice_is_given_twice(advice: Advice) -> None:
     again = hk.advise(arm(), PLANE)
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
@@ -93,6 +94,7 @@ def test_the_same_advice_is_given_twice(advice: Advice) -> None:
     assert again.summary() == advice.summary()
 
 
+@pytest.mark.campaign
 def test_a_narrow_limit_is_avoided_and_named() -> None:
     """Joint 3 may turn by 0.2 rad alone: a law that turns it more loses poses, and the advice does not take it."""
     far = hk.workspace(box=([1.9, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
@@ -172,6 +174,7 @@ def test_no_start_has_a_whole_turn_too_many() -> None:
     assert np.array_equal(unwound(one_side, np.array([[5.6, 7.0]])), [[5.6, 7.0 - 2 * np.pi]])
 
 
+@pytest.mark.campaign
 def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
     wide = hk.workspace(box=([2.2, 0.0, 0.0], [1.2, 0.8, 0.0]), rotation=np.eye(3))
     found = hk.advise(arm(), wide)
@@ -254,6 +257,7 @@ def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -
     assert locked_joints(task, first) == [int(np.argmax(np.abs(task.null_space(first))))]
 
 
+@pytest.mark.campaign
 def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> None:
     robot = hk.from_urdf(urdf("tiago.urdf"), tip="hand_grasping_frame")
     task = fitting_task(robot)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_RADIUS
+from conftest import PANDA_START, PPR_RADIUS, sampled
 from holokin.analysis import ball, box
 from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.leaf_series import SampledSeries, series_over
@@ -22,7 +22,7 @@ def slope(relative: float) -> float:
     return relative * np.sqrt(1.5 / 2)
 
 
-@pytest.mark.parametrize("start", [(0.9, -0.3, np.pi / 4), (1.0, 0.5, -2.0), (0.0, 0.0, 3.0)])
+@sampled(1, "start", [(0.9, -0.3, np.pi / 4), (1.0, 0.5, -2.0), (0.0, 0.0, 3.0)])
 def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
     ppr: hk.Robot, start: tuple[float, ...]
 ) -> None:
@@ -50,6 +50,7 @@ def test_the_deviation_is_that_of_the_strategy_itself(ppr: hk.Robot) -> None:
     assert found.strategy.batch(Q + [0, 0, 2 * np.pi]) == pytest.approx(found.strategy.batch(Q), abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
     """A Panda, positions and turns; and its position task with four redundant joints."""
     for task, degree in ((hk.pose(panda), 2), (hk.position(panda), 2)):
@@ -62,6 +63,7 @@ def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
         assert hk.involutivity(found.strategy, hk.around(PANDA_START, 0.1)).holonomic
 
 
+@pytest.mark.campaign
 def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> None:
     """Its own constraint where it has one; where it has rows alone, which nobody integrated, radial of it."""
     task, region = hk.pose(panda), hk.around(PANDA_START, 0.15)

@@ -14,7 +14,7 @@ import pytest
 
 import holokin as hk
 from chains import chain, shared_bend
-from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program, rates
 from holokin.errors import ArgumentError, ExportError, SingularityError
 from holokin.export import Exported, c_name, check, export_c
@@ -75,7 +75,7 @@ def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("orientation", ["zyz", "rotation-vector"])
+@sampled(1, "orientation", ["zyz", "rotation-vector"])
 def test_arguments_that_are_not_needed_must_be_finite_too(orientation: str, holokin: Command, tmp_path: Path) -> None:
     """ZYZ angles read five of the nine numbers of a rotation; the self-test spoils each argument in turn."""
     arguments = ("orientation", "--strategy", "one-H", "--orientation", orientation, "--out", tmp_path, "--check")
@@ -95,7 +95,7 @@ def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("n", [7, 12])
+@sampled(1, "n", [7, 12])
 def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path) -> None:
     """A badly scaled constraint, and twelve joints, whose det [J; J_g] is no number in single precision."""
     if n == 7:
@@ -215,6 +215,7 @@ def at(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
     return [ctypes.c_void_p(a.ctypes.data) for a in arrays]
 
 
+@pytest.mark.campaign
 @compiled
 def test_its_inverse_kinematics_comes_home_from_a_loop(c_code: ctypes.CDLL) -> None:
     strategy = sew()
@@ -270,6 +271,7 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
         assert not dq.any()
 
 
+@pytest.mark.campaign
 @compiled
 def test_two_exports_live_in_one_program(written: Exported, tmp_path: Path) -> None:
     other = export_c(hk.moore_penrose(hk.pose(hk.load("panda"))), tmp_path, q0=PANDA_START, name="other")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START
+from conftest import PANDA_START, PPR_START, sampled
 from holokin.errors import ArgumentError
 from holokin.export import Exported, export_c
 
@@ -65,7 +65,7 @@ def ran(written: Exported, folder: Path) -> np.ndarray:
     return np.array(said.stdout.split(), dtype=float)
 
 
-@pytest.mark.parametrize("name", ["ppr", "panda"])
+@sampled(1, "name", ["ppr", "panda"])
 def test_cpp_gives_what_python_gives(name: str, tmp_path: Path) -> None:
     """pose, gain, rate, control step, inverse kinematics from the start and from near by, and the constraint."""
     robot = hk.load(name)

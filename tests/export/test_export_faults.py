@@ -11,7 +11,7 @@ import pytest
 from benchmarks.kills import deadly, hidden
 
 import holokin as hk
-from conftest import PPR_START
+from conftest import PPR_START, sampled
 from holokin.codegen import compiler
 from holokin.errors import WriteError
 from holokin.export import export_c
@@ -51,7 +51,7 @@ def test_files_of_two_exports_do_not_compile_together(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("after", [False, True])
+@sampled(1, "after", [False, True])
 def test_an_export_killed_at_any_rename_is_old_or_new_or_does_not_compile(tmp_path: Path, after: bool) -> None:
     new = export(tmp_path / "new", 0.002)
     folder, mixed = tmp_path / "out", 0

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.calls import Floor, in_turns, repeated
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign
 from forked import child
 from holokin.codegen import native_library as native
 from holokin.codegen.background import idle
@@ -28,8 +28,8 @@ STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "k
 FORKED = STARTING if hasattr(os, "fork") else ()
 OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("startup", "surveys")) + STARTING[len(FORKED) :]
 """These measure what a process imports and keeps: they are begun as a user begins them."""
-LONG = tuple(f"benchmarks.{name}" for name in ("advice", "certificates", "proof", "surveys_cost"))
-"""These take more than five seconds each."""
+QUICK = ("benchmarks.growth", "benchmarks.selftests")
+"""These take a second each; the others are of the campaign."""
 ELSEWHERE = {"benchmarks.drift": "tests/house/test_docs.py", "benchmarks.logs": "tests/auditing/test_log_campaign.py"}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
@@ -45,7 +45,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
 @pytest.mark.parametrize(
     "module",
     [
-        pytest.param(name, marks=[pytest.mark.campaign] if name in LONG else [])
+        name if name in QUICK else campaign("module", name)
         for name in MODULES
         if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)
     ],
@@ -117,9 +117,9 @@ def test_calls_that_are_timed_in_turns_keep_their_order() -> None:
 
 
 @compiled
-def test_a_call_from_python_costs_a_few_steps_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("optimized")
+def test_a_call_from_python_costs_a_few_steps_in_c() -> None:
     """By the processor's time, which other work on the machine changes little: measured 1.7, 48 without native code."""
-    monkeypatch.setenv("HOLOKIN_CACHE", str(tmp_path))
     task = hk.pose(hk.load("panda"))
     strategy = hk.holonomic(task, hk.arm_angle())
     controller = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
@@ -131,7 +131,9 @@ def test_a_call_from_python_costs_a_few_steps_in_c(tmp_path: Path, monkeypatch: 
     assert times["G"].median < 5 * times["floor"].median
 
 
+@pytest.mark.campaign
 @compiled
+@pytest.mark.usefixtures("optimized")
 def test_a_step_of_a_radial_law_takes_at_most_25_c_floors() -> None:
     """By the processor's time: measured 20; written out it was 88 floors' worth of operations, and too long for C."""
     task = hk.pose(hk.load("panda"))

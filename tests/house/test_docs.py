@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from conftest import campaign
 from holokin.job import open_job, packaged_jobs
 from printed import assert_alike
 
@@ -67,6 +68,13 @@ EXAMPLES = {
 LONG = ("teleoperation.py",)
 """Examples that compute for longer than a compiler takes."""
 
+SLOW = (
+    "check_motion.py", "drill_with_free_spin.py", "elbow_up.py", "humanoid_arm.py", "mink_leaf.py", "mujoco_loop.py",
+    "paper_irb140.py", "pink_leaf.py", "rail_and_arm.py", "teleoperation.py", "timed_program.py", "two_hands.py",
+    "waypoints_to_program.py", "weld_seam.py",
+)  # fmt: skip
+"""Examples that take longer than a second: of the campaign."""
+
 
 def test_every_example_is_tested() -> None:
     assert {p.name for p in (ROOT / "examples").glob("*.py")} == set(EXAMPLES)
@@ -82,7 +90,7 @@ def test_every_example_is_short_and_in_the_gallery_with_its_number() -> None:
         assert len(files[name].read_text("utf-8").splitlines()) < 80, name
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", [campaign("name", name) if name in SLOW else name for name in EXAMPLES])
 def test_an_example_runs_and_gives_its_number(name: str, tmp_path, monkeypatch, capsys) -> None:
     """On the virtual machine, which gives the same numbers, where a compiler would take longer than the example."""
     monkeypatch.chdir(tmp_path)
@@ -106,6 +114,7 @@ def test_the_readmes_picture_is_there_and_its_job_can_be_read() -> None:
         assert open_job(str(job))[1].expect
 
 
+@pytest.mark.campaign
 def test_the_drift_benchmark_runs_and_says_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT))
     from benchmarks import drift

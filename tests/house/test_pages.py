@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import holokin as hk
-from conftest import Command
+from conftest import Command, campaign, sampled
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
@@ -23,11 +23,16 @@ RUN = sorted(
 )
 LONG = ("docs/inverse.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
+SLOW = tuple(
+    f"docs/{name}.md"
+    for name in ("audit", "choose", "concepts", "inverse", "libraries", "paths", "robots", "studio", "workspaces")
+)
+"""Pages that take longer than two seconds: of the campaign."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
 
 
-@pytest.mark.parametrize("page", RUN)
+@pytest.mark.parametrize("page", [campaign("page", page) if page in SLOW else page for page in RUN])
 def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, monkeypatch, capsys) -> None:
     """One block goes on from those before it; a TOML block is the file that the next Python block names.
 
@@ -117,6 +122,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.campaign
 def test_every_name_of_every_room_is_on_its_page(site: Path) -> None:
     assert len(ROOMS) > 8
     for room in ROOMS:
@@ -125,6 +131,7 @@ def test_every_name_of_every_room_is_on_its_page(site: Path) -> None:
         assert not missing, f"{room}: {missing}: a docstring is missing, or docs/api/{room}.md leaves it out"
 
 
+@pytest.mark.campaign
 def test_every_core_name_is_in_the_overview_and_leads_somewhere(site: Path) -> None:
     """A cross reference that leads nowhere would have failed the strict build; here it must be one."""
     page = (site / "api" / "index.html").read_text("utf-8")
@@ -132,6 +139,7 @@ def test_every_core_name_is_in_the_overview_and_leads_somewhere(site: Path) -> N
     assert linked == SHOWN
 
 
+@pytest.mark.campaign
 def test_errors_in_docstrings_become_a_list_of_cross_references(site: Path) -> None:
     page = (site / "api" / "constraints" / "index.html").read_text("utf-8")
     part = page[page.index('id="holokin.constraints.posture_cost"') :]
@@ -140,6 +148,7 @@ def test_errors_in_docstrings_become_a_list_of_cross_references(site: Path) -> N
         assert f'href="../errors/#holokin.errors.{error}"' in part, error
 
 
+@pytest.mark.campaign
 def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
     """[G v, G e](q(t)) is a vector field at a posture."""
     page = (site / "theory" / "index.html").read_text("utf-8")
@@ -150,7 +159,7 @@ def test_brackets_of_a_formula_are_no_links(site: Path) -> None:
 PICTURES = ROOT / "docs" / "pictures"
 
 
-@pytest.mark.parametrize("name", ["self_motion", "planar_loops", "leaves"])
+@sampled(1, "name", ["self_motion", "planar_loops", "leaves"])
 def test_a_picture_of_the_concepts_can_be_drawn_again(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -53,6 +53,7 @@ def test_the_named_code_can_be_imported_and_holds_its_tag(tag: Tag) -> None:
     assert any(tag.text in inspect.getsource(one) for one in kinds)
 
 
+@pytest.mark.campaign
 def test_each_rows_tests_run_the_code_of_the_row(tmp_path: Path) -> None:
     """Every tagged function is called, and every tagged table read, by a test of its row; no test stands idle."""
     names = sorted({test for _, tests in ROWS.values() for test in tests})

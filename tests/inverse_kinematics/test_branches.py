@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.codegen import enabled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.inverse_kinematics.branch import lay_tube
@@ -51,6 +51,7 @@ def two_link_answer(start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     return np.array([q1 + turn - heading(bent) + heading(before), q2 + bent - before, q3])
 
 
+@pytest.mark.campaign
 def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> None:
     strategy = locked()
     task = strategy.task
@@ -129,7 +130,7 @@ def last_fold(kind: str, w: float, above: float) -> float:
 
 @pytest.mark.parametrize("samples", ENGINES)
 @pytest.mark.parametrize("kind", list(FOLDS))
-@pytest.mark.parametrize("width", [0.0316, 1e-2, 1e-3, 1e-4])
+@sampled(1, "width", [0.0316, 1e-2, 1e-3, 1e-4])
 def test_a_fold_however_narrow_ends_the_walk(kind: str, width: float, samples: int) -> None:
     """From q3 well above the folds towards them: the leaf ends where h' = 0, and the joint is there."""
     if samples > 5000 and not enabled():
@@ -210,6 +211,7 @@ def test_an_angle_is_settled_by_its_shorter_way() -> None:
         assert hk.move_to_leaf(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
     """What a tube claims: ||1 - Y A|| within it, at a thousand postures of it, and at its ends."""
     rng = np.random.default_rng(0)
@@ -238,7 +240,7 @@ def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
             assert 0 < worst <= tube.change
 
 
-@pytest.mark.parametrize("scale", [1e-11, 1e-5, 1.0, 1e11])
+@sampled(2, "scale", [1e-11, 1e-5, 1.0, 1e11])
 def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, scale: float) -> None:
     plain = hk.holonomic(hk.pose(panda), hk.linear([1.0, 0, -1, 0, 0, 0, 0]))
     scaled = hk.holonomic(hk.pose(panda), hk.linear(scale * np.array([1.0, 0, -1, 0, 0, 0, 0])))
@@ -252,6 +254,7 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     assert ends[1] == pytest.approx(ends[0], abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_the_benchmark_of_branches_runs_and_finds_none_other() -> None:
     from benchmarks.branches import cases, compare
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
@@ -153,6 +153,7 @@ def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.R
         assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
 
 
+@pytest.mark.campaign
 def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
     """In random order, sorted, each from the last answer, and after excursions out of reach."""
     ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
@@ -177,7 +178,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert worst < 1e-12
 
 
-@pytest.mark.parametrize("law", ["lock", "arm angle", "position"])
+@sampled(1, "law", ["lock", "arm angle", "position"])
 def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
     if law == "position":

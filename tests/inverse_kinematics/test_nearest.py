@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START
+from conftest import PANDA_START, PPR_START, R3_START, sampled
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError
 from holokin.inverse_kinematics import InverseStatus, Nearest
 
@@ -145,7 +145,7 @@ def test_poses_have_the_same_answers_in_every_order(ik, panda: hk.Robot) -> None
         assert np.array_equal(ik.nearest(poses[i]).q, answers[i])
 
 
-@pytest.mark.parametrize("limits", [False, True])
+@sampled(1, "limits", [False, True])
 def test_joints_move_at_most_as_fast_as_the_margin_allows_when_a_hand_leaves_and_comes_back(
     ik, panda: hk.Robot, limits: bool
 ) -> None:
@@ -167,6 +167,7 @@ def test_joints_move_at_most_as_fast_as_the_margin_allows_when_a_hand_leaves_and
         assert q == pytest.approx(begin, abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_hand_that_crosses_a_hole_of_the_workspace_is_met_on_the_other_side(two_links) -> None:
     """The tool slides round the hole, on the side where it is, and never moves faster than its step."""
     step, q = 0.04, two_links.nearest([1.6, 0.2]).q

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_START, R3_START
+from conftest import IIWA_START, PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.inverse_kinematics import InverseStatus
 from holokin.inverse_kinematics.nearest_pose import LEAST
 
@@ -86,8 +86,12 @@ def rested(case: Case, pose: np.ndarray, q: np.ndarray, limits: bool, most: int)
 
 @pytest.mark.parametrize(
     ("name", "limits", "seed"),
-    [("panda lock", True, 11), ("iiwa arm", False, 7), ("iiwa arm", True, 11), ("planar lock", False, 7)],
-)
+    [
+        ("panda lock", True, 11), ("planar lock", False, 7),
+        campaign(("name", "limits", "seed"), ("iiwa arm", False, 7)),
+        campaign(("name", "limits", "seed"), ("iiwa arm", True, 11)),
+    ],
+)  # fmt: skip
 def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
     seven, planar_3r: hk.Robot, name: str, limits: bool, seed: int
 ) -> None:
@@ -111,7 +115,7 @@ def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
     assert 2 < seen < 12
 
 
-@pytest.mark.parametrize("start", [[0, 0.5, 0, -1.4, 0, 1.2, 0], [0.3, 0.7, 0.2, -1.5, 0.1, 1.0, 0.4]])
+@sampled(1, "start", [[0, 0.5, 0, -1.4, 0, 1.2, 0], [0.3, 0.7, 0.2, -1.5, 0.1, 1.0, 0.4]])
 def test_a_hand_once_round_the_base_ends_at_the_joints_that_it_began_with(iiwa14: hk.Robot, start: list[float]) -> None:
     """Joint 1 has made a full turn by then, or the tool is held on the far side: the joints go back."""
     one = Case(hk.inverse(hk.holonomic(hk.pose(iiwa14), hk.arm_angle()), start), WIDE)
@@ -134,7 +138,7 @@ def test_a_wound_up_arm_has_the_joints_of_its_start_in_one_call_or_a_step_at_a_t
     assert calls <= 2 * np.pi / one.step[0] / LEAST + 1
 
 
-@pytest.mark.parametrize("name", ["iiwa arm", "panda lock"])
+@sampled(1, "name", ["iiwa arm", "panda lock"])
 def test_what_inverse_kinematics_reaches_within_the_bounds_is_reached_from_anywhere(
     seven, planar_3r: hk.Robot, name: str
 ) -> None:
@@ -161,7 +165,7 @@ def rcond(one: Case, q: np.ndarray) -> float:
     )
 
 
-@pytest.mark.parametrize("name", ["panda lock", "planar lock", "ppr radial"])
+@sampled(1, "name", ["panda lock", "planar lock", "ppr radial"])
 def test_native_code_and_the_virtual_machine_lead_a_robot_alike(
     monkeypatch: pytest.MonkeyPatch, seven, planar_3r: hk.Robot, ppr: hk.Robot, name: str
 ) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import sampled
 from holokin.errors import HolokinError
 from holokin.symbolic import wrapped
 
@@ -37,7 +38,7 @@ def laws(name: str, rng: np.random.Generator) -> list[hk.Strategy]:
     return [*made, hk.holonomic(task, hk.arm_angle())] if n == 7 else made
 
 
-@pytest.mark.parametrize("name", TASKS)
+@sampled(2, "name", TASKS)
 @pytest.mark.parametrize("seed", range(1))
 def test_every_posture_that_is_found_is_on_the_leaf_and_at_the_pose_and_q_is_among_them(name: str, seed: int) -> None:
     rng = np.random.default_rng([seed, len(name)])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, shell, urdf, write_job
+from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, shell, urdf, write_job
 from holokin.errors import JobError, JointLimitError, OutOfReachError
 from holokin.job import read_job
 
@@ -144,8 +144,9 @@ def test_half_a_urdf_is_not_half_an_arm(holokin: Command, tmp_path: Path, out: P
 # --- the command line: numbers --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-@pytest.mark.parametrize(
+@sampled(1, "value", ["nan", "inf", "-inf"])
+@sampled(
+    4,
     ("table", "text", "key"),
     [
         ("start", "[start]\nq = [0.1, {}, 0.2]\n", "[start.q.1]"),

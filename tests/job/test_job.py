@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import urdf
+from conftest import campaign, urdf
 from holokin.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from holokin.job.metrics import METRICS
 from holokin.job.schema import Bound, Job
@@ -33,7 +33,7 @@ def done(job: str) -> JobResult:
     return run_job(*open_job(job))
 
 
-@pytest.mark.parametrize("job", packaged_jobs())
+@pytest.mark.parametrize("job", [campaign("job", job) if job == "orientation" else job for job in packaged_jobs()])
 def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
     result = done(job)
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
@@ -45,7 +45,7 @@ def test_every_packaged_job_shows_what_it_expects(job: str) -> None:
         assert home is strategy.verdict.holonomic
 
 
-@pytest.mark.parametrize("job", PAPER)
+@pytest.mark.parametrize("job", [campaign("job", job) if job == "orientation" else job for job in PAPER])
 def test_the_tables_shown_are_what_the_jobs_print_today(job: str) -> None:
     """Every printed cell that is not round-off."""
     printed = [{cell.strip() for cell in line.split("│")} for line in RESULTS.splitlines() if "│" in line]
@@ -113,6 +113,7 @@ def test_clockwise_is_clockwise() -> None:
     assert counter.x[10, 1] > counter.x[0, 1]
 
 
+@pytest.mark.campaign
 def test_films_without_ffmpeg_are_moving_gifs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from PIL import Image
 
@@ -132,6 +133,7 @@ def test_films_without_ffmpeg_are_moving_gifs(tmp_path: Path, monkeypatch: pytes
         assert np.abs(np.asarray(picture.convert("RGB"), dtype=int) - first).max() > 50
 
 
+@pytest.mark.campaign
 def test_a_copied_job_pointed_at_a_urdf_gives_the_same_numbers(tmp_path: Path) -> None:
     file = tmp_path / "my-job.toml"
     new_job(file, "panda-circle")

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, urdf, write_job
+from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.errors import JobError
 from holokin.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.job.job_file import _JOB, keys_beside
@@ -55,7 +55,7 @@ def test_least_kinetic_energy_does_not_come_home(tmp_path: Path) -> None:
         run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"'))
 
 
-@pytest.mark.parametrize("extra", ["", "stiffness = 2\n", 'stiffness = [4, 4, 1, 1, 1, 1, 1]\nforce = "stiffness"\n'])
+@sampled(1, "extra", ["", "stiffness = 2\n", 'stiffness = [4, 4, 1, 1, 1, 1, 1]\nforce = "stiffness"\n'])
 def test_an_arm_on_springs_with_one_redundant_joint_comes_home(tmp_path: Path, extra: str) -> None:
     springs = f'kind = "impedance"\npreferred = {[0.0, *PANDA_START[1:].tolist()]}\n{extra}'
     result = run_job(*panda_job(tmp_path, springs)).strategies[0]
@@ -63,6 +63,7 @@ def test_an_arm_on_springs_with_one_redundant_joint_comes_home(tmp_path: Path, e
     assert result.metrics["drift_total"] < 1e-7
 
 
+@pytest.mark.campaign
 def test_springs_of_one_strength_pull_alike_whatever_it_is(tmp_path: Path) -> None:
     """U and 3 U have the same stationary postures; springs of unequal strength have others."""
 
@@ -75,6 +76,7 @@ def test_springs_of_one_strength_pull_alike_whatever_it_is(tmp_path: Path) -> No
     assert np.abs(home("stiffness = [9, 1, 1, 1, 1, 1, 1]") - even).max() > 1e-2
 
 
+@pytest.mark.campaign
 def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_nothing(tmp_path: Path) -> None:
     gravity = 'kind = "stationary"\ncost = "gravity"\nlevel = 0'
     name, job, file = panda_job(tmp_path, gravity, weighed())
@@ -110,7 +112,7 @@ def joint_frames(robot: hk.Robot, q: np.ndarray) -> list[np.ndarray]:
     return frames
 
 
-@pytest.mark.parametrize("level", ["0.3", "[0.3]"])
+@sampled(1, "level", ["0.3", "[0.3]"])
 def test_a_locked_joint_is_held_at_its_level(tmp_path: Path, level: str) -> None:
     result = run_job(*panda_job(tmp_path, f'kind = "lock"\njoints = ["panda_joint3"]\nlevel = {level}'))
     for walk in result.strategies[0].trajectories().values():
@@ -190,6 +192,7 @@ def test_a_thorough_verdict_has_a_number_of_its_own(
 # --- the reference of the job file ----------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_the_references_example_runs_and_shows_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     (name,) = re.findall(r'--8<-- "(examples/.+)"', REFERENCE)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import PANDA_START, Command, assert_refused, assert_untouched, write_job
+from conftest import PANDA_START, Command, assert_refused, assert_untouched, sampled, write_job
 
 pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
 
@@ -23,7 +23,8 @@ UNSETTLED = '[strategies.far]\nkind = "lock"\njoints = ["panda_joint3"]\nlevel =
 SINGULAR = '[strategies.flat]\nkind = "custom"\ng = ["1"]\n'
 
 
-@pytest.mark.parametrize(
+@sampled(
+    1,
     ("law", "name", "words"),
     [(UNSETTLED, "far", ("moving to the leaf failed", "level 2.5")), (SINGULAR, "flat", ("algorithmic singularity",))],
 )

@@ -57,6 +57,7 @@ def test_the_table_has_a_column_only_in_a_job_with_a_workspace(result: JobResult
     assert {len(row) for row in rows(plain)} == {len(columns(plain))}
 
 
+@pytest.mark.campaign
 def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     tmp_path: Path, out: Path, holokin: Command
 ) -> None:
@@ -128,6 +129,7 @@ def test_an_expected_share_that_no_job_can_show_says_why(tmp_path: Path, holokin
         assert checks[key].found.startswith("not known") and "has no leaves" in checks[key].found
 
 
+@pytest.mark.campaign
 def test_the_example_shows_what_it_says_also_with_fewer_poses(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "examples" / "panda-workspace.toml").read_text("utf-8")
     assert "samples = 256" in text

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command, assert_refused, urdf
+from conftest import Command, assert_refused, campaign, urdf
 from holokin.job import open_job, run_job
 from holokin.output.job_result import JobResult
 
@@ -36,7 +36,7 @@ def assert_fits(result: JobResult, robot: hk.Robot) -> None:
     assert min(s.metrics["sigma"] for s in laws.values()) > 0.05
 
 
-@pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140"])
+@pytest.mark.parametrize("name", ["ppr", campaign("name", "planar-3r"), campaign("name", "irb140")])
 def test_a_new_job_for_a_robot_of_the_catalogue_runs_as_it_is(holokin: Command, tmp_path: Path, name: str) -> None:
     file = tmp_path / "mine.toml"
     outcome = holokin("new", file, "--robot", name)
@@ -45,6 +45,7 @@ def test_a_new_job_for_a_robot_of_the_catalogue_runs_as_it_is(holokin: Command, 
     assert_fits(done(file), hk.load(name))
 
 
+@pytest.mark.campaign
 def test_a_new_job_for_a_urdf_beside_it_can_be_moved_with_it(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

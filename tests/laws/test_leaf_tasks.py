@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, urdf
+from conftest import IIWA_START, PANDA_START, sampled, urdf
 from holokin.errors import ArgumentError, MissingExtraError, NotFiniteError, ShapeError, UnknownNameError
 from holokin.laws import PostureTask, mink_law, pink_law
 from holokin.robot import to_mjcf, to_urdf
@@ -164,7 +164,7 @@ def test_a_step_is_the_one_solution_of_tool_and_leaf(library: str, panda: hk.Rob
 
 
 @every
-@pytest.mark.parametrize("hard", [True, False], ids=["constraint", "cost"])
+@sampled(1, "hard", [True, False], ids=["constraint", "cost"])
 def test_the_joints_are_led_to_another_leaf_by_the_self_motion(library: str, hard: bool, panda: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4"))
     leaf = TASKS[library](strategy, PANDA_START, gain=0.5)
@@ -191,9 +191,7 @@ def test_the_gain_is_the_share_of_the_error_that_a_step_removes(library: str, pa
 
 
 @every
-@pytest.mark.parametrize(
-    ("name", "start"), [("panda", PANDA_START), ("iiwa14", IIWA_START + [0, 0, 0.2, 0, 0.1, 0, 0])]
-)
+@sampled(1, ("name", "start"), [("panda", PANDA_START), ("iiwa14", IIWA_START + [0, 0, 0.2, 0, 0.1, 0, 0])])
 def test_two_paths_agree_100_times_better_than_by_a_posture_task_at_the_same_tracking(
     library: str, name: str, start: np.ndarray
 ) -> None:

@@ -115,7 +115,7 @@ def test_one_long_step_never_lands_on_another_branch() -> None:
     start = tool(strategy, R3_START)
     rng = np.random.default_rng(1)
     done = 0
-    for end in start + np.column_stack([rng.uniform(-2, 2, (30, 2)), np.zeros(30)]):
+    for end in start + np.column_stack([rng.uniform(-2, 2, (12, 2)), np.zeros(12)]):
         line = hk.line(start, end)
         try:
             many = hk.follow(strategy, line, R3_START, samples=100, limits=False)
@@ -126,7 +126,7 @@ def test_one_long_step_never_lands_on_another_branch() -> None:
         few = hk.follow(strategy, line, R3_START, samples=1, limits=False)
         assert np.abs(few.q[-1] - many.q[-1]).max() < 1e-10
         done += 1
-    assert 5 < done < 30
+    assert 3 < done < 12
 
 
 def test_same_pose_same_joints_whatever_the_speed_samples_and_way() -> None:

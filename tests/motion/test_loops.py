@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign, sampled
 from holokin.codegen import native_library as native
 from holokin.errors import (
     LimitReachedError,
@@ -115,7 +115,7 @@ def test_native_following_halts_where_the_machine_does(monkeypatch: Patch, nativ
 
 
 @compiled
-@pytest.mark.parametrize("name", TASKS)
+@sampled(1, "name", TASKS)
 @pytest.mark.parametrize("path", [hk.circle(POINT, POINT - [0.1, 0, 0]), hk.polyline(CORNERS, turns=TURNS)])
 def test_velocity_takes_the_same_steps(name: str, path: hk.Path, monkeypatch: Patch) -> None:
     strategy = hk.moore_penrose(TASKS[name](hk.load("panda")))
@@ -125,6 +125,7 @@ def test_velocity_takes_the_same_steps(name: str, path: hk.Path, monkeypatch: Pa
     assert np.abs(theirs.drift()).max() > 1e-3
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize(
     ("path", "error"),
@@ -143,7 +144,7 @@ def test_velocity_halts_where_python_does(path: hk.Path, error: type[Exception],
 
 
 @compiled
-@pytest.mark.parametrize("method", ["leaf", "velocity"])
+@sampled(1, "method", ["leaf", "velocity"])
 def test_a_short_path_takes_native_code_that_is_there_and_builds_none(
     method: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
@@ -202,7 +203,7 @@ def test_a_path_that_turns_into_a_gimbal_lock_stops_there_and_keeps_what_was_don
     assert len(caught.value.trajectory) == 90
 
 
-@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
+@pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), campaign("native_from", 10**9)])
 @pytest.mark.parametrize("method", ["leaf", "velocity"])
 def test_following_allocates_its_outputs_and_no_more(method: str, native_from: int, monkeypatch: Patch) -> None:
     """q and t: 64 bytes a sample; targets and rates are made in blocks."""
@@ -223,7 +224,7 @@ def test_following_allocates_its_outputs_and_no_more(method: str, native_from: i
 
 
 @compiled
-@pytest.mark.parametrize(("joint", "end"), zip(range(7), cycle(["upper", "lower"]), strict=False))
+@sampled(3, ("joint", "end"), zip(range(7), cycle(["upper", "lower"]), strict=False))
 def test_velocity_stops_at_either_limit_of_any_joint(joint: int, end: str, monkeypatch: Patch) -> None:
     """A robot whose one limit lies where the middle of an unlimited way is."""
     free = hk.load("panda")

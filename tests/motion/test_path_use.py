@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import assert_refused, assert_untouched, write_job
+from conftest import assert_refused, assert_untouched, sampled, write_job
 from holokin.errors import BranchError, OutOfReachError, StartError
 from holokin.job import open_job, run_job
 
@@ -59,7 +59,7 @@ def laws(panda: hk.Robot) -> tuple[hk.Strategy, hk.Strategy]:
 NAMES = ("poses", "timed", "function", "lines", "eight", "raster", "spiral", "blend", "leads")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@sampled(3, "name", NAMES)
 def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, laws, name: str) -> None:
     tied, least = laws
     path = loops(panda)[name]
@@ -69,7 +69,7 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(panda: hk.Robot, l
         assert float(hk.drift(least, path, Q0, samples=150).largest[-1]) > 1e-3
 
 
-@pytest.mark.parametrize("name", ["timed", "raster", "blend"])
+@sampled(1, "name", ["timed", "raster", "blend"])
 def test_native_code_and_the_virtual_machine_follow_alike(
     panda: hk.Robot, laws, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,7 +101,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
     assert run.tracking_error() < 1e-4
 
 
-@pytest.mark.parametrize("by", ["joints", "tool"])
+@sampled(1, "by", ["joints", "tool"])
 @pytest.mark.parametrize("leaf", [None, 0.25])
 def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot, laws, by: str, leaf) -> None:
     tied, _ = laws
@@ -225,6 +225,7 @@ def test_a_job_with_a_path_that_is_none_is_refused(holokin, tmp_path: Path, out:
     assert_untouched(out)
 
 
+@pytest.mark.campaign
 def test_an_entry_that_leads_nowhere_is_told(panda: hk.Robot, laws) -> None:
     far = hk.line([2.0, 0, 0.3], [2.1, 0, 0.3])
     for by in ("tool", "joints"):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import sampled
 from holokin.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
 from holokin.motion import Controller, StepStatus
 from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR
@@ -49,7 +50,7 @@ def _side(c: Controller, q: np.ndarray) -> float:
     return float(np.sign(np.linalg.det(np.vstack([strategy.task.jacobian(q), strategy.rows(q)]))))
 
 
-@pytest.mark.parametrize("native", ["1", "0"])
+@sampled(1, "native", ["1", "0"])
 def test_no_step_under_ok_is_faster_than_a_turn_a_second_or_leaves_the_tool_far_off(
     native: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,6 +131,7 @@ def test_bounds_that_are_none_are_refused(panda: hk.Robot, name: str, value: obj
         hk.controller(hk.moore_penrose(hk.pose(panda)), dt=DT, **{name: value})
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="builds a shared library with cc")
 def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
     """The exported step beside the controller's, along a line that leaves the reach of an arm without speed limits."""

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign, sampled
 from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
@@ -40,7 +40,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.fixture(params=["native", "native without Python's headers", "virtual machine"])
+@pytest.fixture(params=["native", campaign("servo", "native without Python's headers"), "virtual machine"])
 def servo(
     request: pytest.FixtureRequest, cache: Path, strategy: hk.Strategy, monkeypatch: Patch
 ) -> hk.motion.Controller:
@@ -100,7 +100,7 @@ SAME: dict[str, Callable[[np.ndarray], object]] = {
 }
 
 
-@pytest.mark.parametrize("kind", SAME)
+@sampled(4, "kind", SAME)
 def test_the_same_numbers_in_another_memory_give_the_same_rates(kind: str, servo: hk.motion.Controller) -> None:
     """Each argument alone, and all three."""
     plain = [PANDA_START + 0.01, POSE, TWIST]

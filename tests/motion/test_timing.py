@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_CENTER, PPR_START
+from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
 from holokin.errors import ArgumentError, MissingExtraError, ShapeError
 from holokin.motion import TimedTrajectory
 from holokin.motion.trajectory import Trajectory
@@ -87,7 +87,7 @@ def test_the_time_is_that_of_toppra_within_two_percent(fastest: TimedTrajectory,
     assert 0.999 * optimum < fastest.duration < 1.005 * optimum  # 2 % are asked for
 
 
-@pytest.mark.parametrize(
+@sampled(4,
     "how",
     [
         {}, {"jerk": JERK}, {"endless": True}, {"jerk": JERK, "endless": True}, {"cycles": 5, "dt": 0.004},

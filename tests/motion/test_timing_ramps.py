@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START
+from conftest import PANDA_START, PPR_START, sampled
 from holokin.motion import TimedTrajectory
 from holokin.motion.trajectory import Trajectory
 
@@ -29,7 +29,7 @@ def seconds_below(timed: TimedTrajectory, speed: float) -> float:
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("seed", SEEDS)
+@sampled(1, "seed", SEEDS)
 def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Robot, seed: int, profile: str) -> None:
     """v/a; under a limit of jerk v/a + a/j, or 2 sqrt(v/j) where the acceleration is not reached."""
     if profile == "time-optimal":
@@ -55,8 +55,8 @@ def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Ro
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("name", STARTS)
-@pytest.mark.parametrize("seed", range(3))
+@sampled(1, "name", STARTS)
+@sampled(1, "seed", range(3))
 def test_ramps_do_not_depend_on_the_samples_and_a_limit_binds_in_each(seed: int, name: str, profile: str) -> None:
     if profile == "time-optimal":
         pytest.importorskip("toppra")

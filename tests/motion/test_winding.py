@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START
+from conftest import PANDA_START, PPR_START, sampled
 from holokin.auditing.planes import plane_loop
 from holokin.errors import OpenPathError, PathError
 from holokin.motion import Cause
@@ -41,7 +41,7 @@ def test_a_holonomic_law_drifts_by_half_a_turn_round_the_origin(half_the_polar_a
     assert "not defined" in found.sentence
 
 
-@pytest.mark.parametrize("center", [[0.3, -0.2, 0.0], [0.9, 0.1, 0.0], [0.6, 0.5, 0.0]])
+@sampled(1, "center", [[0.3, -0.2, 0.0], [0.9, 0.1, 0.0], [0.6, 0.5, 0.0]])
 def test_the_loop_that_passes_the_origin_is_found_where_it_is(
     half_the_polar_angle: hk.Strategy, center: list[float]
 ) -> None:
@@ -77,7 +77,7 @@ def test_a_loop_that_can_be_drawn_together_does_not_wind(planar_3r: hk.Robot) ->
     assert not hk.drift(strategy, hk.circle(point, point - [0.2, 0, 0]), R3_START).turns.any()
 
 
-@pytest.mark.parametrize("rows", [(0, 1), (0, 5), (3, 4)])
+@sampled(1, "rows", [(0, 1), (0, 5), (3, 4)])
 def test_drift_by_curvature_fades_as_the_loop_is_drawn_together(panda: hk.Robot, rows: tuple[int, int]) -> None:
     """As its area does: the drift of half the loop is about a quarter."""
     task = hk.pose(panda)
@@ -117,6 +117,7 @@ def test_only_what_can_be_followed_is_judged(ppr: hk.Robot, half_the_polar_angle
         hk.motion.winding(half_the_polar_angle, hk.circle(point, point / 2), PPR_START, limits=False)
 
 
+@pytest.mark.campaign
 def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
     law = hk.laws.closed_loop(hk.holonomic(task, hk.lock(2)))

@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 import holokin as hk
+from conftest import campaign, sampled
 from holokin.analysis import curvature
 from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
@@ -107,6 +108,7 @@ def test_ways_that_stop_are_not_compared(half_lost: JobResult, tmp_path: Path) -
     assert not [f for f in made.values() if "apart" in f.get_suptitle()]
 
 
+@pytest.mark.campaign
 def test_a_film_of_a_way_that_stops_says_so(half_lost: JobResult) -> None:
     said: list[str] = []
     write = Text.set_text
@@ -127,7 +129,7 @@ def test_what_is_complete_has_not_stopped(ppr_cycle: JobResult) -> None:
 # --- figures ---
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 7])
+@sampled(2, "count", [1, 2, 3, 4, 5, 7])
 def test_no_figure_is_wider_than_three_panels(ppr_cycle: JobResult, count: int) -> None:
     strategies = [replace(ppr_cycle.strategies[0], name=f"s{i}", group=f"s{i}") for i in range(count)]
     made = {stem: figure for stem, _, figure in figures(replace(ppr_cycle, strategies=tuple(strategies)))}
@@ -248,7 +250,7 @@ def test_the_report_explains_its_terms(ppr_cycle: JobResult, sketched: None, tmp
     assert "[joint]" not in page
 
 
-@pytest.mark.parametrize("several", [1, 2, 4])
+@pytest.mark.parametrize("several", [1, campaign("several", 2), campaign("several", 4)])
 def test_no_text_of_the_robots_picture_is_cut_off(ppr_cycle: JobResult, half_lost: JobResult, several: int) -> None:
     """Titles of three lines, ticks, and names of axes lie in the figure, for robots in the plane and in space."""
     for result in (ppr_cycle, half_lost):

@@ -167,6 +167,7 @@ def test_obstacles_of_the_checks_are_drawn() -> None:
     assert picture(replace(beside, obstacles=()), [Actor(q, palette.BLUE)], [], window)[row, column, 3] < 0.1
 
 
+@pytest.mark.campaign
 def test_a_job_hands_its_obstacles_to_its_report(tmp_path: Path) -> None:
     _, _, file = open_job("panda-circle")
     post = 'name = "post"\nkind = "sphere"\nradius = 0.1\nxyz = [0, 1, 0]\n'
@@ -184,6 +185,7 @@ def circle() -> JobResult:
     return shortened("panda-circle", cycles=2, samples=30)
 
 
+@pytest.mark.campaign
 def test_limits_are_drawn_where_they_are(circle: JobResult) -> None:
     """Joint 1 near its limit: a line at it. The others: their numbers at the panel's edge."""
     near = replace(circle.robot.coordinates[0], lower=-0.05, upper=0.35)
@@ -232,6 +234,7 @@ def test_every_law_in_the_picture_of_drift_is_named_or_counted(circle: JobResult
     assert len(heights) <= 8 and np.diff(heights).min(initial=1.0) > 0.05  # none over another
 
 
+@pytest.mark.campaign
 def test_one_way_is_not_called_two() -> None:
     name, job, file = open_job("ppr-half-circle")
     result = run_job(name, job.model_copy(update={"expect": {}}), file)
@@ -243,6 +246,7 @@ def test_one_way_is_not_called_two() -> None:
 # --- films ---
 
 
+@pytest.mark.campaign
 def test_a_film_has_all_its_frames_and_is_small(
     circle: JobResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

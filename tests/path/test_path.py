@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -71,7 +71,6 @@ def test_steps_never_straddle_a_corner_and_cover_the_path(path: hk.Path) -> None
         assert (start[1:][~same] == 0.0).all()
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.sampled_from(list(paths())), st.floats(0.0, 0.9), st.floats(0.05, 1.0))
 def test_a_part_is_the_piece_between_two_fractions(name: str, start: float, share: float) -> None:
     path = paths()[name]

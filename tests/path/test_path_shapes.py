@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
@@ -137,7 +137,6 @@ rows = st.tuples(st.floats(0.1, 0.3), *[st.floats(-0.1, 0.1)] * 4)
 ways = st.lists(rows, min_size=3, max_size=6)
 
 
-@settings(max_examples=10, deadline=None)
 @given(ways, st.booleans(), st.booleans())
 def test_a_spline_goes_through_its_waypoints_smoothly_and_closes(rows: list, closed: bool, timed: bool) -> None:
     given, k = np.array(rows), len(rows)

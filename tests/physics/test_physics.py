@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, Command, urdf
+from conftest import PANDA_START, Command, sampled, urdf
 from holokin.errors import ArgumentError, OpenPathError, StartError, UnknownNameError
 from holokin.motion import LoopWatch
 from holokin.output import physics_figures
@@ -34,6 +34,7 @@ def tied(robot: hk.Robot) -> hk.Strategy:
     return hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))
 
 
+@pytest.mark.campaign
 def test_after_20_cycles_the_holonomic_law_rests_at_servo_accuracy_and_the_pseudo_inverse_drifts_as_predicted(
     arm: hk.Robot,
 ) -> None:
@@ -62,6 +63,7 @@ def pushed(strategy: hk.Strategy) -> PhysicalRun:
     return play(strategy, loop, PANDA_START, servo="velocity", push=push, dt=2e-3)
 
 
+@pytest.mark.campaign
 def test_a_push_reaches_a_law_that_measures_and_the_holonomic_one_returns_to_its_leaf(arm: hk.Robot) -> None:
     """A velocity servo yields to a push; the pseudo-inverse keeps what it did to the self-motion."""
     run = pushed(tied(arm))
@@ -93,7 +95,7 @@ def test_measured_joints_starve_a_loop_of_position_servos_and_it_says_so(
     assert not fed.remark
 
 
-@pytest.mark.parametrize("kind", ["velocity", "torque"])
+@sampled(1, "kind", ["velocity", "torque"])
 def test_measured_joints_suit_the_other_servos(arm: hk.Robot, kind: str) -> None:
     run = play(tied(arm), circle(arm), PANDA_START, servo=kind, dt=2e-3)
     assert run.feedback == "measured"

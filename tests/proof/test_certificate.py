@@ -118,6 +118,7 @@ def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_pa
     assert caught.value.certificate.extent is Extent.BUDGET and len(caught.value.trajectory) >= 1
 
 
+@pytest.mark.campaign
 def test_a_path_into_a_joint_limit_is_proven_up_to_there(lock: Any, panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
     path = hk.arc(tool, tool - [0.3, 0, 0], np.pi, (0, 0, 1))
@@ -223,6 +224,7 @@ def used(data: dict[str, Any]) -> set[int]:
     return found
 
 
+@pytest.mark.campaign
 def test_a_box_of_poses_that_turn_and_other_tasks_are_compared_with_a_robot(panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
     G = hk.holonomic(hk.pose(panda), hk.lock("panda_joint3"))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
@@ -277,7 +277,6 @@ def relevant(data: Data, place: tuple[Any, ...], amount: float) -> float:
 
 
 @given(st.data(), st.floats(-1, 1).filter(lambda x: abs(x) > 0.2), st.integers(-12, 0))
-@settings(max_examples=25, deadline=None)
 def test_a_certificate_with_any_number_changed_is_rejected_or_still_true(
     loop: Data, file: Path, draw: st.DataObject, amount: float, power: int
 ) -> None:
@@ -292,7 +291,6 @@ STATED = [("level",), ("pieces", 0, "q"), ("pieces", 1, "q"), ("pieces", 2, "q")
 
 
 @given(st.data(), st.floats(-1, 1).filter(lambda x: abs(x) > 0.2), st.integers(-9, 0))
-@settings(max_examples=15, deadline=None)
 def test_another_leaf_start_or_turn_is_always_rejected(
     loop: Data, file: Path, draw: st.DataObject, amount: float, power: int
 ) -> None:
@@ -302,7 +300,6 @@ def test_another_leaf_start_or_turn_is_always_rejected(
 
 
 @given(st.data(), st.floats(0.2, 1), st.booleans())
-@settings(max_examples=15, deadline=None)
 def test_a_number_changed_under_the_old_digest_is_always_rejected(
     loop: Data, file: Path, draw: st.DataObject, amount: float, small: bool
 ) -> None:

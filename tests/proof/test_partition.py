@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from holokin.proof import partition
 from holokin.proof.partition import overlapping
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 120), st.integers(0, 4), st.booleans())
 def test_cuts_find_the_pairs_that_comparing_all_with_all_finds(seed: int, k: int, d: int, halved: bool) -> None:
     """Boxes of halved sides, as the search makes them, share faces exactly; others lie anywhere."""

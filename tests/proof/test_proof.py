@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, R3_START
+from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.bounds import matrix_norm, norm, product
@@ -55,7 +55,7 @@ def test_products_of_intervals_hold_all_products_and_little_more() -> None:
             assert got == pytest.approx(same, rel=1e-13, abs=1e-290)
 
 
-@pytest.mark.parametrize("turning", [False, True], ids=["path", "box that turns"])
+@sampled(1, "turning", [False, True], ids=["path", "box that turns"])
 def test_e_bounds_the_change_of_the_derivative_along_the_predictor(turning: bool) -> None:
     """|1 - Y D_q E(q(y), y)| at points of all cells; somewhere it is a fair part of e, or the bound were of no use."""
     robot = hk.load("panda")
@@ -125,6 +125,7 @@ def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turn
     roots_are_where_they_should_be(proof, np.random.default_rng(2))
 
 
+@pytest.mark.campaign
 def test_stacked_constraints_and_tasks_of_other_coordinates_are_certified(panda: hk.Robot) -> None:
     """Position with two constraints one over the other; an axis task; Euler angles; a coupled orientation."""
     cases: list[tuple[hk.Task, hk.Constraint]] = [
@@ -139,6 +140,7 @@ def test_stacked_constraints_and_tasks_of_other_coordinates_are_certified(panda:
         roots_are_where_they_should_be(proof, np.random.default_rng(3), 1)
 
 
+@pytest.mark.campaign
 def test_a_planar_tool_is_certified_while_it_turns_by_more_than_a_whole_turn() -> None:
     """Along a spline with 2.9 rad to its second pose and 3.5 rad on: half a turn, where a logarithm jumps, is nothing.
 
@@ -198,22 +200,29 @@ def refused(proof: Certificate, *reasons: Extent) -> None:
     assert not proof.whole and proof.extent in reasons, proof.theorem
 
 
-def test_singular_boxes_are_refused_with_their_reason() -> None:
-    """A planar arm stretched; a PPR arm where its constraint is singular."""
+@pytest.mark.parametrize("reach", ["a line", campaign("reach", "a box")])
+def test_a_stretched_arm_is_refused_as_singular(reach: str) -> None:
+    """A planar arm."""
     robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
     law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
-    reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
     x = start(robot, q)
-    out = x / np.linalg.norm(x) * (reach + 0.05)
-    refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
-    refused(certify(law, hk.workspace(box=(x, (0.2, 0.2, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
-    ppr = hk.load("ppr")  # g = q1: singular where sin q3 = 0
+    if reach == "a box":
+        refused(certify(law, hk.workspace(box=(x, (0.2, 0.2, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
+    else:
+        out = x / np.linalg.norm(x) * (float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3])) + 0.05)
+        refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
+
+
+def test_a_box_where_the_constraint_is_singular_is_refused() -> None:
+    """g = q1 of a PPR arm: where sin q3 = 0."""
+    ppr = hk.load("ppr")
     law = hk.holonomic(hk.position(ppr), hk.lock(0))
     q = np.array([0.0, 0.0, 0.2])
     x = start(ppr, q)
     refused(certify(law, hk.workspace(box=(x, (0.1, 0.1, 0.0))), q, limits=False), Extent.SINGULAR, Extent.APART)
 
 
+@pytest.mark.campaign
 def test_a_box_about_a_nearly_stretched_arm_is_refused_and_no_grid_is_too_fine() -> None:
     robot, q = hk.load("panda"), np.array([0.0, 0.4, 0.0, -1e-5, 0.0, 1.6, 0.8])
     law = hk.holonomic(hk.position(robot), hk.lock(2, 4, 5, 6))
@@ -272,6 +281,7 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     assert len(region.connected(lost)) == len(lost) == behind.sum()
 
 
+@pytest.mark.campaign
 def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     """With limits=False it is proven."""
     x = start(panda, PANDA_START)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin import constraints as C
 from holokin.errors import ArgumentError
 from holokin.proof import certify, equation, follow_certified
@@ -29,7 +29,7 @@ def panda() -> hk.Robot:
     return hk.load("panda")
 
 
-@pytest.mark.parametrize("cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
+@sampled(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
 @pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
 def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
     panda: hk.Robot, cost: C.Cost, free: tuple[int, ...] | None
@@ -51,6 +51,7 @@ def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
     assert proof.whole and max(float(np.abs(G.g(p) - G.g(q)).max()) for p in walk.q) < 1e-12
 
 
+@pytest.mark.campaign
 def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joints(yumi: hk.Robot) -> None:
     """A closed path of the left hand as the right one sees it; the least-motion rows of the start are held."""
     task = hk.relative_pose(yumi, *HANDS)
@@ -67,6 +68,7 @@ def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joint
     roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
 
 
+@pytest.mark.campaign
 def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> None:
     """One turns while the other goes round a circle; the poses are those of the paths."""
     task = hk.stacked(*(hk.pose(yumi, tip=hand) for hand in HANDS))
@@ -89,6 +91,7 @@ def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> No
         certify(G, box, YUMI)
 
 
+@pytest.mark.campaign
 def test_a_box_of_poses_that_turn_is_certified_and_verified(panda: hk.Robot, tmp_path: Path) -> None:
     """Six parameters: at its corners the joints are those of inverse kinematics on the leaf."""
     pose = panda.pose(PANDA_START)

@@ -74,6 +74,7 @@ def volume_along_the_self_motion(robot: hk.Robot, q: np.ndarray) -> float:
     return float(values[1] - values[0]) / 2e-4
 
 
+@pytest.mark.campaign
 def test_stationary_manipulability_of_a_panda_is_certified_without_further_unknowns(tmp_path: Path) -> None:
     """Along the path the derivative of the manipulability stays what it is at the start; the checker agrees."""
     robot = hk.load("panda")
@@ -87,6 +88,7 @@ def test_stationary_manipulability_of_a_panda_is_certified_without_further_unkno
     assert recheck(str(proof.save(tmp_path / "proof.json"))).whole
 
 
+@pytest.mark.campaign
 def test_stationary_manipulability_of_a_stretched_arm_is_refused() -> None:
     """Out of the reach of a planar arm; inside it is certified, by Chang's null vector, too."""
     robot, q = hk.load("planar-3r"), R3_START
@@ -107,6 +109,7 @@ def turned_loop(robot: hk.Robot) -> hk.Path:
     return there + hk.line(x - [0.03, 0, 0], x, turn=-turn)
 
 
+@pytest.mark.campaign
 def test_leaves_that_are_tilted_by_the_orientation_are_certified_across_their_reference(tmp_path: Path) -> None:
     """The logarithm has a switch 0.02 rad from there; the followed joints are on the leaf of the code that runs."""
     robot = hk.load("panda")
@@ -120,6 +123,7 @@ def test_leaves_that_are_tilted_by_the_orientation_are_certified_across_their_re
     assert recheck(str(proof.save(tmp_path / "proof.json"))).whole
 
 
+@pytest.mark.campaign
 def test_a_polynomial_in_rotation_vectors_is_certified_where_the_tool_turns() -> None:
     """`fitted` with all six rows, to the leaves of a radial strategy."""
     robot = hk.load("panda")

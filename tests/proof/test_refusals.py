@@ -85,6 +85,7 @@ def test_a_posture_that_is_singular_at_the_very_end_of_a_path_is_refused() -> No
     assert hk.certify(law, hk.line(x, x / np.linalg.norm(x) * (reach - 0.01)), q, limits=False).whole
 
 
+@pytest.mark.campaign
 def test_a_box_that_holds_a_singular_pose_of_an_arm_angle_is_proven_only_in_part(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

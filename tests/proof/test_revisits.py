@@ -71,6 +71,7 @@ def test_several_certified_cycles_need_joints_that_return(drifting: Certificate)
         hk.follow(law, hk.circle(x, center=(0, 0, 0)), q, certified=True, cycles=2)
 
 
+@pytest.mark.campaign
 def test_repeated_cycles_never_jump_whatever_the_law_and_the_circle() -> None:
     """Drawn at random: starts, circles round the base and beside it, laws in which q1 counts and does not."""
     rng, ends = np.random.default_rng(26), []
@@ -111,6 +112,7 @@ def test_an_open_path_that_crosses_itself_is_judged_by_the_joints_at_the_crossin
         assert proof.whole and "comes back to a tool pose, the joints are the same" in proof.theorem
 
 
+@pytest.mark.campaign
 def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_first() -> None:
     """Twice round, q3 has made one whole turn: the end is the beginning, and what is between is not."""
     law, q = half_angle()
@@ -123,6 +125,7 @@ def test_a_second_lap_with_other_joints_is_found_though_all_of_it_lies_on_the_fi
     assert proof.whole and "but for the whole turns" in proof.theorem
 
 
+@pytest.mark.campaign
 def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None:
     """Lines 1e-6 m apart after a way round the base have no common pose; of tubes too small nothing is known."""
     law, q = half_angle()

@@ -28,6 +28,7 @@ def test_every_robot_of_the_catalogue_has_a_referee() -> None:
     assert {r.robot for r in referees()} == set(hk.catalogue())
 
 
+@pytest.mark.campaign
 def test_the_page_says_reach_referee_and_difference_of_every_robot() -> None:
     """Rewritten on request only: HOLOKIN_GOLDEN=write pytest tests/robot/test_catalogue.py"""
     rows = ["| Robot | n | Reach [m] | Compared with | Largest difference [m] |", "|---|---|---|---|---|"]

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import urdf
+from conftest import sampled, urdf
 from holokin.errors import MassError
 from holokin.robot import mass_matrix_expression, potential_expression
 from holokin.symbolic import Function, symbol
@@ -28,7 +28,7 @@ def reduced(path, robot: hk.Robot) -> pin.Model:
     return pin.buildReducedModel(model, others, pin.neutral(model))
 
 
-@pytest.mark.parametrize(("name", "tip"), ARMS)
+@sampled(2, ("name", "tip"), ARMS)
 def test_the_mass_matrix_and_the_potential_are_pinocchios(name: str, tip: str | None) -> None:
     path = urdf(name)
     chains = hk.robot.model_tips(path)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, urdf
+from conftest import PANDA_START, sampled, urdf
 from holokin.errors import ArgumentError, MissingExtraError, RobotFileError, UnknownNameError
 
 TOLERANCE = 1e-12
@@ -39,7 +39,7 @@ CHAINS = [
 ]
 
 
-@pytest.mark.parametrize(("file", "tips", "base"), CHAINS, ids=[c[0] for c in CHAINS])
+@sampled(2, ("file", "tips", "base"), CHAINS, ids=[c[0] for c in CHAINS])
 def test_a_pinocchio_model_is_the_urdf_it_was_built_from(file: str, tips: list[str], base: str) -> None:
     pin = pytest.importorskip("pinocchio")
     model = pin.buildModelFromUrdf(str(urdf(file)), mimic=True)

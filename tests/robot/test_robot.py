@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -43,7 +43,6 @@ figures = st.floats(-2, 2)
 rows = st.lists(st.tuples(figures, figures, figures, figures, st.booleans(), figures), min_size=1, max_size=7)
 
 
-@settings(max_examples=60, deadline=None)
 @given(rows, st.sampled_from(["standard", "modified"]), figures)
 def test_a_dh_robot_is_the_textbook_product(table: list, convention: str, angle: float) -> None:
     base, tool = Rx(angle) @ T(0.1, 0.2), Rz(angle) @ T(0.3, -0.1)

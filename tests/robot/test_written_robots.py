@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, urdf
+from conftest import PANDA_START, sampled, urdf
 from holokin.errors import ArgumentError, ShapeError
 from holokin.robot import LinkShape, servo, weighed
 from holokin.robot.capsules import between
@@ -44,7 +44,7 @@ def again(robot: hk.Robot, form: str, folder: Path) -> hk.Robot:
 
 
 @pytest.mark.parametrize("form", ["urdf", "mjcf"])
-@pytest.mark.parametrize("name", hk.catalogue())
+@sampled(4, "name", hk.catalogue())
 def test_a_robot_of_the_catalogue_is_itself_after_it_was_written(name: str, form: str, tmp_path: Path) -> None:
     robot = hk.load(name)
     back = again(robot, form, tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
@@ -27,7 +27,6 @@ def ppr_inverse(x: ca.SX, z: ca.SX) -> list:
     return [x[0] - ca.cos(z), x[1] - ca.sin(z), z]
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.lists(st.floats(-1, 1), min_size=6, max_size=6))
 def test_every_transport_is_holonomic_and_is_its_own_closed_form_T14(c: list[float]) -> None:
     """G = K_x + K_z dPhi/dx at z0, by finite differences of q = K(x, Phi(x, z0))."""

@@ -9,12 +9,12 @@ from functools import cache, cached_property
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, R3_START, urdf
+from conftest import IRB_START, PANDA_START, PPR_START, R3_START, sampled, urdf
 from holokin.errors import BranchError
 from holokin.strategies import HolonomicStrategy
 from holokin.tasks.orientation_rows import ORIENTATIONS
@@ -162,6 +162,7 @@ CASES = [
 UNWRITTEN = ("ppr paper", "ppr given", "3r impedance", "3r impedance by stiffness")
 """Those that have leaves for which nobody wrote a g."""
 every = pytest.mark.parametrize("case", CASES, ids=[c.name for c in CASES])
+some = sampled(12, "case", CASES, ids=[c.name for c in CASES])
 
 
 def postures(case: Case, count: int, radius: float = 0.2) -> np.ndarray:
@@ -176,7 +177,7 @@ def test_a_strategy_is_a_right_inverse(case: Case) -> None:
         assert np.abs(G.task.jacobian(q) @ G(q) - np.eye(G.task.m)).max() < 1e-11
 
 
-@every
+@some
 def test_holonomic_strategies_have_no_curvature_and_the_others_have(case: Case) -> None:
     verdict = hk.involutivity(case.strategy, hk.around(case.start, 0.2))
     assert verdict.holonomic is case.holonomic
@@ -222,7 +223,6 @@ def test_the_task_jacobian_meets_finite_differences(case: Case) -> None:
         assert np.abs(J[:, i] - step).max() < 1e-8
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.sampled_from(CASES), st.lists(st.floats(-1, 1), min_size=12, max_size=12))
 def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: list[float]) -> None:
     """A random closed polygon (pose tasks: with turns of the tool that cancel): home, if holonomic."""
@@ -251,7 +251,7 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
     assert walk.tracking_error("rad") < exact
 
 
-@every
+@some
 def test_two_paths_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> None:
     strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]
@@ -263,7 +263,7 @@ def test_two_paths_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> N
 HELD = [c for c in CASES if c.holonomic and c.name not in UNWRITTEN]
 
 
-@pytest.mark.parametrize("case", HELD, ids=lambda c: c.name)
+@sampled(6, "case", HELD, ids=[c.name for c in HELD])
 def test_following_a_leaf_and_integrating_velocity_agree(case: Case) -> None:
     strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import subspace_angles
 
@@ -156,7 +156,6 @@ def test_our_extended_jacobian_is_24_its_determinant_minus_one_and_its_kernel_25
         assert np.linalg.det(by_frame.H(q)) == pytest.approx(1, abs=1e-13)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
 def test_our_strategies_are_22_and_23(q: list[float]) -> None:
     task = hk.position(hk.load("ppr"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, sampled
 from holokin.errors import ArgumentError, SingularityError
 from papers_arm import paper_frame
 
@@ -67,7 +67,7 @@ def test_the_twin_equals_the_given_strategy_at_the_centre_and_along_rays(panda: 
         assert np.abs(a - b).max() < 1e-6
 
 
-@pytest.mark.parametrize("steps", [1, 2, 4])
+@sampled(1, "steps", [1, 2, 4])
 def test_any_number_of_steps_gives_an_exactly_holonomic_strategy(panda: hk.Robot, steps: int) -> None:
     twin = hk.radial(hk.moore_penrose(hk.pose(panda)), PANDA_START, steps=steps)
     verdict = hk.involutivity(twin, hk.around(PANDA_START, 0.05), samples=8)
@@ -88,7 +88,8 @@ def ball(robot: hk.Robot, given: hk.Strategy, start: np.ndarray, radius: float, 
     return np.array(out)
 
 
-@pytest.mark.parametrize(
+@sampled(
+    1,
     ("name", "start", "low", "high", "drift"),
     [("iiwa14", IIWA_START, 0.008, 0.016, 0.03), ("panda", PANDA_START, 0.02, 0.04, 0.1)],
 )

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, sampled
 from holokin.errors import SingularityError, SingularityKind
 
 CENTER_START = np.array([PPR_CENTER[0] - np.cos(0.8), PPR_CENTER[1] - np.sin(0.8), 0.8])
@@ -32,7 +32,8 @@ def round_the_self_motion(task: hk.Task, q0: np.ndarray, lengths: np.ndarray) ->
     return solve_ivp(tangent, (0, lengths[-1]), q0, t_eval=lengths, max_step=0.1, rtol=1e-9, atol=1e-11).y.T
 
 
-@pytest.mark.parametrize(
+@sampled(
+    2,
     ("name", "start", "round_trip"),
     [
         ("ppr", CENTER_START, 8.88),
@@ -58,7 +59,7 @@ def test_the_twin_is_the_given_strategy_at_every_posture_over_the_centre(
     assert (even < 1.15).all()
 
 
-@pytest.mark.parametrize("z0", [0.8 + np.pi, 0.8 + 2.6, -1.9])
+@sampled(1, "z0", [0.8 + np.pi, 0.8 + 2.6, -1.9])
 def test_the_leaf_across_the_turn_of_the_projection_has_its_closed_form(z0: float) -> None:
     """tan((q3 - theta)/2) = tan((z0 - theta)/2) e^{-rho/2}, from every posture over the centre."""
     given = hk.moore_penrose(hk.position(hk.load("ppr")))
@@ -83,7 +84,7 @@ def test_a_planar_arm_is_carried_along_straight_segments_from_any_posture_over_t
             assert np.abs(walk.q[-1] - carried(given, start, np.array(v))).max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["planar-3r", "panda"])
+@sampled(1, "name", ["planar-3r", "panda"])
 def test_a_twin_answers_only_where_its_transport_is_right(name: str) -> None:
     """Postures all over the joint range: each is refused, or its label is that of an adaptive integrator's way."""
     robot = hk.load(name)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.base.types import Array
 from holokin.codegen import native_library as native
 from holokin.errors import SingularityError, SingularityKind
@@ -41,7 +41,7 @@ def law(name: str, draw: np.random.Generator) -> tuple[hk.Strategy, Array, Array
     return given, start, start + draw.uniform(-1, 1, (40, robot.n)) * draw.uniform(0.1, reach, (40, 1))
 
 
-@pytest.mark.parametrize("name", MOST)
+@sampled(1, "name", MOST)
 def test_every_gain_that_is_answered_is_that_of_the_ideal_strategy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """At random postures, far beyond what the steps can integrate: right, or refused; near by, nearly all answered."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")

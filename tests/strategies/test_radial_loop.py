@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from chains import chain
-from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND
+from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND, campaign, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
 from holokin.base.types import Array
 from holokin.codegen import inverse_kernel, transport
@@ -77,7 +77,7 @@ def apart(twin: hk.HolonomicStrategy, q: np.ndarray, found: tuple[Array, float, 
     )
 
 
-@pytest.mark.parametrize("name", LAWS)
+@sampled(3, "name", LAWS)
 def test_the_loop_gives_what_is_written_out(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """G, its rcond, the margin, the label and its gradient, by the sweep back and by CasADi's derivatives."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
@@ -119,9 +119,7 @@ def by_c(twin: hk.HolonomicStrategy, Q: Array) -> list[Array]:
 
 
 @compiled
-@pytest.mark.parametrize(
-    ("name", "most"), [("a plane", 4096), ("a plane", 0), ("four redundant joints", 0), ("ten joints", 4096)]
-)
+@sampled(2, ("name", "most"), [("a plane", 4096), ("a plane", 0), ("four redundant joints", 0), ("ten joints", 4096)])
 def test_c_gives_what_is_written_out_also_where_it_keeps_little(
     name: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,7 +195,7 @@ def gone(task: hk.Task, start: np.ndarray, v: Array, steps: int = 60) -> Array:
 
 
 @compiled
-@pytest.mark.parametrize(("arm", "count"), [("panda", 120), ("planar-3r", 200)])
+@pytest.mark.parametrize(("arm", "count"), [campaign(("arm", "count"), ("panda", 120)), ("planar-3r", 200)])
 def test_its_inverse_is_where_the_given_law_leads_along_hundreds_of_rays(arm: str, count: int) -> None:
     """In the same turns of all joints, and as near as 16 steps are to the given law, integrated in 60."""
     robot, rng = hk.load(arm), np.random.default_rng(1)
@@ -243,6 +241,7 @@ def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_stra
     assert rays_from(hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())) is None
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize("name", ["a plane", "four redundant joints"])
 def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) -> None:

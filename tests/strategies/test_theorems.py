@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
@@ -175,7 +175,6 @@ def test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_t
 # --- T14, T16 ---
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8))
 def test_every_transport_gives_zero_curvature_T14(c: list[float]) -> None:
     """Theory 1.6 on ppr: K = (x - cos z, y - sin z, z), Phi(x, z0) = a(x) + e^{b(x)} z0."""

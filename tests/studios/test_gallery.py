@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import sampled
 from holokin.studios import Motion, open_session, record, record_session
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +44,7 @@ def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str,
     assert [law["solid"] for law in caption["laws"]] == [False, True]
 
 
-@pytest.mark.parametrize("title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
+@sampled(1, "title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
 def test_no_title_ends_the_script_of_a_recording_or_hides_its_end(motions, title: str) -> None:
     """After "<!--<script" a browser looks for two ends of a script: the page would stay empty."""
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
@@ -54,6 +55,7 @@ def test_no_title_ends_the_script_of_a_recording_or_hides_its_end(motions, title
     assert json.JSONDecoder().raw_decode(caption)[0]["title"] == title
 
 
+@pytest.mark.campaign
 def test_a_browser_plays_a_recording_from_a_file_without_network(motions, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

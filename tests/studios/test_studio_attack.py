@@ -14,6 +14,7 @@ import pytest
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 
+pytestmark = pytest.mark.campaign  # without a browser: test_studio_door.py
 viser = pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
 EVIL = "evil.example"

@@ -312,6 +312,7 @@ def test_a_huge_message_ends_the_connection_of_its_sender_alone(shown: Any) -> N
     lives(shown)
 
 
+@pytest.mark.campaign
 def test_a_flood_of_messages_waits_for_the_others(shown: Any) -> None:
     """Of 800 messages at once 400 are heard in a second; meanwhile another browser's button works."""
     panels, clients = shown.studio.page.panels, shown.studio.server.get_clients()

@@ -131,6 +131,7 @@ def test_a_drag_by_the_mouse_moves_the_joints_of_all_laws_and_their_tools_with_i
         assert np.abs(session.task.pose(law.q) - after.target[0]).max() < 1e-7
 
 
+@pytest.mark.campaign
 def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_says(shown: Any) -> None:
     session, page = shown.session, shown.page
     page.get_by_role("button", name="All back to the start posture").click()
@@ -149,6 +150,7 @@ def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_s
     assert until(lambda: share if (share := orange(shown.picture())) > 0.01 else 0) < 0.5
 
 
+@pytest.mark.campaign
 def test_a_saved_job_runs_to_the_numbers_of_the_page(shown: Any, tmp_path: Any) -> None:
     page, snap = shown.page, shown.session.snapshot()
     page.get_by_role("tab", name="Save").click()
@@ -163,6 +165,7 @@ def test_a_saved_job_runs_to_the_numbers_of_the_page(shown: Any, tmp_path: Any) 
         assert drifts[law.name] == pytest.approx(law.drift, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_the_slider_of_the_self_motion_moves_the_joints_and_leaves_the_tool_where_it_is(shown: Any) -> None:
     page, session = shown.page, shown.session
     page.get_by_role("tab", name="Posture").click()
@@ -195,6 +198,7 @@ def test_a_target_out_of_reach_makes_the_handle_red_with_one_sentence_and_nothin
     assert np.abs(session.snapshot().laws[1].q - before.laws[1].q).max() < 1e-6
 
 
+@pytest.mark.campaign
 def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> None:
     page, session = shown.page, shown.session
     session.set_speed(8.0)
@@ -207,6 +211,7 @@ def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> Non
     assert [text for text in shown.problems if "WebSocket" not in text] == []
 
 
+@pytest.mark.campaign
 def test_the_tab_has_the_name_of_the_job_and_whoever_looks_on_is_told_that_the_studio_ended(shown: Any) -> None:
     assert shown.page.title() == "panda-circle - holokin studio"
     shown.studio.close()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, urdf
+from conftest import PANDA_START, PPR_START, campaign, sampled, urdf
 from holokin.job import Job, packaged_jobs, run_job
 from holokin.studios import (
     CloudStatus,
@@ -64,6 +64,7 @@ def test_self_motion_holds_the_tool_and_pinocchio_agrees() -> None:
         session.move_self("pseudo-inverse", slider.high + 0.1)
 
 
+@pytest.mark.campaign
 def test_the_level_of_an_arm_angle_is_an_elbow_handle_in_degrees() -> None:
     session = panda()
     slider = session.level_slider("arm angle")
@@ -112,7 +113,7 @@ def rerun(session: Session) -> dict[str, np.ndarray]:
     return {r.name: r.cycles.drift_since_start() for r in result.strategies}
 
 
-@pytest.mark.parametrize("kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
+@sampled(1, "kind", ["circle elsewhere, the other way", "clicked polygon", "figure eight", "another leaf"])
 def test_a_saved_job_gives_the_numbers_of_the_session(kind: str) -> None:
     session, p = panda(cycles=2), TOOL[:3, 3]
     if kind.startswith("circle"):
@@ -152,7 +153,7 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
         write_job(session, tmp_path / "saved.toml")
 
 
-@pytest.mark.parametrize("name", packaged_jobs())
+@pytest.mark.parametrize("name", [campaign("name", job) if job == "orientation" else job for job in packaged_jobs()])
 def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     session = open_session(name)
     first = session.snapshot()
@@ -179,6 +180,7 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
         session_of_robot(arm, task=hk.pose(arm))
 
 
+@pytest.mark.campaign
 def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
     session = panda()
     session.start_work()

@@ -249,6 +249,7 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
     assert center - radius * frame[:3, 0] == pytest.approx(tilted.path.start[:3])
 
 
+@pytest.mark.campaign
 def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
     kept: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,6 +279,7 @@ def until(true: Callable[[], Any], seconds: float = 30.0) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.campaign
 def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points(kept: list[Any]) -> None:
     """A cloud that grows still, the handle in the hand of a browser that went away, the drift of 5,000 cycles."""
     from holokin.studios.charts import KEPT

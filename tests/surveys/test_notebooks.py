@@ -14,6 +14,7 @@ def cells(name: str) -> list[dict[str, object]]:
     return [cell for cell in json.loads((FOLDER / name).read_text("utf-8"))["cells"] if cell["cell_type"] == "code"]
 
 
+@pytest.mark.campaign
 def test_ten_laws_on_a_hundred_circles_and_three_robots_take_less_than_ten_lines(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

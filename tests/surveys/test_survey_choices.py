@@ -100,6 +100,7 @@ def test_a_control_law_that_loses_the_path_ends_there() -> None:
     assert row.metrics["tracking"] <= 0.05
 
 
+@pytest.mark.campaign
 def test_the_public_survey_asks_ten_thousand_cases_of_redundant_arms() -> None:
     table = read_survey(PUBLIC)
     cases = Cases(table, PUBLIC.parent)

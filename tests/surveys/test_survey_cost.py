@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import sampled
 from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import BranchError, JointLimitError, LimitReachedError, OutOfReachError
@@ -111,7 +112,7 @@ def test_no_more_of_a_run_is_measured_than_is_asked_for(monkeypatch: pytest.Monk
 
 
 @compiled
-@pytest.mark.parametrize("kind", ["moore-penrose", "best-lock"])
+@sampled(1, "kind", ["moore-penrose", "best-lock"])
 def test_what_a_case_shares_with_later_ones_is_built_before_its_time_begins(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -227,6 +227,7 @@ def test_a_misspelt_robot_is_said_before_anything_runs(tmp_path: Path) -> None:
     assert not (tmp_path / "m.sqlite").exists()
 
 
+@pytest.mark.campaign
 def test_a_script_without_a_main_guard_runs_a_survey_of_its_own_law(tmp_path: Path) -> None:
     """Its processes do not run the script again, in which the survey would begin anew."""
     (tmp_path / "mine.py").write_text(

@@ -71,6 +71,7 @@ def test_a_survey_whose_cases_all_fail_says_why() -> None:
     assert said in found._repr_html_()
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no fork servers")
 def test_a_run_outlives_the_server_that_forks_its_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is killed twice while the cases run, which no case is blamed for; the rows are those of a quiet run."""

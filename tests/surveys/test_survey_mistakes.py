@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import Command
+from conftest import Command, sampled
 from holokin.errors import ArgumentError, HolokinError, JobError, MissingExtraError, SchedulerError, SurveyError
 from holokin.job import Job, run_job
 from holokin.surveys import Findings, Store, read_survey, repeat, run_survey, write_survey_report
@@ -67,6 +67,7 @@ def test_a_control_law_is_repeated_in_python_and_its_job_says_that_it_is_not_it(
 LAW = "import holokin as hk\n\n\ndef mine(task, start):\n    return hk.holonomic(task, hk.lock({joint}))\n"
 
 
+@pytest.mark.campaign
 def test_a_law_of_a_module_beside_the_survey_file_is_found_by_every_process(tmp_path: Path) -> None:
     """Also where a survey in another folder had a module of the same name; the path of Python is as it was."""
     drifts = []
@@ -140,7 +141,7 @@ def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command,
     assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@sampled(1, "workers", [0, 1])
 def test_a_law_whose_file_has_changed_is_run_again(workers: int, tmp_path: Path) -> None:
     """In this process, too, which had imported it before; the report tells of the old rows."""
     own = '[laws.own]\nkind = "import"\nfunction = "mylaw:law"\n'

@@ -60,6 +60,7 @@ def test_a_survey_without_rows_is_said_and_not_reported(holokin: Command, tmp_pa
     assert not (tmp_path / "s.html").exists()
 
 
+@pytest.mark.campaign
 def test_the_survey_to_start_from_runs_and_says_which_law_returns(tmp_path: Path) -> None:
     """It is docs/gallery.md that says so: with locked joints all return, with the pseudo-inverse none."""
     file = Path(__file__).parents[2] / "examples" / "survey.toml"

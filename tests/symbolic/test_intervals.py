@@ -39,7 +39,7 @@ FINITE = st.floats(-1e6, 1e6) | st.sampled_from(
 )
 BOXES = st.tuples(FINITE, FINITE).map(sorted)
 SHARE = st.floats(0, 1)
-QUICK = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+QUICK = settings(suppress_health_check=list(HealthCheck))
 
 ONE: dict[str, tuple[Callable[[Interval], Interval], Callable[[arb], arb]]] = {
     "square": (iv.square, lambda x: x * x),

@@ -7,7 +7,7 @@ import threading
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -42,7 +42,6 @@ angles = st.sampled_from(
 )
 
 
-@settings(max_examples=100, deadline=None)
 @given(directions, angles)
 def test_exp_and_log_are_right_in_value_and_derivative_at_the_identity_and_near_a_half_turn(v, angle: float) -> None:
     vector = angle * np.array(v) / np.linalg.norm(v)
@@ -60,7 +59,6 @@ def test_exp_and_log_are_right_in_value_and_derivative_at_the_identity_and_near_
     assert np.abs(d - np.eye(3)).max() < 1e-8
 
 
-@settings(max_examples=100, deadline=None)
 @given(directions, st.sampled_from([0.0, 1e-6, 1.0, 2.5, np.pi, np.pi - 1e-12]))
 def test_quaternions_agree_with_scipy_also_at_a_half_turn(v, angle: float) -> None:
     rotation = Rotation.from_rotvec(angle * np.array(v) / np.linalg.norm(v))

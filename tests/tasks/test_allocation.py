@@ -199,6 +199,7 @@ def test_seven_joints_hold_a_pose_written_as_six_rows_of_ones_own(monkeypatch: p
     assert np.abs(a(x) - b(target)).max() < 1e-9
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 def test_exported_c_of_an_allocation_and_of_five_rows_does_what_python_does(
     pairs: hk.Strategy, six: hk.Task, tmp_path: Path

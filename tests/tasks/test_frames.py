@@ -130,6 +130,7 @@ def test_one_tool_in_the_frame_of_another_moves_as_their_poses_say(both_hands: R
         assert np.abs(task.jacobian(q) @ dq - np.append(v, w)).max() < 1e-7
 
 
+@pytest.mark.campaign
 def test_two_arms_repeat_what_one_does_on_the_other(both_hands: Robot) -> None:
     """r = 8: the right arm and the left one's third joint are held by rules."""
     task = hk.relative_pose(both_hands, "left", "right")
@@ -201,6 +202,7 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
         FrameTask(panda, "axis", (0, 5), np.eye(3))
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 @pytest.mark.parametrize("kind", ["axis", "relative"])
 def test_exported_c_does_what_python_does(kind: str, both_hands: Robot, tmp_path: Path) -> None:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
+from conftest import sampled
 from exported import STRICT
 from holokin.inverse_kinematics import InverseStatus
 from holokin.job import open_job, run_job, simulate_job
@@ -129,7 +130,7 @@ def plane_hands() -> hk.Task:
     return hk.stacked(*(hk.pose(both, tip=tip.name) for tip in both.tips))
 
 
-@pytest.mark.parametrize("native", [True, False])
+@sampled(1, "native", [True, False])
 def test_inverse_kinematics_takes_a_pose_for_each_hand(
     native: bool, plane_hands: hk.Task, hands: hk.Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,6 +159,7 @@ def test_inverse_kinematics_takes_a_pose_for_each_hand(
     assert ("virtual machine" in ik.engine) is not native
 
 
+@pytest.mark.campaign
 def test_native_steps_along_paths_are_those_of_the_virtual_machine(
     hands: hk.Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -230,7 +232,6 @@ def test_each_arm_can_be_held_by_its_own_arm_angle(hands: hk.Task) -> None:
 
 
 @given(speeds=st.tuples(st.floats(0.05, 1.0), st.floats(0.05, 1.0)), corners=st.integers(2, 5))
-@settings(max_examples=20)
 def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     speeds: tuple[float, float], corners: int
 ) -> None:
@@ -305,6 +306,7 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         subprocess.run(["cc", *STRICT, "-c", "arms.c", "-o", "arms.o"], cwd=tmp_path / name, check=True)
 
 
+@pytest.mark.campaign
 def test_a_law_carried_along_straight_ways_of_both_hands_is_holonomic(hands: hk.Task) -> None:
     law, loop = hk.radial(hk.moore_penrose(hands), Q0, steps=1), circles(hands, 0.02)
     q = Q0 + np.random.default_rng(4).uniform(-0.05, 0.05, 14)
@@ -341,7 +343,7 @@ MOVING = 'others = [{ kind = "circle", center = [0, 0.02, 0], relative = true }]
 LINE = 'others = [{ kind = "polyline", points = [[0, 0, 0], [0, 0.02, 0]], relative = true }]'
 
 
-@pytest.mark.parametrize("others", [MOVING, ""])
+@sampled(1, "others", [MOVING, ""])
 def test_a_job_leads_each_hand_along_its_own_path(others: str, hands: hk.Task, tmp_path: Path) -> None:
     """A hand without a path stays where it is."""
     file = tmp_path / "hands.toml"
