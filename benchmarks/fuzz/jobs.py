@@ -36,7 +36,7 @@ invariant = ["q1 + q2"]
 """, """[strategies.g]
 kind = "custom"
 g = ["q1 - sin(q3)"]
-leaf = 0.1
+level = 0.1
 """, """[strategies.l]
 kind = "linear"
 matrix = [[1, -1, 1]]

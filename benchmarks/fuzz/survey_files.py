@@ -26,7 +26,7 @@ margin = 0.1
 kind = "circle"
 size = [0.05, 0.2]
 plane = "random"
-way = "random"
+direction = "random"
 speed = 0.1
 [loops.raster]
 kind = "raster"

@@ -68,7 +68,7 @@ def test_springs_of_one_strength_pull_alike_whatever_it_is(tmp_path: Path) -> No
     """U and 3 U have the same stationary postures; springs of unequal strength have others."""
 
     def home(extra: str) -> np.ndarray:
-        text = f'kind = "stationary"\ncost = "posture"\nleaf = 0\npreferred = [0, 0, 0, -2, 0, 2, 0]\n{extra}'
+        text = f'kind = "stationary"\ncost = "posture"\nlevel = 0\npreferred = [0, 0, 0, -2, 0, 2, 0]\n{extra}'
         return run_job(*panda_job(tmp_path, text)).strategies[0].cycles.q[0]
 
     even = home("")
@@ -78,7 +78,7 @@ def test_springs_of_one_strength_pull_alike_whatever_it_is(tmp_path: Path) -> No
 
 @pytest.mark.campaign
 def test_a_strategy_on_the_leaf_of_no_weight_begins_where_the_self_motion_lifts_nothing(tmp_path: Path) -> None:
-    gravity = 'kind = "stationary"\ncost = "gravity"\nleaf = 0'
+    gravity = 'kind = "stationary"\ncost = "gravity"\nlevel = 0'
     name, job, file = panda_job(tmp_path, gravity, weighed())
     result = run_job(name, job, file)
     walk, robot = result.strategies[0].cycles, result.robot
@@ -112,9 +112,9 @@ def joint_frames(robot: hk.Robot, q: np.ndarray) -> list[np.ndarray]:
     return frames
 
 
-@sampled(1, "leaf", ["0.3", "[0.3]"])
-def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
-    result = run_job(*panda_job(tmp_path, f'kind = "lock"\njoints = ["panda_joint3"]\nleaf = {leaf}'))
+@sampled(1, "level", ["0.3", "[0.3]"])
+def test_a_locked_joint_is_held_at_its_level(tmp_path: Path, level: str) -> None:
+    result = run_job(*panda_job(tmp_path, f'kind = "lock"\njoints = ["panda_joint3"]\nlevel = {level}'))
     for walk in result.strategies[0].trajectories().values():
         assert walk.q[:, 2] == pytest.approx(0.3, abs=1e-10)
     assert "on the leaf of level 0.3" in result.about
@@ -124,14 +124,15 @@ def test_a_locked_joint_is_held_at_its_leaf(tmp_path: Path, leaf: str) -> None:
 @pytest.mark.parametrize(
     ("strategy", "words"),
     [
-        ('kind = "moore-penrose"\nleaf = 0\n', "does not use leaf; leave it out"),
+        ('kind = "moore-penrose"\nlevel = 0\n', "does not use level; leave it out"),
+        ('kind = "lock"\njoints = ["q3"]\nleaf = 0.1\n', "did you mean 'level'? known"),
         ('kind = "impedance"\n', "needs preferred"),
         ('kind = "impedance"\npreferred = [0]\nstiffness = 0\n', "[strategies.s.stiffness] is 0; give a number above"),
         ('kind = "stationary"\ncost = "gravity"\nstiffness = 2\n', "'gravity' has no stiffness; leave it out"),
         ('kind = "stationary"\ncost = "gravity"\npreferred = [1]\n', "go together"),
-        ('kind = "lock"\njoints = ["q3"]\nleaf = [0.1, 0.2]\n', "the leaf has shape (2,), expected (1,)"),
+        ('kind = "lock"\njoints = ["q3"]\nlevel = [0.1, 0.2]\n', "the leaf has shape (2,), expected (1,)"),
         (
-            'kind = "lock"\njoints = ["q2"]\nleaf = 50\n',
+            'kind = "lock"\njoints = ["q2"]\nlevel = 50\n',
             "is more than two turns beyond the joint limits",
         ),
     ],

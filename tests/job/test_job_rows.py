@@ -19,7 +19,7 @@ PANDA = {
     "path": LINE,
 }
 SOUND_LAW = '[strategies.moore-penrose]\nkind = "moore-penrose"\n'
-UNSETTLED = '[strategies.far]\nkind = "lock"\njoints = ["panda_joint3"]\nleaf = 2.5\n'
+UNSETTLED = '[strategies.far]\nkind = "lock"\njoints = ["panda_joint3"]\nlevel = 2.5\n'
 SINGULAR = '[strategies.flat]\nkind = "custom"\ng = ["1"]\n'
 
 

@@ -39,8 +39,8 @@ MOST_LOCKS, MOST_PAIRS = 10, 4
 """Sets of joints to lock, and linear laws, that are tried: those that fix the self-motion best. All seven joints of a
 7R arm fit in; of the 84 sets of an arm of nine joints the others are worse at the start already."""
 
-LEAF_OF_COST = 0.0
-"""The leaf of a stationary constraint on which its cost is stationary."""
+LEVEL_OF_COST = 0.0
+"""The level of a stationary constraint at which its cost is stationary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +169,8 @@ def _stationary(task: Task, starts: Matrix) -> Iterator[Candidate]:
     if not robot.bodies or robot.planar:
         del costs["gravity"]
     for word, cost in costs.items():
-        keys = {"kind": "stationary", "cost": word, **more, "leaf": LEAF_OF_COST}
-        yield _candidate(task, f"stationary {word}", keys, stationary(cost, free=free), LEAF_OF_COST)
+        keys = {"kind": "stationary", "cost": word, **more, "level": LEVEL_OF_COST}
+        yield _candidate(task, f"stationary {word}", keys, stationary(cost, free=free), LEVEL_OF_COST)
 
 
 def _basis(task: Task, q: Vector) -> Matrix:

@@ -375,7 +375,7 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
 
 def _keys(law: Candidate, made: Design) -> dict[str, Any]:
     """What a job file says of a design over a law."""
-    base, u = {key: value for key, value in law.keys.items() if key != "leaf"}, made.polynomial.coordinates
+    base, u = {key: value for key, value in law.keys.items() if key != "level"}, made.polynomial.coordinates
     return {
         "kind": "designed", "base": base, "reference": u.chart.reference.tolist(), "directions": u.P.tolist(),
         "middle": u.middle.tolist(), "scale": u.scale.tolist(),

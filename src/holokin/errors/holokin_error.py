@@ -15,8 +15,11 @@ LONGEST = 1_600
 MOST_NAMES = 40
 """Names that a message lists of those that are known: those of any job, robot or table of this library."""
 
-SYNONYMS = {"pseudo-inverse": "moore-penrose", "pseudoinverse": "moore-penrose", "pinv": "moore-penrose"}
-"""Names that people use -> those that are known."""
+SYNONYMS = {
+    "pseudo-inverse": "moore-penrose", "pseudoinverse": "moore-penrose", "pinv": "moore-penrose", "leaf": "level",
+    "way": "direction",
+}  # fmt: skip
+"""Names that people use, and keys that had another name before -> those that are known."""
 
 LONGEST_NAME = 200
 """Characters up to which a name is compared with the known ones; the comparison takes the product of the lengths."""

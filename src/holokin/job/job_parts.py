@@ -94,19 +94,19 @@ def build_strategy(job: Job, label: str, task: Task, q0: Vector, title: str) -> 
 
 
 def build_begin(table: StrategyTable, strategy: Strategy, q0: Vector) -> tuple[Vector, str]:
-    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `leaf` the one moved to from it.
+    """Where a strategy begins (n,), and a sentence on it: the start posture, or with `level` the one moved to from it.
 
     Raises:
         BranchError where moving to the leaf fails; else as `move_to_leaf`.
     """
-    if not isinstance(table, ConstraintTable) or table.leaf is None:
+    if not isinstance(table, ConstraintTable) or table.level is None:
         return q0, ""
-    leaf = ", ".join(f"{value:g}" for value in np.atleast_1d(table.leaf))
+    level = ", ".join(f"{value:g}" for value in np.atleast_1d(table.level))
     try:
-        begin = move_to_leaf(cast(HolonomicStrategy, strategy), q0, table.leaf)  # it refuses others
+        begin = move_to_leaf(cast(HolonomicStrategy, strategy), q0, table.level)  # it refuses others
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
-        fact = f"moving to the leaf failed: from the start posture to level {leaf}, {fact}"
+        fact = f"moving to the leaf failed: from the start posture to level {level}, {fact}"
         raise BranchError(fact, f"{cure}, or another level") from problem
     at = posture_text(begin, strategy.task.robot.joint_names)
-    return begin, f"{strategy.name} begins on the leaf of level {leaf}, moved to from the start posture, at {at}."
+    return begin, f"{strategy.name} begins on the leaf of level {level}, moved to from the start posture, at {at}."

@@ -67,7 +67,7 @@ class StrategyTable(Table):
 class ConstraintTable(StrategyTable):
     """A strategy that keeps a constraint g(q)."""
 
-    leaf: Number | Numbers | None = None
+    level: Number | Numbers | None = None
 
     def constraint(self, task: Task) -> Constraint:
         """The constraint. Raises: HolokinError."""
@@ -370,6 +370,6 @@ else:
 def keys_of(model: type[StrategyTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(keys that a kind needs, keys that it may have) besides `kind`, `method` and `invariant`."""
     own = [key for key in model.model_fields if key not in ("kind", *StrategyTable.model_fields)]
-    own.sort(key=lambda key: key == "leaf")
+    own.sort(key=lambda key: key == "level")
     needed = tuple(key for key in own if model.model_fields[key].is_required())
     return needed, tuple(key for key in own if key not in needed)

@@ -116,7 +116,7 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
             first = first or problem
             continue
         keys = table.model_dump(exclude_unset=True)
-        level = np.atleast_1d(np.array(keys["leaf"], dtype=float)) if keys.get("leaf") is not None else None
+        level = np.atleast_1d(np.array(keys["level"], dtype=float)) if keys.get("level") is not None else None
         laws.append(Law(title, len(laws), strategy, task, level, keys, label))
     if not laws and first is not None:
         raise first

@@ -76,7 +76,7 @@ def _keys(law: Law) -> dict[str, Any]:
     """What a job says of a law, on its leaf."""
     keys = dict(law.keys or {})
     if law.level is not None and isinstance(law.rule, HolonomicStrategy):
-        keys["leaf"] = float(law.level[0]) if len(law.level) == 1 else np.asarray(law.level).tolist()
+        keys["level"] = float(law.level[0]) if len(law.level) == 1 else np.asarray(law.level).tolist()
     return keys
 
 
