@@ -94,7 +94,7 @@ def optimized(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]
 
 
 def sampled(count: int, names: str | tuple[str, ...], values: Iterable[Any], **more: Any) -> pytest.MarkDecorator:
-    """`parametrize` of which `count` cases, drawn once and not picked, are in the suite, and all in the campaign."""
+    """`parametrize` of which `count` cases, drawn once and not picked, are in the suite, the others in the campaign."""
     cases = list(values)
     few = set(random.Random(2011).sample(range(len(cases)), count))
     return pytest.mark.parametrize(names, [v if i in few else campaign(names, v) for i, v in enumerate(cases)], **more)
