@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from conftest import sampled
+from conftest import campaign, sampled
 from holokin.analysis import cuspidal_leaf
 from holokin.analysis.cusp_search import cusp_functions
 from holokin.errors import ArgumentError, SingularityError
@@ -47,7 +47,7 @@ def found(name: str) -> hk.analysis.Cusps:
     return hk.cusps(law("panda", LAWS[name]), PANDA, starts=200)
 
 
-@sampled(1, "name", LAWS)
+@pytest.mark.parametrize("name", ["lock 3", campaign("name", "q1 - q3"), campaign("name", "arm angle")])
 def test_round_a_cusp_the_joints_of_a_panda_do_not_come_back(name: str) -> None:
     """Pinocchio and small Newton steps of our own go the tool path, regular all along, to the other posture."""
     cusps = found(name)
