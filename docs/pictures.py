@@ -26,7 +26,7 @@ from holokin.output.film import write_film
 from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_figure
 from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
-from holokin.output.physics_figures import pictures_figure, rendered
+from holokin.output.physics_figures import arms_figure
 from holokin.output.plots import style
 
 HERE = Path(__file__).parent
@@ -411,7 +411,8 @@ def physics() -> None:
         "q1 - q3 kept": hk.holonomic(task, hk.linear([1, 0, -1] + [0] * 4)),
     }
     runs = {name: hk.physics.play(law, circle, PANDA, cycles=20, noise=5e-5) for name, law in laws.items()}
-    save(pictures_figure(runs, rendered(runs)), "physics")
+    with plt.rc_context(style()):
+        save(arms_figure(runs), "physics")
 
 
 def readme() -> None:

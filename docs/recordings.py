@@ -23,7 +23,9 @@ from typing import Any
 
 HERE = Path(__file__).parent
 MADE = HERE.parent / "build" / "recordings"
-MAKERS = ("src/holokin/studios/playback.py", "src/holokin/studios/page_scene.py", "src/holokin/studios/meshes.py")
+MAKERS = tuple(
+    f"src/holokin/{file}.py" for file in ("studios/playback", "studios/page_scene", "studios/meshes", "output/bodies")
+)
 """What a recording depends on, beside its page and its example."""
 
 EXAMPLE = re.compile(r"^\[`(examples/\w+\.py)`\]\(\.\./\.\./\1\)$", re.MULTILINE)

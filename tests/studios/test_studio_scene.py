@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 import holokin as hk
 from conftest import urdf
 from holokin.errors import ArgumentError, MissingExtraError, UnknownNameError
-from holokin.robot import Capsule, Surface
+from holokin.output.bodies import pieces_of
+from holokin.robot import Capsule, Surface, chain_length
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.studios.meshes import GHOST, frames_of, looks_of, quaternions
@@ -119,6 +120,26 @@ def test_a_mesh_that_cannot_be_read_is_drawn_as_a_capsule_and_said(tmp_path: Pat
     assert by_joint[0].points[:, 2].max() > 0.39  # along the link, up to the next joint
     assert (by_joint[1].colors == [255, 0, 0]).all()
     assert np.ptp(by_joint[1].points, axis=0) == pytest.approx([0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("name", ["panda", "irb140", "yumi", "rail-ur10e"])
+def test_a_robot_without_meshes_has_the_body_in_the_studio_that_it_has_in_pictures(name: str) -> None:
+    robot = hk.load(name)
+    pieces = pieces_of(robot, np.stack([robot.lower, robot.upper]))
+    looks = {look.joint: look.points for look in looks_of(robot)[0]}
+    assert set(looks) == {piece.joint for piece in pieces}
+    for joint, points in looks.items():
+        boxes = np.array([piece.solid.box() for piece in pieces if piece.joint == joint])
+        wanted = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        drawn = np.array([points.min(axis=0), points.max(axis=0)])
+        assert drawn == pytest.approx(wanted, abs=0.03 * float(np.ptp(wanted, axis=0).max())), joint
+
+
+def test_a_base_that_drives_far_has_no_rails_in_the_studio() -> None:
+    """Beams of 20 m would make the arm small in the page."""
+    robot = hk.load("mobile-ur5e")
+    sizes = [float(np.ptp(look.points, axis=0).max()) for look in looks_of(robot)[0]]
+    assert max(sizes) < chain_length(robot)
 
 
 def test_a_broken_visual_does_no_harm_to_the_robot(tmp_path: Path) -> None:

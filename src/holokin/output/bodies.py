@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import final
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
-from ..robot.capsules import between
+from ..robot.capsules import between, link_steps
 from ..robot.numeric import Frames, joint_frames, placed
 from .palette import AXES, GREY
 from .solids import Block, Rod, Solid, tint
@@ -37,11 +38,20 @@ _SMALL = 1e-6
 @final
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A solid on a joint's moving side (joint -1: the base), and what it is: link, other link, hinge, rail."""
+    """A shape on a joint's moving side (joint -1: the base), and what it is: link, other link, hinge, rail."""
 
-    joint: int
-    solid: Solid
+    part: LinkShape
     role: str
+
+    @property
+    def joint(self) -> int:
+        """The joint that it moves with."""
+        return self.part.joint
+
+    @cached_property
+    def solid(self) -> Solid:
+        """The same for pictures, in the frame of its joint."""
+        return block(self.part)
 
 
 def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
@@ -49,26 +59,27 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     if not robot.tips:
         return ()
     unit = thickness(robot, Q)
-    shown = [(shape, made) for shape in robot.shapes if not shape.obstacle and (made := _block(shape)) is not None]
-    shaped = {shape.joint for shape, _ in shown}
-    found = [Piece(s.joint, solid, ("link", "other")[s.joint % 2] if s.joint >= 0 else "base") for s, solid in shown]
+    shown = [part for part in robot.shapes if not part.obstacle and not part.shape.fault]
+    shaped = {part.joint for part in shown}
+    found = [Piece(part, ("link", "other")[part.joint % 2] if part.joint >= 0 else "base") for part in shown]
     deep = _depths(robot)
-    for start, end in _steps(robot):
+    for start, end in link_steps(robot):
         if (start >= 0 or start not in shaped) and np.linalg.norm(end) > _SMALL:
             width = unit * (1 - (1 - TAPER) * (deep[start] if start >= 0 else 0.0))
             width *= CORE if start in shaped else 1.0
             foot = end * min(0.5, width / np.linalg.norm(end)) if start < 0 else np.zeros(3)  # it stands on its plate
-            found.append(Piece(start, Rod(foot, end, width, np.zeros(3)), "link"))
+            found.append(_piece(start, between(foot, end, width), "link"))
     for index, joint in enumerate(robot.joints):
         width = unit * (1 - (1 - TAPER) * deep[index])
         if joint.kind == "prismatic":
             found += _rail(robot, index, Q, 1.25 * width, index in shaped)
         elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.placement[:3, 3]) > width):
             half = 1.2 * width * joint.axis
-            found.append(Piece(index, Rod(-half, half, 1.16 * width, np.zeros(3)), "hinge"))
+            found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
     if all(joint.kind != "prismatic" for joint in robot.joints if joint.parent < 0) and -1 not in shaped:
-        plate = block(Cylinder(2.4 * unit, 0.5 * unit), np.array([0, 0, 0.25 * unit]), np.eye(3))
-        found.append(Piece(-1, plate, "base"))
+        middle = np.eye(4)
+        middle[2, 3] = 0.25 * unit
+        found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
     return tuple(found)
 
 
@@ -90,7 +101,7 @@ def solids_at(
         "base": tint(GREY, white=0.45), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
     }  # fmt: skip
     return [
-        _painted(piece.solid, looks[piece.role]).moved(*_frame(frames, piece.joint, k))
+        replace(piece.solid, color=looks[piece.role]).moved(*_frame(frames, piece.joint, k))
         for piece in pieces
         if still or piece.joint >= 0
     ]
@@ -122,8 +133,8 @@ def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid
 
 def standing(shapes: Sequence[LinkShape], color: str = GREY) -> list[Solid]:
     """Obstacles in the frame of the base, those that can be read."""
-    found = [(shape, _block(shape)) for shape in shapes]
-    return [_painted(solid, tint(color, white=0.25)) for _, solid in found if solid is not None]
+    paint = tint(color, white=0.25)
+    return [replace(block(part), color=paint) for part in shapes if not part.shape.fault]
 
 
 def posed(robot: Robot, Q: Matrix) -> Frames:
@@ -137,8 +148,9 @@ def cloud(solids: Sequence[Solid]) -> Matrix:
     return np.array([[b[i, 0], b[j, 1], b[k, 2]] for b in boxes for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
-def block(shape: Shape, p: Vector, R: Matrix) -> Solid:
-    """A convex shape at p (3,), R (3, 3): a rod, or what is between the planes that touch it in some directions."""
+def block(part: LinkShape) -> Solid:
+    """A convex shape where it is: a rod, or what is between the planes that touch it in some directions."""
+    shape, p, R = part.shape, part.placement[:3, 3], part.placement[:3, :3]
     if isinstance(shape, Capsule):
         end = np.array([0.0, 0.0, shape.length / 2])
         return Rod(-end, end, shape.radius, np.zeros(3)).moved(p, R)
@@ -164,12 +176,6 @@ def _ring() -> Matrix:
     return np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
 
 
-def _block(shape: LinkShape) -> Solid | None:
-    if shape.shape.fault:
-        return None
-    return block(shape.shape, shape.placement[:3, 3], shape.placement[:3, :3])
-
-
 def _directions(shape: Shape) -> Matrix:
     axes = np.vstack([np.eye(3), -np.eye(3)])
     if isinstance(shape, Box):
@@ -182,23 +188,11 @@ def _directions(shape: Shape) -> Matrix:
     return np.vstack([axes, np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])])
 
 
-def _painted(solid: Solid, color: Vector) -> Solid:
-    if isinstance(solid, Rod):
-        return Rod(solid.a, solid.b, solid.radius, color)
-    return Block(solid.normals, solid.offsets, solid.center, solid.reach, color, solid.corners)
-
-
 def _frame(frames: Frames, joint: int, k: int) -> tuple[Vector, Matrix]:
     if joint < 0:
         return np.zeros(3), np.eye(3)
     p, R = frames[joint]
     return p[k], R[k]
-
-
-def _steps(robot: Robot) -> list[tuple[int, Vector]]:
-    """(joint, end (3,) in its frame) of the links: to each joint's frame and each tip that hangs on it."""
-    found = [(joint.parent, joint.placement[:3, 3]) for joint in robot.joints]
-    return found + [(tip.joint, tip.placement[:3, 3]) for tip in robot.tips]
 
 
 def _depths(robot: Robot) -> list[float]:
@@ -219,11 +213,14 @@ def _rail(robot: Robot, index: int, Q: Matrix, width: float, shaped: bool) -> li
     used = float(values.min()), float(values.max())
     spare = max(BEYOND * chain_length(robot), 4 * width)
     low, high = max(low, used[0] - spare), min(high, used[1] + spare)
-    axis, R0 = joint.axis, joint.placement[:3, :3]
-    T, _ = between(low * axis, high * axis, 1.0)
-    beam = block(Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width])), T[:3, 3], T[:3, :3])
-    rail = Piece(joint.parent, beam.moved(joint.placement[:3, 3], R0), "rail")
+    T, _ = between(low * joint.axis, high * joint.axis, 1.0)
+    beam = Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width]))
+    rail = _piece(joint.parent, (joint.placement @ T, beam), "rail")
     if shaped:
         return [rail]
-    sled = block(Box(np.array([2.2 * width, 2.2 * width, 2.4 * width])), np.zeros(3), T[:3, :3])
-    return [rail, Piece(index, sled, "carriage")]
+    T[:3, 3] = 0.0
+    return [rail, _piece(index, (T, Box(np.array([2.2 * width, 2.2 * width, 2.4 * width]))), "carriage")]
+
+
+def _piece(joint: int, placed_shape: tuple[Matrix, Shape], role: str) -> Piece:
+    return Piece(LinkShape(role, joint, *placed_shape), role)

@@ -13,7 +13,7 @@ from ..motion.trajectory import Status, Trajectory
 from .coverage_plots import coverage_figure
 from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
-from .plots import LABELS, drift_per_cycle, joint_cycles, joint_histories, joint_ranges, movers, style
+from .plots import LABELS, drift_per_cycle, joint_cycles, joint_histories, joint_ranges, movers, style, thin
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
 from .words import away, joint_unit, on_figure, paths_end, stopped
 
@@ -310,7 +310,7 @@ def margins(
 
 def tool_points(result: JobResult, walk: Trajectory) -> list[Any]:
     """Positions (k, 3) of every tip, at most 120 samples of a trajectory."""
-    keep = np.unique(np.linspace(0, len(walk) - 1, min(len(walk), 120)).round().astype(int))
+    keep = thin(len(walk), 120)
     return [result.robot.pose_batch(walk.q[keep], tip.name)[0] for tip in result.robot.tips]
 
 

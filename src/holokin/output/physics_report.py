@@ -21,7 +21,7 @@ from ..robot import Robot, servo, to_mjcf
 from .job_result import file_stems
 from .job_table import number
 from .palette import BAD, GOOD, WARNING
-from .physics_figures import apart_figure, push_figure, write_frames
+from .physics_figures import apart_figure, arms_figure, push_figure
 from .plots import write_figure
 from .result_folder import FACTS, renewed
 from .words import joint_unit
@@ -118,7 +118,7 @@ def write_physics(
             write_figure(lambda: apart_figure(runs, predicted), work / f"cycles.{kind}")
             if any(run.push for run in runs.values()):
                 write_figure(lambda: push_figure(runs), work / f"push.{kind}")
-        write_frames(runs, work / "arms.png")
+        write_figure(lambda: arms_figure(runs), work / "arms.png")
         first = result.played[0].run
         with writing(work / "model.xml"):
             drive = servo(result.robot, first.servo, first.command[0], frequency=result.settings["frequency"])

@@ -13,6 +13,7 @@ from ..robot import LinkShape, Robot
 from ..robot.numeric import Frames
 from .bodies import Piece, pieces_of, posed, solids_at, standing, thickness, tool_frames, triad, wire
 from .palette import GREY
+from .plots import thin
 from .robot_view import (
     ABOVE,
     DETAIL,
@@ -162,5 +163,4 @@ def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequenc
 
 def thinned(points: Matrix) -> Matrix:
     """At most `MOST_POINTS` of the points of a path, ends included."""
-    keep = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(np.intp))
-    return points[keep]
+    return points[thin(len(points), MOST_POINTS)]

@@ -39,7 +39,7 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
         UnknownNameError: a name that no link has. ArgumentError: a bad radius, or a robot without links.
     """
     robot.check_links()
-    steps = _steps(robot)
+    steps = link_steps(robot)
     names = {-1: BASE} | {i: joint.name for i, joint in enumerate(robot.joints)}
     given = dict(radius) if isinstance(radius, Mapping) else {}
     for name, value in given.items():
@@ -87,7 +87,7 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
     return T, Capsule(radius, length)
 
 
-def _steps(robot: Robot) -> list[tuple[int, Vector]]:
+def link_steps(robot: Robot) -> list[tuple[int, Vector]]:
     """(joint, step (3,) in its frame) to every frame that hangs on it: of the joints after it, and of tips."""
     found = [(joint.parent, joint.placement[:3, 3]) for joint in robot.joints]
     return found + [(tip.joint, tip.placement[:3, 3]) for tip in robot.tips]

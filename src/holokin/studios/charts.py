@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..base.types import Indices, Vector
+from ..base.types import Vector
 from ..output.palette import INK, PALE
+from ..output.plots import thin
 from .panel_texts import block, marks, plain, quiet, short_names, table
 from .stage import Stage
 from .states import Snapshot
@@ -58,7 +59,7 @@ class Charts:
         self._drawn = news
         cycles = max((len(law.drift) for law in laws), default=0)
         if cycles:
-            rows = _rows(cycles + 1)
+            rows = thin(cycles + 1, KEPT)
             lines = [np.concatenate([[0.0], law.drift, np.full(cycles - len(law.drift), np.nan)]) for law in laws]
             self.drift.data = (rows.astype(float), *(line[rows] for line in lines))
         else:
@@ -66,7 +67,7 @@ class Charts:
         joint = self.page.session.robot.joint_names.index(self.pick.value)
         longest = max((law.t for law in laws), key=len, default=np.zeros(0))
         if len(longest) > 1:
-            t = longest[_rows(len(longest))]
+            t = longest[thin(len(longest), KEPT)]
             self.history.data = (t, *[_at(t, law.t, law.history, joint) for law in laws])
         else:
             self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
@@ -101,11 +102,6 @@ class Charts:
             rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
             hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
         return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
-
-
-def _rows(count: int) -> Indices:
-    """At most KEPT of so many rows, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, KEPT).astype(int))
 
 
 def _share(value: float, low: float, high: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -116,14 +117,17 @@ class Handles:
             f"/handles/tool{index or ''}", self.size, line_width=3.0, depth_test=False,
             active_axes=(True, True, not flat), disable_rotations=straight,
         )  # fmt: skip
-        name = f"tool{index}"
+        return self._dragged(handle, f"tool{index}", lambda pose: self._drag(index, pose))
+
+    def _dragged(self, handle: Any, name: str, then: Callable[[Matrix], Any]) -> Any:
+        """A handle by whose pose (4, 4) something is done while it is dragged; of several poses by the last."""
 
         @handle.on_update
         async def _(event: Any) -> None:
             self._hold(name, event.phase)
             if event.phase != "start":
                 pose = pose_of(event.target.position, event.target.wxyz)
-                self.page.ask(lambda: self._drag(index, pose), name)
+                self.page.ask(lambda: then(pose), name)
 
         return handle
 
@@ -140,21 +144,8 @@ class Handles:
             "/handles/radius", 0.7 * self.size, line_width=5.0, active_axes=(True, False, False), disable_sliders=True,
             disable_rotations=True, depth_test=False, visible=False,
         )  # fmt: skip
-
-        @loop.on_update
-        async def _(event: Any) -> None:
-            self._hold("loop", event.phase)
-            if event.phase != "start":
-                pose = pose_of(event.target.position, event.target.wxyz)
-                self.page.ask(lambda: self._set_circle(pose[:3, 3], pose[:3, 2], None), "loop")
-
-        @radius.on_update
-        async def _(event: Any) -> None:
-            self._hold("radius", event.phase)
-            if event.phase != "start":
-                place = np.array(event.target.position)
-                self.page.ask(lambda: self._set_radius(place), "radius")
-
+        self._dragged(loop, "loop", lambda pose: self._set_circle(pose[:3, 3], pose[:3, 2], None))
+        self._dragged(radius, "radius", lambda pose: self._set_radius(pose[:3, 3]))
         return loop, radius
 
     def _hold(self, name: str, phase: str) -> None:

@@ -53,18 +53,14 @@ class LoopPanel:
     def _connect(self) -> None:
         page = self.page
 
-        @self.dragged.on_update
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.handles.show_loop_handles(self.dragged.value))
+        self.dragged.on_update(lambda _event: page.ask(lambda: page.handles.show_loop_handles(self.dragged.value)))
 
         @self.here.on_click
         def _(_event: Any) -> None:
             tool = self._tool()
             self.center.value = tuple(float(v) for v in tool - [self.radius.value, 0.0, 0.0])
 
-        @self.make.on_click
-        def _(_event: Any) -> None:
-            page.ask(self._make)
+        self.make.on_click(lambda _event: page.ask(self._make))
 
         @self.clicks.on_click
         def _(_event: Any) -> None:
@@ -76,9 +72,7 @@ class LoopPanel:
             self.close.disabled = True
             page.ask(page.handles.close_corners)
 
-        @self.two_paths.on_click
-        def _(_event: Any) -> None:
-            page.alone("two paths", self._two_paths)
+        self.two_paths.on_click(lambda _event: page.alone("two paths", self._two_paths))
 
     def _tool(self) -> Any:
         return self.page.session.snapshot().target[0][:3, 3]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value
 from ..errors import MissingExtraError, RobotFileError, brief
-from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Robot, Shape, Surface
-from ..robot.links import THICKNESS, drawn_links
+from ..output.bodies import pieces_of
+from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, Mesh, Robot, Shape, Surface, chain_length
 from ..robot.numeric import Frames, joint_frames
 
 SOLID = 200_000
@@ -21,7 +21,7 @@ GHOST = 20_000
 """The same of each ghost: 60 of them are drawn at once."""
 
 LINK, JOINT = (226, 229, 234), (96, 104, 117)
-"""Colours of capsules, and of the barrels that stand for their joints: light and dark grey."""
+"""Colours of the rods that stand for links, and of all else that has no mesh: light and dark grey."""
 
 _SHARP = np.deg2rad(30.0)
 """Edges that are sharper than this are drawn as edges, others as round."""
@@ -171,28 +171,21 @@ def _solid(shape: Shape) -> Any:
 
 
 def _capsules(robot: Robot) -> dict[int, list[Any]]:
-    """Joint -> capsules along its links, and a barrel about the axis of each hinge, or a block for a slider."""
+    """Joint -> what stands for it, as in pictures, but for rails that are longer than the arm reaches both ways.
+
+    A slider that goes so far stands for a base that drives. Under a robot with meshes is neither plate nor rail.
+    """
     found: dict[int, list[Any]] = {}
-    drawn = drawn_links(robot)
-    radius = min((part.shape.radius for part in drawn if isinstance(part.shape, Capsule)), default=THICKNESS)
-    for part in drawn:
-        found.setdefault(part.joint, []).append(_placed(part, LINK))
-    for index, joint in enumerate(robot.joints):
-        z = joint.axis / np.linalg.norm(joint.axis)
-        x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-        x /= np.linalg.norm(x)
-        T = np.eye(4)
-        T[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-        hinge = joint.kind != "prismatic"
-        shape = Cylinder(1.25 * radius, 2.7 * radius) if hinge else Box(np.array([2.5, 2.5, 2.5]) * radius)
-        found.setdefault(index, []).append(_placed(LinkShape(joint.name, index, T, shape), JOINT))
+    far = max(chain_length(robot), 1.0)
+    Q = np.clip([robot.lower, robot.upper], -2 * far, 2 * far)
+    for piece in pieces_of(replace(robot, shapes=()), Q):
+        if piece.role in ("base", "rail") and (robot.visuals or piece.part.shape.ball[1] > far):
+            continue
+        color = LINK if piece.role == "link" else JOINT
+        mesh = _mesh(piece.part.shape, np.array(color) / 255)
+        mesh.apply_transform(piece.part.placement)
+        found.setdefault(piece.joint, []).append(mesh)
     return found
-
-
-def _placed(part: LinkShape, color: tuple[int, int, int]) -> Any:
-    mesh = _mesh(part.shape, np.array(color) / 255)
-    mesh.apply_transform(part.placement)
-    return mesh
 
 
 def _look(joint: int, mesh: Any, share: float) -> Look:

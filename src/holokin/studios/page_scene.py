@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import MissingExtraError
-from ..output.palette import AXES, GREY, LOOP, color_of, rgb
+from ..output.palette import GREY, LOOP, color_of, rgb
 from ..robot import Robot, Tip, reach
 from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
 
@@ -192,16 +192,6 @@ class Scene:
         rotations = rotations_of(turns[tip.joint + 1])
         return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
 
-    def frame(self, pose: Matrix | None, name: str = "tool", size: float = 0.1) -> None:
-        """A frame (4, 4), red, green and blue for x, y and z; or None to take it away."""
-        if pose is None:
-            self.server.scene.remove_by_name(f"/frames/{name}")
-            return
-        ends = pose[:3, 3][:, None] + size * pose[:3, :3]
-        lines = np.stack([np.broadcast_to(pose[:3, 3], (3, 3)), ends.T], axis=1)
-        colors = linear([[rgb(axis)] * 2 for axis in AXES])
-        self.server.scene.add_line_segments(f"/frames/{name}", lines, colors, thickness=size / 20)
-
     def ball(self, point: ArrayLike | None, color: str, name: str, radius: float = 0.015) -> None:
         """A small ball at a point (3,) [m], or None to take it away."""
         if point is None:
@@ -218,15 +208,6 @@ class Scene:
             return
         tints = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
         self.server.scene.add_point_cloud("/cloud", places, tints, point_size=size, point_shape="circle")
-
-    def caption(self, text: str, point: ArrayLike | None = None, name: str = "caption") -> None:
-        """A text that stands in the scene, by default above the robot; an empty one takes it away."""
-        if not text:
-            self.server.scene.remove_by_name(f"/captions/{name}")
-            return
-        low, high = self.box()
-        where = [*(low + high)[:2] / 2, high[2] + 0.12 * (high[2] - low[2])] if point is None else point
-        self.server.scene.add_label(f"/captions/{name}", text, position=np.asarray(where), anchor="bottom-center")
 
     def box(self, q: ArrayLike | None = None) -> tuple[Vector, Vector]:
         """The least and largest x, y, z (3,) [m] of what is drawn of the robot at a posture, by default the first."""

@@ -79,13 +79,8 @@ class PosturePanel:
             if event.client is not None:
                 page.ask(self._lift, LEVEL)
 
-        @self.find.on_click
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.session.start_cloud(self.cover.value))
-
-        @self.clear.on_click
-        def _(_event: Any) -> None:
-            page.ask(self.take_away)
+        self.find.on_click(lambda _event: page.ask(lambda: page.session.start_cloud(self.cover.value)))
+        self.clear.on_click(lambda _event: page.ask(self.take_away))
 
     def take_away(self) -> None:
         """For good: what was found until it was cancelled is known, and not drawn again."""

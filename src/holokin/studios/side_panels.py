@@ -85,34 +85,26 @@ class Panels:
         self.at_start = gui.add_checkbox("Show the start posture, in grey", False)
         page.session.set_speed(self.speed.value)
 
-        @self.start.on_click
-        def _(_event: Any) -> None:
-            page.ask(self._start_or_pause)
-
-        @self.home.on_click
-        def _(_event: Any) -> None:
-            page.ask(self._back)
-
-        @self.speed.on_update
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.session.set_speed(self.speed.value), "speed")
-
-        @self.cycles.on_update
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.session.set_cycles(int(self.cycles.value) or None), "cycles")
-
-        @self.way.on_update
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.session.set_clockwise(self.way.value == "the other way"), "way")
+        self.start.on_click(lambda _event: page.ask(self._start_or_pause))
+        self.home.on_click(lambda _event: page.ask(self._back))
+        self.speed.on_update(lambda _event: page.ask(lambda: page.session.set_speed(self.speed.value), "speed"))
+        self.cycles.on_update(
+            lambda _event: page.ask(lambda: page.session.set_cycles(int(self.cycles.value) or None), "cycles")
+        )
+        self.way.on_update(
+            lambda _event: page.ask(lambda: page.session.set_clockwise(self.way.value == "the other way"), "way")
+        )
 
         @self.solid.on_update
         def _(_event: Any) -> None:
             names = [law.name for law in page.session.laws]
             page.ask(lambda: page.set_lead(names.index(self.solid.value)), "solid")
 
-        @self.at_start.on_update
-        def _(_event: Any) -> None:
-            page.ask(lambda: page.scene.show_start(page.session.home if self.at_start.value else None), "start")
+        self.at_start.on_update(
+            lambda _event: page.ask(
+                lambda: page.scene.show_start(page.session.home if self.at_start.value else None), "start"
+            )
+        )
 
         if page.reopen is not None:
             self._jobs(gui, page.reopen)
@@ -123,9 +115,7 @@ class Panels:
         self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen)
         self.open = gui.add_button("Open this job", color="gray")
 
-        @self.open.on_click
-        def _(_event: Any) -> None:
-            self.page.alone("open", lambda: reopen(self.job.value))
+        self.open.on_click(lambda _event: self.page.alone("open", lambda: reopen(self.job.value)))
 
     def _back(self) -> None:
         """All laws to the start posture; those that were moved to another leaf stand elsewhere on it, which is said."""

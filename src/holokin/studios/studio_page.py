@@ -13,6 +13,7 @@ import numpy as np
 from ..base.types import Matrix
 from ..errors import HolokinError
 from ..output.palette import BAD, LOOP, law_colors
+from ..output.plots import thin
 from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
@@ -211,5 +212,5 @@ class Page:
             return
         for index, law in enumerate(snap.laws):
             if len(law.history) > 1:
-                rows = np.unique(np.linspace(0, len(law.history) - 1, TRACED).astype(int))
+                rows = thin(len(law.history), TRACED)
                 self.scene.trace(index, self.scene.points_of(law.history[rows])[1], "elbow")
