@@ -126,6 +126,23 @@ def test_every_module_lies_in_a_room_and_has_a_name_of_its_own() -> None:
         }, room
 
 
+def test_a_function_that_only_its_own_file_uses_begins_with_an_underscore() -> None:
+    """So that the other names of a file are what it is for."""
+    top = Path(__file__).parents[2]
+    others = [f for folder in ("tests", "docs", "benchmarks", "examples") for f in (top / folder).rglob("*")]
+    files = [*MODULES, *(f for f in others if f.suffix in (".py", ".md", ".ipynb"))]
+    words = {file: set(re.findall(r"\w+", file.read_text("utf-8"))) for file in files}
+    alone = [
+        f"{module.relative_to(ROOT)}: {node.name}"
+        for module in MODULES
+        if layer_of(module) != "commands"
+        for node in parsed(module).body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+        if not any(node.name in found for file, found in words.items() if file != module)
+    ]
+    assert alone == []
+
+
 @pytest.mark.parametrize("package", sorted(p.parent for p in ROOT.glob("*/__init__.py")), ids=lambda p: p.name)
 def test_no_module_has_the_name_of_what_its_package_exports(package: Path) -> None:
     """`import holokin.motion.follow_path` must be the module, and `holokin.motion.follow` the function."""

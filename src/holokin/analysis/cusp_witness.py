@@ -127,7 +127,7 @@ def on_leaf(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> tuple[Matr
     return newton(correct, q, steps=_STEPS, exact=_EXACT, longest=_LONGEST)
 
 
-def at_poses_of(strategy: HolonomicStrategy, level: Vector, wanted: Matrix, begun: Matrix) -> tuple[Matrix, Flags]:
+def _at_poses_of(strategy: HolonomicStrategy, level: Vector, wanted: Matrix, begun: Matrix) -> tuple[Matrix, Flags]:
     """(postures (k, n) of the leaf at the tool poses of others, wanted (k, n), by Newton's method; which arrived)."""
     step = leaf_step(strategy)
     p, R = strategy.task.poses(wanted)
@@ -160,7 +160,7 @@ def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, li
     first, good = on_leaf(strategy, level, (q + a * down + t * along).reshape(-1, n))
     second = (q + a * down - t * along).reshape(-1, n)
     which = np.flatnonzero(good)
-    other, arrived = at_poses_of(strategy, level, first[which], second[which])
+    other, arrived = _at_poses_of(strategy, level, first[which], second[which])
     apart = np.abs(other - first[which]).max(axis=1) > APART
     which, other = which[arrived & apart], other[arrived & apart]
     same = sides(strategy, first[which])[0] * sides(strategy, other)[0] > 0

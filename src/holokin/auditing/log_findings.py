@@ -146,11 +146,11 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
 
     def sentence(self) -> str:
         """The verdict, what it rests on, and what the log does not test."""
-        return audit_sentence(self)
+        return _audit_sentence(self)
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, finding) of every question, for people."""
-        return audit_rows(self)
+        return _audit_rows(self)
 
     def summary(self) -> dict[str, Any]:
         """Everything found, as plain data for JSON (no NaN, no infinity)."""
@@ -217,7 +217,7 @@ def not_tested(audit: LogAudit) -> list[str]:
     return [*open_, "other paths"]
 
 
-def audit_sentence(audit: LogAudit) -> str:
+def _audit_sentence(audit: LogAudit) -> str:
     """The two answers, what they rest on, and what was not tested."""
     said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
     trend = _trend_said(audit)
@@ -333,7 +333,7 @@ def _ahead(audit: LogAudit) -> str:
     return text
 
 
-def audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
+def _audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
     """(what, finding) of every question, for people."""
     c, last = audit.cycles, audit.since_start[-1]
     forward = int((c.direction > 0).sum())

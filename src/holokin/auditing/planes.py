@@ -41,7 +41,7 @@ def area_unit(task: Task, i: int, j: int) -> str:
     return f"{a}^2" if a == b else f"{a} {b}"
 
 
-def row_twists(task: Task, rotation: Matrix) -> Matrix:
+def _row_twists(task: Task, rotation: Matrix) -> Matrix:
     """The least twists (m, 6) of a tool turned by R (3, 3) that change one task row each, at unit rate.
 
     Raises:
@@ -62,7 +62,7 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     """
     from scipy.spatial.transform import Rotation
 
-    twists = row_twists(task, rotation)
+    twists = _row_twists(task, rotation)
     a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
     if i == j:
         return polyline([position, position + a[:3]], turns=[a[3:], -a[3:]], closed=True)
@@ -78,7 +78,7 @@ def plane_path(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     Raises:
         SingularityError where the representation is singular.
     """
-    twists = row_twists(task, rotation)
+    twists = _row_twists(task, rotation)
     a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
     steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
     corners = position + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])

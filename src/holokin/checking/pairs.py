@@ -33,7 +33,7 @@ class Pairs(Value):
     unseen: tuple[Unseen, ...]
 
 
-def readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[Unseen]]:
+def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[Unseen]]:
     """The shapes that can be looked at, and the links of the others."""
     faults = [(shape, shape.shape.fault) for shape in shapes]
     return [s for s, fault in faults if not fault], [Unseen(s.link, fault) for s, fault in faults if fault]
@@ -44,8 +44,8 @@ def pairs_of(
     self_collision: bool, ignore: Sequence[tuple[str, str]],
 ) -> Pairs:  # fmt: skip
     """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link."""
-    good, unseen = readable(robot.shapes)
-    others, hidden = readable(obstacles)
+    good, unseen = _readable(robot.shapes)
+    others, hidden = _readable(obstacles)
     links = links_of([shape for shape in good if not shape.obstacle])
     things = links_of([*(shape for shape in good if shape.obstacle), *others])
     unseen += hidden

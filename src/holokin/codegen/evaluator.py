@@ -77,7 +77,7 @@ class Evaluator:
         fits = max(len(self._inputs), len(sizes)) <= MOST and self._made.instructions <= LARGEST
         if self.native or not fits or not enabled():
             return
-        code = sample_source(self._made, self._inputs, self._outputs, sizes, self._bounds, self._checks)
+        code = _sample_source(self._made, self._inputs, self._outputs, sizes, self._bounds, self._checks)
         try:
             module = _module()
             if module is None:
@@ -171,7 +171,7 @@ def weak(method: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *arguments, **named: found()(*arguments, **named)  # type: ignore[misc]
 
 
-def sample_source(
+def _sample_source(
     made: Program, inputs: Shapes, outputs: Shapes, results: Sequence[int], bounds: Sequence[float], finite: bool
 ) -> str:
     """The C of hk_sample: prelude, sizes, generated body, sample.c. `results`: the sizes of those that are given."""

@@ -91,7 +91,7 @@ def _null_space_implicit(
 ) -> Implicit:  # fmt: skip
     """g = N^T grad U with unknown N: J N = 0, |N|^2 = 1, or Chang's [N_a; 1], J_a N_a + J_b = 0.
 
-    Of a cost that is a function of J, and r = 1, no unknown is needed: N is along the minors n of a `short_jacobian`.
+    Of a cost that is a function of J, and r = 1, no unknown is needed: N is along the minors n of a `_short_jacobian`.
     """
     smooth = cost.smooth
 
@@ -104,7 +104,7 @@ def _null_space_implicit(
     def equations(task: Task, k: Kinematics, q: SX, N: SX) -> tuple[SX, SX]:
         a, b = split(task)
         if smooth is not None and by_minors(task):
-            n = minors_expression(short_jacobian(task, k, q))
+            n = minors_expression(_short_jacobian(task, k, q))
             return directional(smooth(task, k, q), q, n) / (n[b] if chang else norm_2(n)), SX(0, 1)
         J = task.jacobian_expression(k, q)
         slope = gradient(task, k, q) if smooth is None else jacobian(smooth(task, k, q), q).T
@@ -124,7 +124,7 @@ def _null_space_implicit(
     return Implicit(size, equations, at)
 
 
-def short_jacobian(task: Task, k: Kinematics, q: SX) -> SX:
+def _short_jacobian(task: Task, k: Kinematics, q: SX) -> SX:
     """A(q) J (m, n) with det A = 1, of few operations where J is that of a tool's pose or position: for proofs."""
     geometric = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and task.geometric
     if geometric and task.rows in (tuple(range(6)), tuple(range(3))):
@@ -193,6 +193,6 @@ def manipulability_cost() -> Cost:
 
     def smooth(task: Task, k: Kinematics, q: SX) -> SX:
         """det J J^T is the sum of the squares of all minors of J."""
-        return -log(sumsqr(vertcat(*every_minor(short_jacobian(task, k, q)).values()))) / 2
+        return -log(sumsqr(vertcat(*every_minor(_short_jacobian(task, k, q)).values()))) / 2
 
     return Cost("manipulability", cost, smooth)

@@ -108,7 +108,7 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
         def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
             R = lines.at(live, np.full(len(live), s))[1]
             dx, _ = task.rates(R, velocity[live], angular[live])
-            return least_rate(task, at, dx)
+            return _least_rate(task, at, dx)
 
         k1 = rate(q[live], i * h)
         k2 = rate(q[live] + h / 2 * k1, (i + 0.5) * h)
@@ -121,12 +121,12 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
         share[live] = (i + 1) * h
     p, R = lines.at(np.arange(count), np.ones(count))
     for _ in range(2):  # what the steps' errors have left
-        q[live] += least_rate(task, q[live], task.error(q[live], p[live], R[live]))
+        q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))
     exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
     return lines.ends(q, np.where(exact, share, np.minimum(share, 1 - h)))
 
 
-def least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
+def _least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
     """J^+ dx (k, n) at postures (k, n), not finite where J is singular."""
     J, _ = task.jacobian_batch(Q)
     gram = J @ J.transpose(0, 2, 1)

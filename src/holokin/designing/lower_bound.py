@@ -56,7 +56,7 @@ class LeastCosts(Value):
     @cached_property
     def worst_speed(self) -> Vector:
         """The least greatest share of a joint's speed limit."""
-        return self._least(lambda q: least_worst(self._J(q), self.coordinates.P, self.costs))
+        return self._least(lambda q: _least_worst(self._J(q), self.coordinates.P, self.costs))
 
     @cached_property
     def joint_limits(self) -> Vector:
@@ -150,7 +150,7 @@ def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
     return least_motion(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
 
 
-def least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
+def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
     """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
     known = costs.speeds > 0
     share, best = np.full((len(J), len(known)), 1.0 / known.sum()) * known, np.zeros(len(J))

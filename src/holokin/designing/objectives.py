@@ -125,7 +125,7 @@ class Costs(Value):
     def worst_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest |G_i c| / max_velocity_i."""
         used = np.sum((G * self.columns) ** 2, axis=2) * self.speeds**2
-        value, slope = smooth_greatest(used, POWER / 2)
+        value, slope = _smooth_greatest(used, POWER / 2)
         value = float(np.sqrt(value))
         outer = slope * self.speeds**2 / (2 * value)
         return Slopes(value, np.zeros_like(Q), outer[:, :, None] * 2 * G * self.columns**2, np.zeros(len(Q)))
@@ -133,13 +133,13 @@ class Costs(Value):
     def joint_limits(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest |q_i - middle_i| / half_i."""
         off = (Q - self.middle) / self.half
-        value, slope = smooth_greatest(off**2, POWER / 2)
+        value, slope = _smooth_greatest(off**2, POWER / 2)
         value = float(np.sqrt(value))
         return Slopes(value, slope * off / self.half / value, np.zeros_like(G), np.zeros(len(Q)))
 
     def rcond(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """Smooth greatest 1 / rcond."""
-        value, slope = smooth_greatest(1 / rcond, POWER)
+        value, slope = _smooth_greatest(1 / rcond, POWER)
         return Slopes(value, np.zeros_like(Q), np.zeros_like(G), -slope / rcond**2)
 
     def travel(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
@@ -148,7 +148,7 @@ class Costs(Value):
         return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), 4 * off, np.zeros_like(G), np.zeros(len(Q)))
 
 
-def smooth_greatest(values: Array, power: float) -> tuple[float, Array]:
+def _smooth_greatest(values: Array, power: float) -> tuple[float, Array]:
     """((mean over the first axis of the sum over the others of a^p)^(1/p), its derivative) of numbers a >= 0."""
     top = float(values.max()) or 1.0
     share = values / top

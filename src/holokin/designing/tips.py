@@ -55,23 +55,23 @@ def chain_to_tool(robot: Robot | str | Path, tip: str | None = None, base: str |
     if not is_model(robot):
         found = load(robot, tip=tip, base=base)
         return Chain(found, None, found.tips[0].name, (), False)
-    tips = arm_tips(robot, base)
+    tips = _arm_tips(robot, base)
     chosen = tip if tip is not None else tips[0]
     found = load(robot, tip=chosen, base=base)
     return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
 
 
 def choose_tip(path: str | Path, base: str | None = None) -> str:
-    """The link that is the tool of a model that nobody has seen before: the first one of `arm_tips`.
+    """The link that is the tool of a model that nobody has seen before: the first one of `_arm_tips`.
 
     Raises:
         RobotFileError: no link moves. As `model_links`.
     """
-    return arm_tips(path, base)[0]
+    return _arm_tips(path, base)[0]
 
 
 @typed
-def arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
+def _arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
     """The links of a model that may be tools, one for each arm, that of the longest arm first.
 
     Fingers do not count: a chain ends where the tree branches into them, that is behind at least 4 joints, and into

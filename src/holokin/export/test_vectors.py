@@ -220,7 +220,7 @@ def _nudged(values: Matrix, rng: np.random.Generator, least: float = 1.0) -> Mat
     return values + np.finfo(np.float32).eps / 2 * size * rng.choice([-1.0, 1.0], values.shape)
 
 
-def singular_posture(source: Source) -> Vector | None:
+def _singular_posture(source: Source) -> Vector | None:
     """A posture (n,) at which the strategy is singular, all joints but a few as at the start; None if none is met."""
     n, gain = len(source.q0), source.strategy.gain
     for keep in (0, n - 1, n - 2):
@@ -298,7 +298,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             f'      expect("inverse of a bad target", {name}_inverse(q, target, c, {PIECES}), {refused}, dq, 0);\n'
             f'      expect("solve for a bad target", {name}_solve(q, target, {PIECES}), {refused}, dq, 0);\n'
         )
-    singular = singular_posture(source)
+    singular = _singular_posture(source)
     at_singular = ""
     if singular is not None:
         failed = words["NAME"] + "_SINGULAR"

@@ -114,7 +114,7 @@ def down(
     return (end, cut) if careful or edge.joined(q, begin, cut or end) else None
 
 
-def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
+def _from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     """The look where the straight path from the start ends; True where at the goal, within the constraints."""
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
@@ -122,7 +122,7 @@ def from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     return at, reached and at.excess <= WITHIN
 
 
-def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
+def _reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
     """The same: what a glance does not reach is not reached; what it does reach is shown.
 
     But where it comes to a posture that is known to be `near`: then two paths agree, and a way that passes close by a
@@ -130,13 +130,13 @@ def reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tu
     another posture never. Rays are gone in Newton steps anyway.
     """
     if edge.ray:
-        return from_start(edge, goal, True)
-    at, reached = from_start(edge, goal, False)
+        return _from_start(edge, goal, True)
+    at, reached = _from_start(edge, goal, False)
     agrees = near is not None and float(np.abs(at.q - near).max()) <= SAME
-    return from_start(edge, goal, True) if reached and not agrees else (at, reached)
+    return _from_start(edge, goal, True) if reached and not agrees else (at, reached)
 
 
-def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
+def _slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
     """The look at a goal, where the path down leads to it from where the straight path from the start ends."""
     within = inside(edge, at, goal, False)
     end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
@@ -146,7 +146,7 @@ def slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
 
 def cold(edge: Edge, goal: Goal) -> Look:
     """The look at the posture nearest to a goal, found from the start alone."""
-    at, reached = reached_from_start(edge, goal)
+    at, reached = _reached_from_start(edge, goal)
     if reached:
         return at
     found = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
@@ -160,7 +160,7 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     tool goes straight on the leaf, if that brings the joints nearer, else they go straight: so they arrive, from any q.
     """
     begin = edge.onto(q, goal)
-    end, cut, belongs = whither(edge, goal, q, begin, step)
+    end, cut, belongs = _whither(edge, goal, q, begin, step)
     if step is None or least_ratio(end.q, q, step) >= 1.0:
         return end, False
     if belongs and begin is not None:
@@ -176,12 +176,12 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     return (along if gone >= LEAST else straight), True
 
 
-def whither(
+def _whither(
     edge: Edge, goal: Goal, q: Vector, begin: Look | None, step: Vector | None
 ) -> tuple[Look, Look | None, bool]:
     """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
     True; else down to the nearest pose, and how far a step leads on that way, where that is not its end."""
-    at, reached = reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
+    at, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
     if reached:
         return at, None, True
     found = None
@@ -191,7 +191,7 @@ def whither(
         found = next((one for one in tries if one is not None), None)
     if found is None:
         return cold(edge, goal), None, True
-    slid = slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
+    slid = _slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
     return (*found, False) if slid is None else (slid, None, True)
 
 

@@ -36,7 +36,7 @@ SAMPLES, CYCLES = 100, 2
 """Of the circle."""
 
 
-def write_advice(
+def _write_advice(
     path: FilePath, advice: Advice, robot: str, *, base: str | None = None, poses: str | None = None
 ) -> None:  # fmt: skip
     """Write a job of the best law of an advice, beside the pseudo-inverse, to a new file.
@@ -84,7 +84,7 @@ def advise_command(
     found = advise(robot, space, tip=tip, base=base, task=task, q0=q0, say=say)  # type: ignore[arg-type]
 
     def write() -> FilePath:
-        write_advice(path, found, robot, base=base, poses=poses)
+        _write_advice(path, found, robot, base=base, poses=poses)
         return path
 
     return found, write

@@ -52,7 +52,7 @@ def naming(file: FilePath, *key: str) -> Iterator[None]:
         raise JobError(file, dotted(key), fact or cure, cure if fact else "change it") from problem
 
 
-def build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
+def _build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     """The start posture (n,) in rad and m. Raises: JobError, JointLimitError."""
     q = np.array(job.start.q, dtype=float)
     if len(q) != robot.n:
@@ -80,7 +80,7 @@ def build_tasks(job: Job, file: FilePath) -> tuple[Robot, Vector, list[Task]]:
         JobError, JointLimitError, and what the tasks raise.
     """
     robot = build_robot(job, file)
-    start = build_start(job, robot, file)
+    start = _build_start(job, robot, file)
     with naming(file, "task"):
         return robot, start, job.task.tasks(robot, start)
 

@@ -100,7 +100,7 @@ def filled(table: type[Filled], key: str, values: dict[str, Any]) -> Filled:
         raise ArgumentError(str((*fault["loc"], key)[0]), fault["input"], f"see [{key}]: {fault['msg']}") from None
 
 
-def joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:
+def _joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:
     """The joints by name; and as q1 to qn, unless a joint of its own is called like one of these."""
     joints = robot.joint_names
     numbered = [f"q{i + 1}" for i in range(len(joints))]
@@ -110,9 +110,9 @@ def joint_symbols(q: SX, robot: Robot) -> dict[str, SX]:
 
 def column(rows: list[Formula], robot: Robot) -> Callable[[SX], SX]:
     """q -> the values (k,) of formulas."""
-    return lambda q: vertcat(*(parse(row, joint_symbols(q, robot)) for row in rows))
+    return lambda q: vertcat(*(parse(row, _joint_symbols(q, robot)) for row in rows))
 
 
 def matrix(rows: list[list[Formula]], robot: Robot) -> Callable[[SX], SX]:
     """q -> the matrix of rows of formulas."""
-    return lambda q: vertcat(*(horzcat(*(parse(x, joint_symbols(q, robot)) for x in row)) for row in rows))
+    return lambda q: vertcat(*(horzcat(*(parse(x, _joint_symbols(q, robot)) for x in row)) for row in rows))

@@ -71,10 +71,10 @@ def advice_figure(advice: Advice) -> Any:
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
     figure = Figure(figsize=(12.6, figure_height(laws)))
     bars = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
-    speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
+    _speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
     bars.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
-    reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice)
+    _reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice)
     _legend(figure, advice)
     head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
     figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
@@ -123,7 +123,7 @@ def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
     return axes
 
 
-def speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
+def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
     strokes through them show it.
     """
@@ -153,7 +153,7 @@ def _colors(laws: tuple[Law, ...]) -> list[str]:
     return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
 
 
-def reached_scene(axes: Any, advice: Advice) -> Any:
+def _reached_scene(axes: Any, advice: Advice) -> Any:
     """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
     robot, found = advice.task.robot, advice.coverage
     points = found.poses[:, :3, 3]

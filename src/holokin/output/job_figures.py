@@ -43,7 +43,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 
     with rc_context(style()):
         if result.robot.tips:
-            yield "robot", robot_caption(result), robot_figure(result)
+            yield "robot", _robot_caption(result), robot_figure(result)
         if result.cycles > 1 and any(s.cycles.cycles for s in result.drawn):
             caption = (
                 "The largest joint error after each cycle, on a logarithmic scale. A law that is repeatable stays in "
@@ -61,16 +61,16 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
             with rc_context(style()):
                 yield (
                     f"paths-{result.stems[strategy.name]}",
-                    two_paths_caption(result, strategy),
+                    _two_paths_caption(result, strategy),
                     two_paths_figure(strategy, result),
                 )
-    if has_ranges(result):
+    if _has_ranges(result):
         with rc_context(style()):
             caption = (
                 "What the motion uses of each joint's range, from the lower to the upper limit. Bars near a dotted "
                 "line have little left."
             )
-            yield "ranges", caption, ranges_figure(result)
+            yield "ranges", caption, _ranges_figure(result)
     for strategy in result.drawn:
         if strategy.coverage is not None:
             with rc_context(style()):
@@ -80,7 +80,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
                 yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
 
 
-def robot_caption(result: JobResult) -> str:
+def _robot_caption(result: JobResult) -> str:
     """What to see in the picture of the robot."""
     said = "The robot at the start is pale grey. "
     if any(s.two_paths is not None for s in result.drawn):
@@ -96,7 +96,7 @@ def robot_caption(result: JobResult) -> str:
     return said
 
 
-def two_paths_caption(result: JobResult, strategy: StrategyResult) -> str:
+def _two_paths_caption(result: JobResult, strategy: StrategyResult) -> str:
     """What to see in the picture of the two paths."""
     caption = (
         f"{strategy.name}: each joint over half a loop, clockwise (solid) and counter-clockwise (dashed), to the same "
@@ -206,12 +206,12 @@ def drift_figure(result: JobResult) -> Any:
     return figure
 
 
-def has_ranges(result: JobResult) -> bool:
+def _has_ranges(result: JobResult) -> bool:
     """Whether a joint has two limits."""
     return bool(np.isfinite(result.robot.upper - result.robot.lower).any())
 
 
-def ranges_figure(result: JobResult) -> Any:
+def _ranges_figure(result: JobResult) -> Any:
     """What each law uses of the joints' ranges."""
     from matplotlib.figure import Figure
 
@@ -233,7 +233,7 @@ def robot_figure(result: JobResult) -> Any:
     drawn = [result.drawn[i] for i in sorted(order)]
     columns = min(len(drawn), COLUMNS)
     rows = -(-len(drawn) // columns)
-    stage = stage_for(result, drawn)
+    stage = _stage_for(result, drawn)
     wide, tall = stage.scene.shape
     width = {1: 5.4, 2: 4.6}.get(columns, 3.75 if result.robot.planar else 4.1)
     side = (0.8, 0.15, 0.55) if result.robot.planar else (0.12, 0.12, 0.12)  # left, right, bottom
@@ -261,7 +261,7 @@ def robot_figure(result: JobResult) -> Any:
     return figure
 
 
-def stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:
+def _stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:
     """The stage for the starts and ends of some strategies, and their paths."""
     casts = [cast(result, s) for s in drawn]
     postures = np.array([one.q for actors, _ in casts for one in actors])

@@ -50,8 +50,8 @@ def log_figure(audit: LogAudit) -> Any:
 
     figure = Figure(figsize=(10.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
-    joints_at_start(figure.add_subplot(1, 2, 1), audit)
-    tool_cycles(figure.add_subplot(1, 2, 2), audit)
+    _joints_at_start(figure.add_subplot(1, 2, 1), audit)
+    _tool_cycles(figure.add_subplot(1, 2, 2), audit)
     word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
     figure.suptitle(
         f"{on_figure(FilePath(audit.recording.source).name)}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
@@ -59,7 +59,7 @@ def log_figure(audit: LogAudit) -> Any:
     return figure
 
 
-def joints_at_start(axes: Any, audit: LogAudit) -> Any:
+def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
     """Joints at the start pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
     shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
     order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
@@ -80,7 +80,7 @@ def joints_at_start(axes: Any, audit: LogAudit) -> Any:
     return axes
 
 
-def tool_cycles(axes: Any, audit: LogAudit) -> Any:
+def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     """The tool's path, cycles by colour, the path in and out in grey, and the arm at the start pose after some."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable

@@ -102,14 +102,14 @@ def joint_histories(
     if high - low < least:
         axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
     if robot is not None:
-        limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
+        _limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
     ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
     axes.set_title(f"{on_figure(clockwise.joint_names[joint], 30)}: {ending}", loc="left", color=INK, fontsize=10)
     axes.set_ylabel(unit)
     return axes
 
 
-def limit_lines(axes: Any, lower: float, upper: float) -> Any:
+def _limit_lines(axes: Any, lower: float, upper: float) -> Any:
     """The limits of what is drawn: a line each where it is near, else its number beside an arrow at the right edge."""
     low, high = axes.get_ylim()
     near = [x for x in (lower, upper) if low - 0.6 * (high - low) <= x <= high + 0.6 * (high - low)]

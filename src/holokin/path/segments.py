@@ -153,7 +153,7 @@ def cubic_segment(
 ) -> Segment:  # fmt: skip
     """The cubic between two points with dp/du = slopes at its ends, turning by exp(turn) with w = spins there."""
     zero = np.zeros(3)
-    turning = _hermite(turn, spins[0], unspin(turn, spins[1]))
+    turning = _hermite(turn, spins[0], _unspin(turn, spins[1]))
     along = _hermite(end - start, *slopes)
     return Segment(start, zero, zero, 0.0, along, np.vstack([zero, turning]), nominal)
 
@@ -209,7 +209,7 @@ def spin(phi: Array, rate: Array) -> Array:
     return np.asarray(rate + b * once + c * np.cross(phi, once), dtype=float)
 
 
-def unspin(phi: Vector, w: Vector) -> Vector:
+def _unspin(phi: Vector, w: Vector) -> Vector:
     """phi' (3,) of R = exp(phi) that turns with w: what `spin` undoes. |phi| < 2 pi."""
     if not phi.any():
         return w

@@ -65,7 +65,7 @@ def spline(
         raise ArgumentError("the number of waypoints of a spline", len(poses), "give at least two")
     if times is not None:
         t = rising(times, len(poses))
-        return timed_path(cubics(t, poses, closed, 1.0), first, t)
+        return _timed_path(cubics(t, poses, closed, 1.0), first, t)
     positive("speed", speed, "give a positive speed in m/s or rad/s")
     positive("angular_speed", angular_speed, "give a positive speed in m/s or rad/s")
     far = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
@@ -125,10 +125,10 @@ def path_of(
         raise ArgumentError("the end of a closed motion", ends.points[-1].tolist(), "let it end where it starts")
     knots = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(t.tolist())]))
     segments = within(curve, knots, closed, positive("tolerance", tolerance), 1.0)
-    return timed_path(segments, ends.rotations[0] if ends.rotations is not None else None, t)
+    return _timed_path(segments, ends.rotations[0] if ends.rotations is not None else None, t)
 
 
-def timed_path(segments: list[Segment], rotation: Matrix | None, t: Vector) -> Path:
+def _timed_path(segments: list[Segment], rotation: Matrix | None, t: Vector) -> Path:
     """The path of cubics made for a speed of 1, with its mean speed and the same times."""
     length = sum(s.length for s in segments)
     path = Path(tuple(segments), 1.0, rotation=rotation)

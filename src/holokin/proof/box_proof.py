@@ -40,7 +40,7 @@ PORTION = 10_000
 
 
 @kept
-def equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
+def _equation_over(strategy: HolonomicStrategy, turning: bool) -> Equation:
     """The equation of a strategy over boxes of poses, made once."""
     return Equation(strategy, PoseBox(turning))
 
@@ -74,7 +74,7 @@ class PoseRegion(Value, Domain):
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
-        equation, middle = equation_over(strategy, turning), inverse(strategy, q0)(space.center)
+        equation, middle = _equation_over(strategy, turning), inverse(strategy, q0)(space.center)
         c = equation.level(q0)
         return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle)
 

@@ -104,7 +104,7 @@ class Verified(NamedTuple):
     data: Any
 
 
-def text_of(value: Any) -> str:
+def _text_of(value: Any) -> str:
     """A word of the file, without what a terminal obeys."""
     return "".join(c if c.isprintable() else "?" for c in str(value)[:100])
 
@@ -318,7 +318,7 @@ class Checker:
 
     def words(self) -> str:
         """Those of the file, which nothing here speaks for."""
-        return f"{text_of(self.data.get('title', ''))}; robot {text_of(self.data.get('robot', ''))}"
+        return f"{_text_of(self.data.get('title', ''))}; robot {_text_of(self.data.get('robot', ''))}"
 
     def lines(self, closed: bool, turns: Any, moved: Any) -> list[str]:
         """What was verified, in sentences."""
@@ -365,7 +365,7 @@ class Checker:
         for i in range(self.joints):
             low, high = self.limits[0][i], self.limits[3][i]
             limits = "no limits" if math.isinf(low) and math.isinf(high) else f"limits {low:.6g} to {high:.6g}"
-            name = text_of(names[i]) if isinstance(names, list) and i < len(names) else ""
+            name = _text_of(names[i]) if isinstance(names, list) and i < len(names) else ""
             hull = f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {self.data['units'][i]}"
             found.append(f"joint {i + 1} ({name}): {hull}, {limits}")
         return found
@@ -380,12 +380,12 @@ def check(file: str, say: Any = lambda _cells: None, seconds: float = math.inf) 
     try:
         data = {key: value for key, value in json.loads(text).items() if key != "sha256"}
         if data.get("format") != FORMAT:
-            raise ValueError(f"its format is {text_of(data.get('format'))!r}, not {FORMAT!r}; certify again")
+            raise ValueError(f"its format is {_text_of(data.get('format'))!r}, not {FORMAT!r}; certify again")
         sha256 = hashlib.sha256(json.dumps(data, allow_nan=False).encode()).hexdigest()
         need(text == json.dumps(data | {"sha256": sha256}) + "\n", "the file is not as it was written: SHA-256")
         return Checker(data, say, seconds, text.count('"q0": ')).verify()
     except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as problem:
-        raise ValueError(f"not a certificate of this format ({text_of(repr(problem))})") from None
+        raise ValueError(f"not a certificate of this format ({_text_of(repr(problem))})") from None
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ MOST = 4096
 
 
 @kept
-def equation_along(strategy: HolonomicStrategy, *kinds: tuple[bool, bool]) -> Equation:
+def _equation_along(strategy: HolonomicStrategy, *kinds: tuple[bool, bool]) -> Equation:
     """The equation of a strategy along paths, one of each frame, (turning, curved): made once."""
     return Equation(strategy, Stretches(any(turning for turning, _ in kinds), tuple(Stretch(*kind) for kind in kinds)))
 
@@ -71,7 +71,7 @@ class Pathway(Value, Domain):
             ends.append(float(on_grid(got / count)))
             first += count
         family = Stretches.along(rows)
-        equation = equation_along(strategy, *((m.turning, m.curved) for m in family.members))
+        equation = _equation_along(strategy, *((m.turning, m.curved) for m in family.members))
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
         c = equation.level(start)
         return Pathway(equation, c, tuple(splines), numbers, np.array(ends))

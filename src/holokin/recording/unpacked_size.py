@@ -53,7 +53,7 @@ def _unpacker(kind: str) -> Any:
     return bz2.BZ2Decompressor()
 
 
-def unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
+def _unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
     """What zstd, lz4 or bz2 data unpack to, a megabyte at a time; several frames follow one another."""
     unpacker = _unpacker(kind)
     for piece in pieces:
@@ -70,10 +70,10 @@ def unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 def _bounded(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> Iterator[bytes]:
     """What packed data unpack to, as long as it is at most `most` bytes. Raises: RecordingError."""
     size = 0
-    for part in unpacked_pieces(kind, pieces):
+    for part in _unpacked_pieces(kind, pieces):
         size += len(part)
         if size > most:
-            raise too_large(file, what, most)
+            raise _too_large(file, what, most)
         yield part
 
 
@@ -82,13 +82,13 @@ def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
     return b"".join(_bounded(file, what, kind, iter([data]), most))
 
 
-def check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
+def _check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
     """Raises: RecordingError when packed data unpack to more than `most` bytes."""
     for _ in _bounded(file, what, kind, pieces, most):
         pass
 
 
-def too_large(file: Path, what: str, most: int) -> RecordingError:
+def _too_large(file: Path, what: str, most: int) -> RecordingError:
     """The refusal of a bag that would unpack to too much."""
     fact = f"{what} unpacks to over {most} bytes, more than joint states need"
     return RecordingError(file, fact, "record joint states alone")
@@ -119,7 +119,7 @@ def check_folder(folder: Path) -> list[Path]:
             if part.suffix == ".zstd":
                 with part.open("rb") as stream:
                     pieces = iter(lambda: stream.read(_PIECE), b"")
-                    check_size(folder, shown(part.name), "zstd", pieces, MOST_FILE)
+                    _check_size(folder, shown(part.name), "zstd", pieces, MOST_FILE)
     except RecordingError:
         raise
     except Exception as problem:  # noqa: BLE001  zstd's errors are its own, and need the extra to be named
@@ -168,11 +168,11 @@ def _check_chunk(file: Path, stream: Any, at: int, length: int) -> int:
     if begin + packed > length or kind not in ("", "lz4", "zstd") or (not kind and says != packed):
         raise broken(file, f"the chunk at byte {at} makes no sense")
     if says > MOST_CHUNK:
-        raise too_large(file, f"the chunk at byte {at}", MOST_CHUNK)
+        raise _too_large(file, f"the chunk at byte {at}", MOST_CHUNK)
     if kind:
         stream.seek(at + 9 + begin)
         pieces = (stream.read(min(_PIECE, packed - done)) for done in range(0, packed, _PIECE))
-        check_size(file, f"the chunk at byte {at}", kind, pieces, says)
+        _check_size(file, f"the chunk at byte {at}", kind, pieces, says)
     return says
 
 

@@ -63,7 +63,7 @@ def from_mjcf(
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjModel):
         name = _text(model.names, 0) or "model"
-        found = robot_of(model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
+        found = robot_of(_model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
         return found if max_velocity is None else with_limits(found, max_velocity=max_velocity)
     if not isinstance(model, str | Path):
         raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
@@ -107,7 +107,7 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
             model = spec.compile()
         except _FAULTS as problem:
             raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
-    tree = model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
+    tree = _model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
     if bare:
         lost = {link: (LinkShape(link, -1, np.eye(4), Unread(source, "its meshes are not there")),) for link in bare}
         tree = replace(tree, shapes=lost)
@@ -152,7 +152,7 @@ def _moving(body: Any, carried: bool = False) -> Iterator[Any]:
         yield from _moving(child, moves)
 
 
-def model_tree(model: Any, source: str, name: str) -> Tree:
+def _model_tree(model: Any, source: str, name: str) -> Tree:
     """The tree of an MjModel: bodies are links, sites hang on them, each joint moves a frame of its body."""
     return _Reader(model, source, name).tree()
 

@@ -42,32 +42,32 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
     efforts = _efforts(robot, effort)
     heavy, names = weighed(robot, density), _link_names(robot)
     masses, shapes = merged(heavy.bodies), drawn_links(robot)
-    lines = ['<?xml version="1.0"?>', *_remarks(robot, density), f"<robot name={quoteattr(robot.name)}>"]
+    lines = ['<?xml version="1.0"?>', *_remarks(robot, density), f"<robot name={_quoteattr(robot.name)}>"]
     for k, link in enumerate(names, -1):
         mass = masses.get(k)
         inner = [_urdf_inertial(mass)] if mass is not None else []
         inner += [_urdf_visual(shape) for shape in shapes if shape.joint == k]
-        lines += [f"  <link name={quoteattr(link)}>", *inner, "  </link>"]
-    lines += [f"  <link name={quoteattr(tip.name)}/>" for tip in robot.tips]
+        lines += [f"  <link name={_quoteattr(link)}>", *inner, "  </link>"]
+    lines += [f"  <link name={_quoteattr(tip.name)}/>" for tip in robot.tips]
     for k, joint in enumerate(robot.joints):
         c, follows = _law(robot, joint)
         kind, span = _urdf_range(joint, c, follows)
         mimic = ""
         if follows is not None:
-            mimic = f'<mimic joint={quoteattr(c.name)} multiplier="{follows[0]!r}" offset="{follows[1]!r}"/>'
+            mimic = f'<mimic joint={_quoteattr(c.name)} multiplier="{follows[0]!r}" offset="{follows[1]!r}"/>'
         speed = min(c.max_velocity * abs(follows[0] if follows else 1.0), FARTHEST)
         lines += [
-            f'  <joint name={quoteattr(joint.name)} type="{kind}">',
+            f'  <joint name={_quoteattr(joint.name)} type="{kind}">',
             f"    {_origin(_zero(joint, follows))}",
-            f"    <parent link={quoteattr(names[joint.parent + 1])}/><child link={quoteattr(names[k + 1])}/>",
+            f"    <parent link={_quoteattr(names[joint.parent + 1])}/><child link={_quoteattr(names[k + 1])}/>",
             f'    <axis xyz="{_numbers(joint.axis)}"/>{mimic}',
             f'    <limit {span}effort="{efforts[joint.coordinate]!r}" velocity="{float(speed)!r}"/>',
             "  </joint>",
         ]
     for tip in robot.tips:
         lines += [
-            f'  <joint name={quoteattr(tip.name + "_fixed")} type="fixed">{_origin(tip.placement)}',
-            f"    <parent link={quoteattr(names[tip.joint + 1])}/><child link={quoteattr(tip.name)}/></joint>",
+            f'  <joint name={_quoteattr(tip.name + "_fixed")} type="fixed">{_origin(tip.placement)}',
+            f"    <parent link={_quoteattr(names[tip.joint + 1])}/><child link={_quoteattr(tip.name)}/></joint>",
         ]
     return "\n".join([*lines, "</robot>", ""])
 
@@ -103,7 +103,7 @@ def to_mjcf(
         pad = "  " * depth
         lines = [f"{pad}{_mjcf_geom(shape)}" for shape in shapes if shape.joint == index]
         sites = [tip for tip in robot.tips if tip.joint == index]
-        lines += [f'{pad}<site name={quoteattr(tip.name)} {_pose(tip.placement)} size="0.005"/>' for tip in sites]
+        lines += [f'{pad}<site name={_quoteattr(tip.name)} {_pose(tip.placement)} size="0.005"/>' for tip in sites]
         for k in children.get(index, []):
             joint = robot.joints[k]
             c, follows = _law(robot, joint)
@@ -111,27 +111,27 @@ def to_mjcf(
             span, carried = _mjcf_range(c, follows), ' gravcomp="1"' if compensated else ""
             if follows is not None:
                 law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
-                ties.append(f"    <joint joint1={quoteattr(joint.name)} joint2={quoteattr(c.name)} {law}/>")
+                ties.append(f"    <joint joint1={_quoteattr(joint.name)} joint2={_quoteattr(c.name)} {law}/>")
             lines += [
-                f"{pad}<body name={quoteattr(names[k + 1])} {_pose(_zero(joint, follows))}{carried}>",
+                f"{pad}<body name={_quoteattr(names[k + 1])} {_pose(_zero(joint, follows))}{carried}>",
                 f"{pad}  {_mjcf_inertial(masses.get(k))}",
-                f'{pad}  <joint name={quoteattr(joint.name)} type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
+                f'{pad}  <joint name={_quoteattr(joint.name)} type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
                 *inside(k, depth + 1),
                 f"{pad}</body>",
             ]
         return lines
 
-    body = [f"    <body name={quoteattr(names[0])}>", *inside(-1, 3), "    </body>"]
+    body = [f"    <body name={_quoteattr(names[0])}>", *inside(-1, 3), "    </body>"]
     if -1 in masses:
         body.insert(1, f"      {_mjcf_inertial(masses[-1])}")
-    lines = [*_remarks(robot, density), f"<mujoco model={quoteattr(robot.name)}>"]
+    lines = [*_remarks(robot, density), f"<mujoco model={_quoteattr(robot.name)}>"]
     lines += ['  <compiler angle="radian" autolimits="false"/>', "  <worldbody>", *body, "  </worldbody>"]
     lines += ["  <equality>", *ties, "  </equality>"] if ties else []
     lines += ["  <actuator>", *_actuators(robot, servo, effort), "  </actuator>"] if servo is not None else []
     return "\n".join([*lines, "</mujoco>", ""])
 
 
-def quoteattr(text: str) -> str:
+def _quoteattr(text: str) -> str:
     """A value as it stands in XML, in quotation marks."""
     from xml.sax.saxutils import quoteattr as quoted  # it imports a client of the web: 30 ms
 
@@ -191,7 +191,7 @@ def _actuators(robot: Robot, servo: Servo, effort: ArrayLike | None) -> list[str
     efforts = None if effort is None else _efforts(robot, effort)
     gains = zip(servo.stiffness.tolist(), servo.damping.tolist(), strict=True)
     for i, (c, (stiffness, damping)) in enumerate(zip(robot.coordinates, gains, strict=True)):
-        drive = f"joint={quoteattr(c.name)} name={quoteattr(c.name)}"
+        drive = f"joint={_quoteattr(c.name)} name={_quoteattr(c.name)}"
         drive += f' kp="{stiffness!r}"' if servo.kind == "position" else ""
         drive += f' kv="{damping!r}"' if servo.kind != "torque" else ""
         drive += "" if efforts is None else f' forcelimited="true" forcerange="{-efforts[i]!r} {efforts[i]!r}"'

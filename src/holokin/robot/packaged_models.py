@@ -23,11 +23,11 @@ def is_packaged(name: str) -> bool:
 
 
 def packaged_file(name: str) -> Path:
-    """The file of a robot of another package. Raises: as `description_file` and `example_file`."""
-    return example_file(name) if name.startswith(EXAMPLES) else description_file(name)
+    """The file of a robot of another package. Raises: as `_description_file` and `_example_file`."""
+    return _example_file(name) if name.startswith(EXAMPLES) else _description_file(name)
 
 
-def example_file(name: str) -> Path:
+def _example_file(name: str) -> Path:
     """The URDF of a robot of the installed package example-robot-data, by its file's name without ".urdf".
 
     Of two files of one name that of the first folder counts.
@@ -46,7 +46,7 @@ def example_file(name: str) -> Path:
     return Path(str(known[word].locate()))
 
 
-def description_file(name: str) -> Path:
+def _description_file(name: str) -> Path:
     """The file (URDF, MJCF or xacro) of a robot by its name there, after `PREFIX`; "_description" may be left out.
 
     Raises:

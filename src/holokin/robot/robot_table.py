@@ -62,17 +62,17 @@ def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     Raises: RobotFileError, and what `load`, `compose`, `ordered` raise.
     """
     if "parts" in table:
-        parts = [part_of_table(path, part, load) for part in table["parts"]]
+        parts = [_part_of_table(path, part, load) for part in table["parts"]]
         robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
         robot = with_tool(robot, *frame_of(path, "tool", table["tool"])) if "tool" in table else robot
     else:
-        robot = part_of_table(path, {key: table[key] for key in ("name", *CHAIN, "tool") if key in table}, load).robot
+        robot = _part_of_table(path, {key: table[key] for key in ("name", *CHAIN, "tool") if key in table}, load).robot
     if "base_pose" in table:
         robot = with_base_pose(robot, *frame_of(path, "base_pose", table["base_pose"]))
     return ordered(robot, table["order"]) if "order" in table else robot
 
 
-def part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
+def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
     """A part: what to load, its tool, and where it is mounted. Raises: RobotFileError, and what `load` raises."""
     _known(path, "parts", table, _PART)
     for key in ("name", "on", "prefix"):

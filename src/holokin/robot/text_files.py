@@ -50,10 +50,10 @@ def read_toml(path: Path, refuse: Refuse) -> dict[str, Any]:
     except UnicodeDecodeError as problem:
         fact = f"cannot be read: byte {problem.start + 1} is not UTF-8"
         raise refuse("", fact, "give a TOML text file, saved as UTF-8") from None
-    return parse_toml(text, refuse)
+    return _parse_toml(text, refuse)
 
 
-def parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
+def _parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
     """The same of a text. TOML's whole numbers have 64 bits; Python's parser takes longer ones, which are refused."""
     for word in _DOTTED.finditer(text):
         if word.group().count(".") >= LONGEST_KEY:

@@ -51,7 +51,7 @@ class Door:
 
     def __init__(self, host: str) -> None:
         self.token = secrets.token_urlsafe(BYTES)
-        self._names, self._any_address = own_names(host), wildcard(host)
+        self._names, self._any_address = _own_names(host), wildcard(host)
         self._invitation, self._until = "", 0.0
 
     def stranger(self, port: int, hosts: Sequence[str], origins: Sequence[str]) -> str:
@@ -94,7 +94,7 @@ class Door:
             name, found = host, "80"  # what browsers leave out
         if found != str(port):
             return False
-        return name in self._names or (self._any_address and is_address(name))
+        return name in self._names or (self._any_address and _is_address(name))
 
 
 def same(given: str, known: str) -> bool:
@@ -121,7 +121,7 @@ def policy(host: str) -> str:
     )
 
 
-def own_names(host: str) -> frozenset[str]:
+def _own_names(host: str) -> frozenset[str]:
     """The names, in small letters, by which browsers call a server at an address of this machine."""
     name = (f"[{host}]" if ":" in host else host).lower()
     if loopback(host):
@@ -147,7 +147,7 @@ def wildcard(host: str) -> bool:
         return host == ""
 
 
-def is_address(name: str) -> bool:
+def _is_address(name: str) -> bool:
     """Whether the name in a Host header is an IP address of a machine: nobody can point that elsewhere."""
     try:
         return not ipaddress.ip_address(name.removeprefix("[").removesuffix("]")).is_unspecified

@@ -171,7 +171,7 @@ class PosturePanel:
             self.page.scene.cloud([], [])
             put(self.cloud_text, "")
             return
-        self.page.scene.cloud(cloud.points, margin_colors(cloud))
+        self.page.scene.cloud(cloud.points, _margin_colors(cloud))
         share = f"{100 * cloud.reached.mean():.0f} % are reached" if len(cloud.reached) else ""
         text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
         scale = ramp(FAR, NEAR, "in the middle of the joints", "at a limit")
@@ -185,7 +185,7 @@ def _what(known: Slider) -> str:
     )
 
 
-def margin_colors(cloud: Cloud) -> Any:
+def _margin_colors(cloud: Cloud) -> Any:
     """A colour (k, 3) for each pose: from FAR in the middle of the joints to NEAR at a limit, or UNREACHED."""
     share = np.nan_to_num(np.sqrt(np.clip(cloud.margin, 0.0, 1.0)))[:, None]
     colors = (1 - share) * np.array(rgb(NEAR)) + share * np.array(rgb(FAR))

@@ -63,11 +63,11 @@ def new_run(law: Law, q: Vector, limits: bool) -> Run:
     if law.strategy is not None:
         law.strategy(q)
     return Run(
-        law, frozen(q), follower(law, q, limits), level_of(law, q), History(len(q)), frozen(np.zeros((0, len(q))))
+        law, frozen(q), follower(law, q, limits), _level_of(law, q), History(len(q)), frozen(np.zeros((0, len(q))))
     )
 
 
-def level_of(law: Law, q: Vector) -> Vector:
+def _level_of(law: Law, q: Vector) -> Vector:
     """g(q) (r,) of a holonomic law; empty for others."""
     return leaf_value(law.rule, q) if isinstance(law.rule, HolonomicStrategy) else np.zeros(0)
 
@@ -92,9 +92,9 @@ def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
         HolokinError: the law is not defined there; nothing changes then.
     """
     if run.law.holonomic:
-        law = replace(run.law, level=level_of(run.law, q))
+        law = replace(run.law, level=_level_of(run.law, q))
         run.follow = follower(law, q, limits)
-        run.law, run.level = law, level_of(law, q)
+        run.law, run.level = law, _level_of(law, q)
     run.put(Move(q, run.status, run.sentence))
 
 

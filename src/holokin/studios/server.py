@@ -68,7 +68,7 @@ class Studio:
 
         self._lock, self._over = threading.Lock(), False
         self.door = Door(host)
-        self.server = open_server(host, free_port(host, port), self.door, Incoming())
+        self.server = open_server(host, _free_port(host, port), self.door, Incoming())
         found = self.server.get_port()
         self._base = url_of(host, found)
         self.url = f"{self._base}/{self.door.token}/"
@@ -76,7 +76,7 @@ class Studio:
         if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
         if not loopback(host):
-            self.notes.append(OPEN.format(host=host, url=f"{url_of(known_as(host), found)}/{self.door.token}/"))
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
         self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
 
@@ -166,7 +166,7 @@ def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Cal
     return made
 
 
-def free_port(host: str, port: int) -> int:
+def _free_port(host: str, port: int) -> int:
     """The first port from one on that is free at an address; 0 stays 0, which is any.
 
     Raises:
@@ -196,7 +196,7 @@ def url_of(host: str, port: int) -> str:
     return f"http://{name}:{port}"
 
 
-def known_as(host: str) -> str:
+def _known_as(host: str) -> str:
     """By which name other machines find a host."""
     return socket.gethostname() or host if wildcard(host) else host
 

@@ -132,7 +132,7 @@ def _unit(direction: ArrayLike) -> Vector:
     return found / size
 
 
-def for_tools(loop: Loop, places: Matrix) -> Loop:
+def _for_tools(loop: Loop, places: Matrix) -> Loop:
     """The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do."""
     first = loop.points(2)[0, 0]
     tables = [_shifted(loop.keys, place - first) for place in places]
@@ -155,7 +155,7 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     A task of several tools has no entry: the curve begins where each of them is.
     """
     if task.frames > 1 and isinstance(loop.path, Path):
-        return for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
+        return _for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
     if task.frames > 1 or not isinstance(loop.path, Path):
         return loop
     R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation

@@ -41,7 +41,7 @@ def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -
     return process.rows(table, folder, batch, lasts)
 
 
-def end_guarded() -> None:
+def _end_guarded() -> None:
     """On a worker: end the processes of its threads."""
     forget_cases()
     while _guarded:
@@ -162,6 +162,6 @@ def reached(scheduler: str) -> Iterator[Any]:
         yield client
     finally:
         with suppress(Exception):
-            client.run(end_guarded, on_error="ignore")
+            client.run(_end_guarded, on_error="ignore")
         with suppress(OSError, TimeoutError):
             client.close(timeout=2)

@@ -174,7 +174,7 @@ class Findings(Value):
         columns = self.columns
         kinds: dict[tuple[str, str, str], list[int]] = {}
         for i in np.flatnonzero(columns["status"] != STATUS_ORDER[0]):
-            said = plain_reason(columns["reason"][i], columns["robot"][i])
+            said = _plain_reason(columns["reason"][i], columns["robot"][i])
             kinds.setdefault((columns["law"][i], columns["status"][i], said), []).append(int(i))
         cycles = np.nan_to_num(columns["cycles"], nan=-1.0)
         first = [(len(rows), min(rows, key=lambda i: cycles[i])) for rows in kinds.values()]
@@ -211,7 +211,7 @@ class Findings(Value):
         return head, rows
 
 
-def plain_reason(reason: str, robot: str) -> str:
+def _plain_reason(reason: str, robot: str) -> str:
     """A reason without what is quoted, without numbers, and without the names of the robot and of its parts."""
     own = set(re.findall(r"\w+", robot.lower()))
     words = re.sub(r"'[^']*'|\"[^\"]*\"", " ", reason).split()

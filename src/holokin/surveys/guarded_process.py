@@ -113,7 +113,7 @@ def forget_cases() -> None:
         forget_built()
 
 
-def cases_of(table: str, folder: str) -> Cases:
+def _cases_of(table: str, folder: str) -> Cases:
     """The cases of a survey, kept: a process does one survey after the other."""
     key = table, folder
     if key not in _cases:
@@ -128,7 +128,7 @@ def run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) -
     Args:
         seconds: that the batch is to take; after twice as many the rest of it is handed back.
     """
-    cases, began = cases_of(table, folder), time.monotonic()
+    cases, began = _cases_of(table, folder), time.monotonic()
     limit = cases.table.time_limit
     with _Watch(limit) as watch:
         for k, number in enumerate(batch):
@@ -265,7 +265,7 @@ class Guarded:
             why = f"its process died {TRIES} times ({end})"
         else:
             return []
-        return [fault(cases_of(table, folder).case(int(number)), why, seconds)]
+        return [fault(_cases_of(table, folder).case(int(number)), why, seconds)]
 
     def _ended(self) -> str:
         """How the process died, in a word; nothing of it is left."""

@@ -45,7 +45,7 @@ class Factorisation:
 
     def solve_transposed(self, B: ca.SX) -> ca.SX:
         """X = A^-T B for a square A. Of a tall A the least X with A^T X = B."""
-        return self.times(forward_substitute(self.R, B))
+        return self.times(_forward_substitute(self.R, B))
 
     def times(self, Y: ca.SX) -> ca.SX:
         """Q Y, (columns, k) -> (rows, k), of the first columns of Q: less work than to write these down."""
@@ -126,7 +126,7 @@ def back_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
     return ca.densify(X)
 
 
-def forward_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
+def _forward_substitute(R: ca.SX, B: ca.SX) -> ca.SX:
     """X = R^-T B for an upper triangular R."""
     B = ca.SX(B)
     X = ca.SX(*B.shape)

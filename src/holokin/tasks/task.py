@@ -216,7 +216,7 @@ class Task(Value, ABC):
 
     def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
         """Positions (k, 3F) and rotations (k, 3F, 3) of the frames at postures (k, n)."""
-        return targets_of(self._pose.batch(self.robot.postures(Q)).reshape(-1, self.frames, 4, 4))
+        return _targets_of(self._pose.batch(self.robot.postures(Q)).reshape(-1, self.frames, 4, 4))
 
     def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
@@ -227,7 +227,7 @@ class Task(Value, ABC):
         shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), numbers("a pose", pose)
         if given.shape not in (shape, (self.frames, 4, 4)):
             raise ShapeError("a pose", shape, given.shape)
-        p, R = targets_of(given.reshape(1, self.frames, 4, 4))
+        p, R = _targets_of(given.reshape(1, self.frames, 4, 4))
         return p[0], R[0]
 
     def value_batch(self, Q: Matrix) -> Matrix:
@@ -377,7 +377,7 @@ def of_one_tool(task: Task, what: str) -> None:
         raise ArgumentError(f"the task of {what}", task.name, f"it serves one tool of a robot: {cure}")
 
 
-def targets_of(poses: Array) -> tuple[Matrix, Array]:
+def _targets_of(poses: Array) -> tuple[Matrix, Array]:
     """Positions (k, 3F) and rotations (k, 3F, 3) of poses (k, F, 4, 4)."""
     k, frames = poses.shape[:2]
     return poses[..., :3, 3].reshape(k, 3 * frames), poses[..., :3, :3].reshape(k, 3 * frames, 3)
