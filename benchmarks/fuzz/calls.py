@@ -28,7 +28,7 @@ Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 HEAVY = {
     "audit", "distance_to_repeatable", "winding", "fitted", "radial", "predicted_drift", "filtration", "leaf_function",
-    "general_form", "advise", "design", "nearest",
+    "general_form", "advise", "design", "closest_holonomic",
 }  # fmt: skip
 """Calls that take long where a bad argument is none: one in ten."""
 
@@ -234,7 +234,7 @@ def calls() -> dict[str, Call]:
         "design": (hk.design, (task, k["space"], q), {
             "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
             "rcond": 0.0, "samples": 16, "seed": 0}),
-        "nearest": (hk.closest_holonomic, (law, region), {
+        "closest_holonomic": (hk.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None}),

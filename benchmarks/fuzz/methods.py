@@ -219,7 +219,7 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 
 HEAVY = {
-    "studio", "audit", "advise", "design", "nearest", "coverage", "survey", "analysis.distance_to_repeatable",
+    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "analysis.distance_to_repeatable",
     "analysis.winding", "motion.winding", "designing.coverage_slices", "designing.section_metrics", "certify",
     "proof.follow_certified", "catalogue", "designing.choose_tip", "designing.posture_reach",
 }  # fmt: skip
