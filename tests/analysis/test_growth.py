@@ -133,6 +133,7 @@ def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
         assert figures[1, i] == np.sign(np.linalg.det(A[..., i]))
 
 
+@pytest.mark.campaign
 def test_the_code_of_sixty_joints_stays_short() -> None:
     """Written out it would be 459,000 operations."""
     strategy = hk.holonomic(hk.position(chain(60)), shared_bend(60))

@@ -145,6 +145,7 @@ def test_a_locked_joint_leaves_two_caps_out_of_reach_and_they_hold_the_indices(i
         assert cap < witness.radius < cap + 0.15  # triangles of 0.3 rad
 
 
+@pytest.mark.campaign
 def test_a_law_that_nobody_wrote_down_has_total_index_2_as_well(iiwa14: hk.Robot) -> None:
     law = hk.holonomic(hk.pose(iiwa14), hk.constraints.stationary(hk.constraints.centring_cost()))
     found = obstruction(law, Directions(fineness=0), hk.move_to_leaf(law, IIWA, 0.0))
@@ -208,6 +209,7 @@ def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tu
     return start, hk.circle(T[:3, 3], center, axis)
 
 
+@pytest.mark.campaign
 @sampled(
     1,
     ("definition", "axis", "size", "turns", "samples"),
@@ -237,6 +239,7 @@ def test_the_other_way_round_the_turns_are_the_other_way(iiwa14: hk.Robot) -> No
     assert there == -back != 0  # type: ignore[operator]
 
 
+@pytest.mark.campaign
 def test_a_self_motion_that_is_no_circle_is_undecided() -> None:
     """Two slides along one line: the self-motion never closes."""
     rows = [{"kind": "prismatic"}, {"kind": "prismatic", "alpha": np.pi / 2}, {"kind": "prismatic"}]

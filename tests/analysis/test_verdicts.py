@@ -35,6 +35,7 @@ def spoilt(strategy: hk.Strategy, rows) -> hk.Strategy:
 # --- round-off is measured ---
 
 
+@pytest.mark.campaign
 @sampled(1, "start", [[0.3, 0.8, 0.5], [0.5, 0.5, 0.5]])
 def test_a_twin_is_holonomic_over_the_whole_joint_range(planar_3r: hk.Robot, start: list[float]) -> None:
     """It goes through singularities on the way back to its centre; these amplify round-off without bound."""
@@ -158,6 +159,7 @@ def test_filtration_says_when_round_off_hides_the_answer(iiwa14: hk.Robot) -> No
 # --- what lies between the samples ---
 
 
+@pytest.mark.campaign
 def test_a_narrow_bump_of_curvature_is_missed_by_64_postures_and_found_by_thorough(panda: hk.Robot) -> None:
     """A lock of joint 3 that gives way to joint 1 in a place 0.02 wide; there a 2 cm circle drifts."""
     task, width = hk.pose(panda), 0.02

@@ -80,12 +80,14 @@ def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
     assert found["cycles, loop 1"].metrics["tracking_m"] < 1e-3
 
 
+@pytest.mark.campaign
 def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
     found = hk.audit(sluggish(panda), panda, **COARSE)
     assert "remembers" in found["history"].sentence
     assert found.verdict is not hk.auditing.Repeatability.REPEATS
 
 
+@pytest.mark.campaign
 def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.Robot) -> None:
     law = hk.laws.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
     coarse = hk.audit(law, panda, **FINER)

@@ -45,6 +45,7 @@ def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     assert found["cycles, loop 2"].metrics["first"] < 1e-3
 
 
+@pytest.mark.campaign
 @sampled(2, ("i", "j"), [(0, 2), (1, 2), (0, 5), (2, 3), (3, 4), (3, 5)])
 def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, j: int) -> None:
     """Joint 3 then drifts by kappa times area, so that is the least that the largest joint does."""
@@ -70,6 +71,7 @@ def test_a_law_without_curvature_comes_home_and_the_planes_are_counted(panda: hk
     assert "whatever" not in str(found)
 
 
+@pytest.mark.campaign
 def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Robot) -> None:
     """A circle in x-y that also nods about y in quadrature: x-y, x-wy and y-wy, with x-wy in phase, so without area."""
     point = panda.pose(PANDA_START)[:3, 3]
@@ -107,6 +109,7 @@ def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> No
     assert "did not follow" in found["cycles, loop 1"].fault
 
 
+@pytest.mark.campaign
 @sampled(
     3,
     ("robot", "make", "start"),
@@ -174,6 +177,7 @@ def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
     return hk.ControlLaw("alternates between calls", lambda q0: law)
 
 
+@pytest.mark.campaign
 @sampled(
     2,
     ("make", "every"),

@@ -16,6 +16,7 @@ from holokin.auditing import LogVerdict, Trend
 NOISES = (0.0, 1e-4, 1e-3)
 
 
+@pytest.mark.campaign
 @sampled(2, "law", logs.LAWS)
 def test_a_random_log_gets_two_answers_that_are_not_wrong_and_noise_decides_none(law: str) -> None:
     """Motions of six to nine cycles. "Cannot tell" is no wrong answer of the trend; of whether the joints repeated,
@@ -66,6 +67,7 @@ def test_a_steady_drift_goes_on_and_what_turns_or_scatters_cannot_be_told(seed: 
         assert "Trend: cannot tell" in audit.sentence() and audit.limit is None
 
 
+@pytest.mark.campaign
 @sampled(1, "corners", [False, True])
 def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> None:
     """A log ends up to one sample before its last cycle does, 2 mm here: the tool is followed on. At a corner between

@@ -111,6 +111,7 @@ def test_lines_that_are_read_fast_or_slowly_give_the_same_numbers(tmp_path: Path
 # --- bags -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 @sampled(1, "kind", ["sqlite3", "mcap"])
 def test_a_bag_cut_or_overwritten_anywhere_is_read_or_refused(tmp_path: Path, kind: str) -> None:
     folder = write_bag(tmp_path / "bag", kind)
@@ -197,6 +198,7 @@ def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> recording.Recording:
     return recording.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
 
 
+@pytest.mark.campaign
 @sampled(1, "kind", ["even", "speeds", "pauses"])
 @sampled(3, ("rows", "loops"), [(1000, 2), (1000, 10), (60_000, 2), (30_000, 300)])
 def test_the_loops_of_a_circle_are_counted(rows: int, loops: int, kind: str) -> None:
@@ -231,6 +233,7 @@ def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
     assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.LogVerdict.REPEATS
 
 
+@pytest.mark.campaign
 @sampled(1, ("lines", "loops"), [(20, 2), (50, 3), (100, 3)])
 def test_the_loops_of_a_fine_raster_are_counted(lines: int, loops: int) -> None:
     rows = [(-0.3 * i / (lines - 1), 0.3 * ((i + k) % 2)) for i in range(lines) for k in (0, 1)]

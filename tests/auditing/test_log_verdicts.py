@@ -96,6 +96,7 @@ def period_three(t: np.ndarray) -> np.ndarray:
 # --- whole logs -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_noise_alone_is_neither_drift_nor_settling() -> None:
     """At most one false alarm in a hundred logs is promised."""
     found = verdicts(still, 20, 1e-3, 8)
@@ -103,6 +104,7 @@ def test_noise_alone_is_neither_drift_nor_settling() -> None:
     assert found["REPEATS NONE"] >= 7
 
 
+@pytest.mark.campaign
 def test_a_small_steady_drift_under_ten_times_its_noise_has_not_repeated() -> None:
     """1e-4 rad a cycle under 1e-3 of noise: forty cycles add up 4e-3. It is less than the tolerance a cycle, and its
     last third does not show whether it fades."""
@@ -124,6 +126,7 @@ def test_too_few_noisy_cycles_cannot_tell_and_say_how_many_would() -> None:
     assert hk.audit_recording(logged(motion(still, needed + 4, 0.0), 1e-3), PANDA).verdict is LogVerdict.REPEATS
 
 
+@pytest.mark.campaign
 def test_a_drift_beside_a_creeping_tool_is_a_drift_and_creep_alone_cannot_tell() -> None:
     """The circle rises by 1 mm a cycle. A repeating arm moves its spare joint with it, by no more than so much."""
     assert verdicts(steady, 8, 1e-4, 4, 1e-3) == {"DIFFERS GOES_ON": 4}
@@ -161,6 +164,7 @@ def test_true_settling_and_true_drift_are_found_with_their_figures() -> None:
     assert verdicts(steady, 8, 1e-3, 4) == {"DIFFERS GOES_ON": 4}
 
 
+@pytest.mark.campaign
 def test_a_limit_is_foretold_while_the_drift_goes_on_and_no_more_when_it_falls() -> None:
     """The Panda's drift rises to 0.175 rad in its 8th cycle and falls to 0.10 in its 15th; it ends after 18.7."""
     with pytest.raises(hk.errors.LimitReachedError) as stop:

@@ -196,6 +196,7 @@ def test_the_search_for_reach_takes_a_second_and_finds_what_can_be_reached(panda
     assert time.perf_counter() - begin < 2
 
 
+@pytest.mark.campaign
 def test_a_leaf_that_ends_is_not_told_to_be_the_end_of_reach(panda: hk.Robot) -> None:
     """A least-squares search of another make finds a posture for the pose that is farthest along."""
     from scipy.optimize import least_squares
@@ -232,6 +233,7 @@ def test_a_stretched_arm_misses_by_what_the_target_is_beyond_its_length(
 # --- what is shown --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.campaign
 def test_odd_names_are_shown_as_they_are_and_break_no_figure(holokin: Command, tmp_path: Path, out: Path) -> None:
     name = r"_[/red] $\frac$ a$b [x]"
     file = write_job(

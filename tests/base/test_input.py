@@ -138,6 +138,7 @@ def path_table(text: str) -> str:
     return f"[path]\nsamples = 20\n{text}\n"
 
 
+@pytest.mark.campaign
 def test_a_polyline_beside_the_tool_is_told_the_jobs_cure_and_it_works(
     holokin: Command, tmp_path: Path, out: Path
 ) -> None:
@@ -162,6 +163,7 @@ def test_a_row_that_the_task_leaves_free_may_begin_anywhere(holokin: Command, tm
     assert holokin("run", write_job(tmp_path, task="[task]\nrows = [0]\n", path=line), "--out", out).code == 0
 
 
+@pytest.mark.campaign
 def test_a_centre_beside_the_circles_plane_is_told_how_far_and_what_to_do(
     holokin: Command, tmp_path: Path, out: Path
 ) -> None:
@@ -193,6 +195,7 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     assert "degrees = true" not in holokin("run", far, "--out", out).err
 
 
+@pytest.mark.campaign
 @sampled(1, "ending", [".toml", ".TOML"])
 def test_a_job_file_named_without_its_ending_is_recognised(
     holokin: Command, tmp_path: Path, out: Path, ending: str

@@ -264,6 +264,7 @@ def test_g_is_of_strategies_from_a_constraint(panda: hk.Robot) -> None:
 # --- what is kept ---
 
 
+@pytest.mark.campaign
 @compiled
 def test_memory_does_not_grow_with_calls(both: list[Calls]) -> None:
     """Hundreds of calls of some as native code, some of them converted, some refused."""

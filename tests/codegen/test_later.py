@@ -118,6 +118,7 @@ def test_threads_share_a_strategy_while_native_code_takes_over(panda: hk.Robot, 
     assert shared._gain_at.native
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @compiled
 def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: Path) -> None:
@@ -142,6 +143,7 @@ def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: 
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.campaign
 @compiled
 def test_processes_share_the_cache(tmp_path: Path) -> None:
     code = (

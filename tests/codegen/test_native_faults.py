@@ -146,6 +146,7 @@ def test_a_compiler_that_does_not_end_is_stopped_once(
     assert (tmp_path / "busy").stat().st_size == before  # what it had started is stopped, too
 
 
+@pytest.mark.campaign
 @sampled(1, "does", ["sleep 50", "yes"])
 def test_a_program_that_talks_for_ever_or_never_is_left_out(
     does: str, built: Path, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command

@@ -63,6 +63,7 @@ def test_a_limit_on_file_sizes_spares_the_old_results_and_the_other_jobs(
     assert state(out) == before
 
 
+@pytest.mark.campaign
 def test_a_full_standard_output_costs_the_table_and_not_the_report(tmp_path: Path, out: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = command("run", write_job(tmp_path), "--out", out, stdout=full, stderr=subprocess.PIPE)
@@ -148,6 +149,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.campaign
 @sampled(1,
     ("arguments", "wanted"),
     [(["new", "a.toml"], "a.toml"), (["audit", "log.csv", "--robot", "ppr", "--json", "a.json"], "a.json"),
@@ -208,6 +210,7 @@ def dies(out: Path, files: dict[str, str], k: int, after: bool) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -9
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("after", [False, True])
 @sampled(1, "repair", ["the same job", "another job", "killed, too"])
 def test_killed_at_any_rename_nothing_is_lost_and_the_next_run_clears_up(out: Path, after: bool, repair: str) -> None:
@@ -239,6 +242,7 @@ def contents(out: Path) -> dict[str, str]:
     return {path.name: path.read_text() for path in (out / "job").iterdir()}
 
 
+@pytest.mark.campaign
 def test_a_signal_at_a_random_moment_loses_nothing(holokin: Command, tmp_path: Path) -> None:
     """Ctrl-C here, a kill by `benchmarks.kills --quick` in tests/house/test_benchmarks.py, hundreds without --quick."""
     assert holokin("run", kills.job(tmp_path, "first"), "--out", tmp_path / "out").code == 0

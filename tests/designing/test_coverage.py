@@ -210,6 +210,7 @@ def test_a_start_or_strategy_that_is_none_is_refused(law: HolonomicStrategy) -> 
         hk.coverage(law, DISC, START, samples=0)
 
 
+@pytest.mark.campaign
 def test_a_leaf_of_a_panda_reaches_nearly_all_that_the_arm_does(panda: hk.Robot) -> None:
     """The box of docs/workspaces.md: of 400 random poses 343 within limits, of 358 that any posture reached."""
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))

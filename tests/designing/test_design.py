@@ -113,6 +113,7 @@ def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design
         assert np.abs(found.strategy.rows(q) - found.base.rows(q)).max() > 1e-3
 
 
+@pytest.mark.campaign
 def test_a_design_survives_pickling(swift: hk.Design) -> None:
     again = pickle.loads(pickle.dumps(swift))
     assert np.array_equal(again.strategy(swift.q0), swift.strategy(swift.q0))
@@ -126,6 +127,7 @@ def test_a_design_says_the_same_after_pickling(swift: hk.Design) -> None:
     assert swift.broken == 0 and "beyond hard limits" not in str(swift)
 
 
+@pytest.mark.campaign
 def test_exported_c_of_a_designed_law_is_python(found: hk.Design, tmp_path: Path) -> None:
     Q = hk.around(found.q0, 0.2).sample(20)
     dx = np.random.default_rng(1).normal(size=(20, 6))
@@ -210,6 +212,7 @@ def test_limits_that_bind_are_kept_at_other_poses(arm: str, monkeypatch: pytest.
     assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
 
 
+@pytest.mark.campaign
 def test_limits_that_no_posture_keeps_are_told(task: hk.Task) -> None:
     found = hk.design(task, SMALL, READY, degree=0, samples=16, margin=1.4)
     assert not found.holds

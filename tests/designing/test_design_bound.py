@@ -52,6 +52,7 @@ def inside(task: hk.Task, Q: Matrix, allowed: float) -> Flags:
     return np.all(np.abs((Q - middle + np.pi) % (2 * np.pi) - np.pi) <= allowed * half, axis=1)
 
 
+@pytest.mark.campaign
 def test_no_law_is_below_the_bound_of_a_law_on_another_branch(task: hk.Task) -> None:
     """In a box of 8 mm of a Panda: 415 with the elbow down, where all laws with the elbow up have 434 or more."""
     pose = task.robot.pose(ELBOW_UP)

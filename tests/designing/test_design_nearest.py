@@ -38,6 +38,7 @@ def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
     assert hk.involutivity(found.strategy, hk.around(start, 0.3)).holonomic
 
 
+@pytest.mark.campaign
 def test_the_deviation_is_that_of_the_strategy_itself(ppr: hk.Robot) -> None:
     """And one full turn of joint 3 leads to the same planes: the series has its period."""
     mp = hk.moore_penrose(hk.position(ppr))

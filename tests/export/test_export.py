@@ -60,6 +60,7 @@ def test_every_packaged_strategy_passes_its_self_test(
     assert "$name" not in "".join((folder / name).read_text() for name in ("README.md", "CMakeLists.txt"))
 
 
+@pytest.mark.campaign
 @compiled
 def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
     _, job, file = open_job("ppr-cycle")
@@ -74,6 +75,7 @@ def test_the_self_test_notices_a_wrong_digit(tmp_path: Path) -> None:
         check(made)
 
 
+@pytest.mark.campaign
 @compiled
 @sampled(1, "orientation", ["zyz", "rotation-vector"])
 def test_arguments_that_are_not_needed_must_be_finite_too(orientation: str, holokin: Command, tmp_path: Path) -> None:
@@ -94,6 +96,7 @@ def test_the_self_test_notices_what_is_not_a_number(tmp_path: Path) -> None:
         check(made)
 
 
+@pytest.mark.campaign
 @compiled
 @sampled(1, "n", [7, 12])
 def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path) -> None:
@@ -300,6 +303,7 @@ def test_it_compiles_for_a_microcontroller(written: Exported, flags: tuple[str, 
     assert data == bss == 0
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="no cmake here")
 def test_cmake_builds_and_tests_it(tmp_path: Path) -> None:
     made = export_c(hk.holonomic(hk.position(hk.load("ppr")), hk.lock(2)), tmp_path / "c", q0=PPR_START)

@@ -65,6 +65,7 @@ def ran(written: Exported, folder: Path) -> np.ndarray:
     return np.array(said.stdout.split(), dtype=float)
 
 
+@pytest.mark.campaign
 @sampled(1, "name", ["ppr", "panda"])
 def test_cpp_gives_what_python_gives(name: str, tmp_path: Path) -> None:
     """pose, gain, rate, control step, inverse kinematics from the start and from near by, and the constraint."""

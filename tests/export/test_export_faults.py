@@ -50,6 +50,7 @@ def test_files_of_two_exports_do_not_compile_together(tmp_path: Path) -> None:
         (tmp_path / "a" / name).write_text(one[name])
 
 
+@pytest.mark.campaign
 @needs_compiler
 @sampled(1, "after", [False, True])
 def test_an_export_killed_at_any_rename_is_old_or_new_or_does_not_compile(tmp_path: Path, after: bool) -> None:

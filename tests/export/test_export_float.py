@@ -24,6 +24,7 @@ def far_away(meters: float) -> hk.Robot:
     return hk.from_dh([{"a": 0.4}] * 3, base=base, name="gantry arm")
 
 
+@pytest.mark.campaign
 def test_feedback_may_multiply_the_last_digit_of_a_far_position(tmp_path: Path) -> None:
     robot = far_away(100.0)
     law = hk.holonomic(hk.position(robot), hk.linear([1.0, 0.0, -1.0]))
@@ -33,6 +34,7 @@ def test_feedback_may_multiply_the_last_digit_of_a_far_position(tmp_path: Path) 
     assert off < 5e-2
 
 
+@pytest.mark.campaign
 def test_an_inverse_to_zyz_angles_ends_at_the_very_pose_that_was_wanted(tmp_path: Path) -> None:
     robot = hk.from_dh([{"a": 0.3, "alpha": alpha} for alpha in (1.2, -0.9, 1.0, 0.4)])
     law = hk.holonomic(hk.pose(robot, "zyz", rows=[3, 4, 5]), hk.lock(0))
@@ -40,6 +42,7 @@ def test_an_inverse_to_zyz_angles_ends_at_the_very_pose_that_was_wanted(tmp_path
     assert all("passed" in said for said in check(exported))
 
 
+@pytest.mark.campaign
 @sampled(1, ("old", "new"), [("0.4", "0.4004"), ("100.0", "100.05")])
 def test_a_wrong_digit_fails_in_single_precision(tmp_path: Path, old: str, new: str) -> None:
     law = hk.holonomic(hk.position(far_away(100.0)), hk.linear([1.0, 0.0, -1.0]))

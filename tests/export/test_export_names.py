@@ -20,6 +20,7 @@ NASTY = [
 ]  # fmt: skip
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 def test_no_name_of_a_users_breaks_the_strictest_build(tmp_path: Path) -> None:
     rows = [{"a": 0.4, "joint": f"{text}{k}" if k % 2 else f"{k}{text}"} for k, text in enumerate(NASTY)]

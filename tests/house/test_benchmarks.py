@@ -95,6 +95,7 @@ def test_it_runs_with_quick_in_a_child_of_this_process(module: str, tmp_path: Pa
                 assert f"{library} ({library} is not installed)" in page
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.parametrize("constraint", [hk.arm_angle(), None])
 def test_the_c_floor_is_the_step_that_python_gets(constraint: hk.Constraint | None) -> None:
@@ -116,6 +117,7 @@ def test_calls_that_are_timed_in_turns_keep_their_order() -> None:
     assert 10 * times["little"].median < times["more"].median <= times["more"].p99
 
 
+@pytest.mark.campaign
 @compiled
 @pytest.mark.usefixtures("optimized")
 def test_a_call_from_python_costs_a_few_steps_in_c() -> None:

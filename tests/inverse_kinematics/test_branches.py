@@ -240,6 +240,7 @@ def test_a_tube_holds_one_posture_of_each_pose(panda: hk.Robot) -> None:
             assert 0 < worst <= tube.change
 
 
+@pytest.mark.campaign
 @sampled(2, "scale", [1e-11, 1e-5, 1.0, 1e11])
 def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, scale: float) -> None:
     plain = hk.holonomic(hk.pose(panda), hk.linear([1.0, 0, -1, 0, 0, 0, 0]))

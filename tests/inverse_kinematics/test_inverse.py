@@ -85,6 +85,7 @@ def test_a_rotation_that_is_none_is_refused_with_how_far_it_is_from_one(ik) -> N
         ik.near(mirrored, PANDA_START)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("native_code", ["1", "0"])
 def test_a_transposed_pose_is_refused_wherever_one_comes_in(
     panda: hk.Robot, native_code: str, monkeypatch: pytest.MonkeyPatch

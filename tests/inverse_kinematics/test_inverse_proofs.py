@@ -129,6 +129,7 @@ def test_a_way_that_ends_at_a_fold_ends_close_to_it_and_says_so() -> None:
         ik(beyond[0])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("slope", [1e-2, 1e-3, 1e-4])
 def test_a_way_that_passes_close_by_a_fold_goes_on(slope: float) -> None:
     """The PPR arm with g = q3^3 + slope q3 + x: q3 goes through 0 quickly, but it does."""

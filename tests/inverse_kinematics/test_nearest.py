@@ -184,6 +184,7 @@ def test_a_hand_that_crosses_a_hole_of_the_workspace_is_met_on_the_other_side(tw
     assert q == pytest.approx(two_links.nearest(path[-1]).q, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_a_robot_that_is_stuck_leaves_for_a_pose_that_its_start_reaches(planar_3r: hk.Robot) -> None:
     """Joint 1 at its limit, the hand has gone round behind it: only the path back leads there."""
     robot = replace(

@@ -138,6 +138,7 @@ def test_a_wound_up_arm_has_the_joints_of_its_start_in_one_call_or_a_step_at_a_t
     assert calls <= 2 * np.pi / one.step[0] / LEAST + 1
 
 
+@pytest.mark.campaign
 @sampled(1, "name", ["iiwa arm", "panda lock"])
 def test_what_inverse_kinematics_reaches_within_the_bounds_is_reached_from_anywhere(
     seven, planar_3r: hk.Robot, name: str

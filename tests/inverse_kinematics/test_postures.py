@@ -68,6 +68,7 @@ def test_every_posture_that_is_found_is_on_the_leaf_and_at_the_pose_and_q_is_amo
             assert np.abs(away).max(axis=1).min(initial=np.inf) < 1e-6, (law.name, limits, near)
 
 
+@pytest.mark.campaign
 def test_a_locked_joint_of_more_than_a_turn_stays_where_it_is_locked() -> None:
     """Whole turns that looked for limits alone had it at 2.8803 - 2 pi = -3.4029."""
     robot = hk.load("yumi-arm")

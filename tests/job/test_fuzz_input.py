@@ -14,6 +14,7 @@ from benchmarks.fuzz import harness
 from conftest import sampled
 
 
+@pytest.mark.campaign
 @sampled(2, ("kind", "count"), [("survey_files", 150), ("certificate_files", 60), ("mjcf_files", 60), ("drawings", 40)])
 def test_a_mutant_of_what_others_send_is_read_or_refused(kind: str, count: int) -> None:
     extras = {"mjcf_files": "mujoco", "drawings": "svgelements", "certificate_files": "flint"}

@@ -52,6 +52,7 @@ def wanted(robot: hk.Robot, q: np.ndarray, seed: int) -> tuple[np.ndarray, np.nd
     return near, robot.pose(there), rng.uniform(-0.2, 0.2, 6)
 
 
+@pytest.mark.campaign
 def test_a_controller_is_simulated_and_audited_as_it_is(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
     """No lambda, no copies: the tool follows the path, and the joints close with it."""
     c = hk.controller(planar, dt=DT, q0=START)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import campaign
+from conftest import campaign, sampled
 from holokin.errors import ArgumentError, JointLimitError, ShapeError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.motion import hand_follower
@@ -29,7 +29,7 @@ def hand(kind: str, p: np.ndarray, dt: float, rng: np.random.Generator) -> list[
     return list(np.vstack([moved, rest]))
 
 
-@pytest.mark.parametrize("kind", ["smooth", "jumps", "noise"])
+@sampled(1, "kind", ["smooth", "jumps", "noise"])
 @pytest.mark.parametrize(("name", "dt"), [campaign(("name", "dt"), ("panda", 0.002)), ("iiwa14", 0.008)])
 def test_joints_keep_their_limits_and_rest_where_the_hand_does(name: str, dt: float, kind: str) -> None:
     rng = np.random.default_rng([len(name), len(kind)])

@@ -143,6 +143,7 @@ def test_velocity_halts_where_python_does(path: hk.Path, error: type[Exception],
     assert len(ours.trajectory) > 20
 
 
+@pytest.mark.campaign
 @compiled
 @sampled(1, "method", ["leaf", "velocity"])
 def test_a_short_path_takes_native_code_that_is_there_and_builds_none(
@@ -282,6 +283,7 @@ def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> Non
         strategy.batch(Q)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_batch_allocates_its_outputs_and_no_more(native_from: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(function_module, "NATIVE_FROM", native_from)

@@ -54,6 +54,7 @@ def written(result: JobResult, folder: Path) -> tuple[str, str, dict]:
     return (at / "report.html").read_text("utf-8"), out.getvalue(), facts
 
 
+@pytest.mark.campaign
 @sampled(1, "more", ["", "passes = 2", "closed = true"])
 def test_a_path_is_not_compared_with_itself(more: str, tmp_path: Path) -> None:
     """Random points: an open path, the same to and fro, and closed. The pseudo-inverse depends on the way."""
@@ -76,6 +77,7 @@ def test_a_path_is_not_compared_with_itself(more: str, tmp_path: Path) -> None:
         assert ("runs back on itself" in printed) == (more == "passes = 2")
 
 
+@pytest.mark.campaign
 @sampled(1, "far", [2.5, 6.0])
 def test_a_check_of_a_law_that_stopped_says_what_it_saw_and_is_not_green(far: float, tmp_path: Path) -> None:
     """The arm reaches 3 m."""

@@ -215,6 +215,7 @@ def test_what_a_thread_returned_stays_when_the_next_thread_steps(servo: hk.motio
     assert np.array_equal(results, expected)
 
 
+@pytest.mark.campaign
 def test_a_step_needs_nothing_but_itself_and_a_dropped_controller_is_freed(servo: hk.motion.Controller) -> None:
     expected = servo.step(PANDA_START, POSE, TWIST)
     made = hk.controller(servo.strategy, dt=1e-3, q0=PANDA_START)

@@ -54,6 +54,7 @@ def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Ro
     assert seconds_below(soft, speed) == pytest.approx(wanted, rel=0.06, abs=2 * dt)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("profile", PROFILES)
 @sampled(1, "name", STARTS)
 @sampled(1, "seed", range(3))

@@ -41,6 +41,7 @@ def test_a_holonomic_law_drifts_by_half_a_turn_round_the_origin(half_the_polar_a
     assert "not defined" in found.sentence
 
 
+@pytest.mark.campaign
 @sampled(1, "center", [[0.3, -0.2, 0.0], [0.9, 0.1, 0.0], [0.6, 0.5, 0.0]])
 def test_the_loop_that_passes_the_origin_is_found_where_it_is(
     half_the_polar_angle: hk.Strategy, center: list[float]
@@ -57,6 +58,7 @@ def test_the_loop_that_passes_the_origin_is_found_where_it_is(
         assert found.cause is Cause.NONE
 
 
+@pytest.mark.campaign
 def test_a_leaf_round_the_base_ends_a_turn_further(planar_3r: hk.Robot) -> None:
     strategy = hk.holonomic(hk.position(planar_3r), hk.lock(2))
     loop = hk.circle(planar_3r.pose(R3_START)[:3, 3], [0, 0, 0])

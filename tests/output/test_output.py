@@ -49,6 +49,7 @@ def half_lost() -> JobResult:
 # --- files ---
 
 
+@pytest.mark.campaign
 def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> None:
     names = ["my strat", "my-strat", "My_Strat", "!!!", "a", "a counter", "ü/ß"]
     table = MoorePenrose(kind="moore-penrose")
@@ -91,6 +92,7 @@ def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult, pan
 # --- ends ---
 
 
+@pytest.mark.campaign
 def test_ways_that_stop_are_not_compared(half_lost: JobResult, tmp_path: Path) -> None:
     strategy = half_lost.strategies[0]
     clockwise, counter = strategy.two_paths
@@ -129,6 +131,7 @@ def test_what_is_complete_has_not_stopped(ppr_cycle: JobResult) -> None:
 # --- figures ---
 
 
+@pytest.mark.campaign
 @sampled(2, "count", [1, 2, 3, 4, 5, 7])
 def test_no_figure_is_wider_than_three_panels(ppr_cycle: JobResult, count: int) -> None:
     strategies = [replace(ppr_cycle.strategies[0], name=f"s{i}", group=f"s{i}") for i in range(count)]

@@ -81,6 +81,7 @@ def test_a_folder_that_may_not_be_written_is_refused_before_computing(
     out.chmod(0o755)
 
 
+@pytest.mark.campaign
 def test_a_rerun_keeps_what_others_have_put_into_its_folder(
     holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -80,6 +80,7 @@ def test_a_push_reaches_a_law_that_measures_and_the_holonomic_one_returns_to_its
     assert np.abs(pushed(least).rests[-1] - undisturbed.rests[-1]).max() > 0.01
 
 
+@pytest.mark.campaign
 def test_measured_joints_starve_a_loop_of_position_servos_and_it_says_so(
     arm: hk.Robot, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -275,6 +276,7 @@ def test_simulate_refuses_what_makes_no_sense_and_folders_of_others(done: Path, 
     assert (out / "laws-physics" / "mine.txt").read_text() == "keep me"
 
 
+@pytest.mark.campaign
 def test_an_arm_that_rests_where_it_rested_first_hides_its_pale_one_and_another_does_not(arm: hk.Robot) -> None:
     run = play(tied(arm), circle(arm), PANDA_START, dt=4e-3)
     away = replace(run, rests=run.rests + [[0.0] * 7, [0.4, 0, -0.4, 0, 0, 0, 0]])

@@ -113,6 +113,7 @@ def test_a_path_whose_ends_cannot_be_compared_is_not_called_closed(tmp_path: Pat
     assert "the path is open" in checker.check(str(tmp_path / "ends.json")).lines
 
 
+@pytest.mark.campaign
 def test_honest_certificates_of_angles_that_end_at_their_cut_are_verified(tmp_path: Path) -> None:
     """q3 = k atan2 about a centre, on lines towards its cut, where it jumps by no whole turn: cells ever smaller."""
     rng, robot = np.random.default_rng(5), hk.load("ppr")

@@ -79,6 +79,7 @@ def residual_root(data: Data, piece: Data) -> np.ndarray:
     return q
 
 
+@pytest.mark.campaign
 def test_whole_turns_that_change_the_equation_are_rejected(file: Path) -> None:
     """q = u + 2 pi k, of a joint that counts itself: sin q would forget the turn, q does not."""
     arm, q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
@@ -142,6 +143,7 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     assert found.returncode == 128 + signal.SIGINT and "Traceback" not in found.stderr, found.stderr
 
 
+@pytest.mark.campaign
 def test_honest_certificates_of_functions_with_a_pole_near_by_are_verified(tmp_path: Path) -> None:
     """c / d^4 about a centre that is 0.15 to 0.6 m from where a PPR arm begins to move: large cells next to a pole."""
     rng, robot = np.random.default_rng(7), hk.load("ppr")

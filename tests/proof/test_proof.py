@@ -116,7 +116,7 @@ CONSTRAINTS = {
 }
 
 
-@pytest.mark.parametrize("name", CONSTRAINTS)
+@sampled(3, "name", CONSTRAINTS)
 def test_every_constraint_is_certified_along_a_small_path_on_which_the_tool_turns(name: str, panda: hk.Robot) -> None:
     """And roots lie in the tubes."""
     G = hk.holonomic(hk.pose(panda), CONSTRAINTS[name])
@@ -213,6 +213,7 @@ def test_a_stretched_arm_is_refused_as_singular(reach: str) -> None:
         refused(certify(law, hk.line(x, out), q, limits=False), Extent.END, Extent.SINGULAR)
 
 
+@pytest.mark.campaign
 def test_a_box_where_the_constraint_is_singular_is_refused() -> None:
     """g = q1 of a PPR arm: where sin q3 = 0."""
     ppr = hk.load("ppr")

@@ -29,6 +29,7 @@ def panda() -> hk.Robot:
     return hk.load("panda")
 
 
+@pytest.mark.campaign
 @sampled(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
 @pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
 def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(

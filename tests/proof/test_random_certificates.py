@@ -38,6 +38,7 @@ def faults(problem: Problem, motion: Motion, start: np.ndarray, proof: Certifica
     return examined.faults
 
 
+@pytest.mark.campaign
 def test_forward_kinematics_and_constraints_in_numpy_are_those_of_holokin() -> None:
     """Of thirty random arms: the pose, |det [J; J_g]|, the level."""
     rng = np.random.default_rng(3)
@@ -67,6 +68,7 @@ def spoiled(proof: Certificate, part: str, **changed: Any) -> Certificate:
     return replace(proof, proven=replace(proof.proven, **{part: replace(getattr(proof.proven, part), **changed)}))
 
 
+@pytest.mark.campaign
 def test_each_kind_of_fault_is_seen() -> None:
     """A radius, a hull, a determinant, a limit, a predictor, and a robot that is another one."""
     problem, motion, start, proof = proven(28, "circle")

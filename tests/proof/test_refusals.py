@@ -63,6 +63,7 @@ def test_a_joint_that_stops_a_micrometre_before_its_limit_is_proven(slider: hk.s
     assert proof.whole and 0 < proof.to_limit[0] <= 1e-6
 
 
+@pytest.mark.campaign
 def test_a_joint_that_goes_beyond_its_limit_or_begins_at_it_is_refused(slider: hk.strategies.HolonomicStrategy) -> None:
     """Nothing is proven from a start at the limit; a start beyond it is an error."""
     x = tool(slider, SLIDING)

@@ -175,6 +175,7 @@ def test_a_file_made_to_fill_memory_is_refused(tmp_path: Path) -> None:
         assert re.search(words, answer.get("fault", "")), (name, answer)
 
 
+@pytest.mark.campaign
 def test_a_file_made_to_take_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     nested = "".join(
         f'<xacro:macro name="m{i + 1}">{f"<xacro:m{i}/>" * 10}</xacro:macro>' for i in range(12)

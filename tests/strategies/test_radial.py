@@ -144,6 +144,7 @@ def test_the_deviation_is_the_integral_of_curvature_along_the_ray(planar_3r: hk.
     assert np.abs(total).max() > 1e-3
 
 
+@pytest.mark.campaign
 def test_turning_tools_come_home_too(panda: hk.Robot) -> None:
     """A pose task whose orientation turns, in every representation: the same twin."""
     corners = np.array([[0, 0, 0], [0, 0.08, 0], [0, 0.08, 0.08], [0, 0, 0.08], [0, 0, 0]])

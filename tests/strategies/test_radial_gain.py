@@ -41,6 +41,7 @@ def law(name: str, draw: np.random.Generator) -> tuple[hk.Strategy, Array, Array
     return given, start, start + draw.uniform(-1, 1, (40, robot.n)) * draw.uniform(0.1, reach, (40, 1))
 
 
+@pytest.mark.campaign
 @sampled(1, "name", MOST)
 def test_every_gain_that_is_answered_is_that_of_the_ideal_strategy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """At random postures, far beyond what the steps can integrate: right, or refused; near by, nearly all answered."""
@@ -75,6 +76,7 @@ def far_out(rho: float, count: int = 60) -> Array:
     return np.column_stack([rho * np.cos(angle) - np.cos(z), rho * np.sin(angle) - np.sin(z), z])
 
 
+@pytest.mark.campaign
 def test_at_a_distance_the_ppr_arm_answers_with_steps_enough_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """4 steps serve 3 m from the centre wholly and 11 m hardly; 32 serve 11 m. `batch` refuses what a call refuses."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
@@ -95,6 +97,7 @@ def test_at_a_distance_the_ppr_arm_answers_with_steps_enough_only(monkeypatch: p
     assert answered(4, 11) < 6
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("native_code", [pytest.param("1", marks=compiled), "0"])
 def test_inverse_answers_with_no_posture_whose_gain_is_refused(
     native_code: str, monkeypatch: pytest.MonkeyPatch

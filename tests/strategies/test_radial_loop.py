@@ -118,6 +118,7 @@ def by_c(twin: hk.HolonomicStrategy, Q: Array) -> list[Array]:
     return results
 
 
+@pytest.mark.campaign
 @compiled
 @sampled(2, ("name", "most"), [("a plane", 4096), ("a plane", 0), ("four redundant joints", 0), ("ten joints", 4096)])
 def test_c_gives_what_is_written_out_also_where_it_keeps_little(
@@ -143,6 +144,7 @@ def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(panda_twin: hk.H
         assert step.step(q, pose, twist) == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.campaign
 @compiled
 def test_follow_in_c_takes_the_steps_of_the_virtual_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     given, start, _ = LAWS["a plane"]()
@@ -157,6 +159,7 @@ def test_follow_in_c_takes_the_steps_of_the_virtual_machine(monkeypatch: pytest.
     assert np.abs(fast.q[-1] - start).max() < 1e-12
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("native_code", [pytest.param("1", marks=compiled), "0"])
 def test_its_inverse_is_where_following_the_ray_ends(
     native_code: str, panda_twin: hk.HolonomicStrategy, monkeypatch: pytest.MonkeyPatch
@@ -215,6 +218,7 @@ def test_its_inverse_is_where_the_given_law_leads_along_hundreds_of_rays(arm: st
     assert np.median(off) < 1e-4
 
 
+@pytest.mark.campaign
 @compiled
 def test_a_full_turn_from_which_newton_begins_is_not_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Postures a turn of a joint apart have one pose and one level: what is a turn off is refused, and looked for in
@@ -297,6 +301,7 @@ JOB = (
 )  # fmt: skip
 
 
+@pytest.mark.campaign
 def test_a_job_fits_a_polynomial_to_another_law_of_it(tmp_path: Path) -> None:
     (tmp_path / "fit.toml").write_text(JOB)
     result = run_job(*open_job(str(tmp_path / "fit.toml")))

@@ -33,6 +33,7 @@ def motions() -> dict[str, hk.Trajectory]:
     return {name: hk.follow(law, circle, Q0, cycles=3, samples=40) for name, law in laws.items()}
 
 
+@pytest.mark.campaign
 def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str, hk.Trajectory]) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     caption = record(hk.load("panda"), motions, title="Circles", seconds=3.0).caption
@@ -99,6 +100,7 @@ def test_a_browser_plays_a_recording_from_a_file_without_network(motions, tmp_pa
         assert part in said, part
 
 
+@pytest.mark.campaign
 def test_a_session_is_recorded_as_it_ran(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="the extra `studio` is not installed")
     session = open_session("panda-circle")

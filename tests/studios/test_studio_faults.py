@@ -55,6 +55,7 @@ def test_each_of_two_hands_is_dragged_alone_and_both_go_round_a_loop_drawn_once(
     assert again.keys["others"][0]["center"] == session.loop.keys["others"][0]["center"]  # type: ignore[union-attr]
 
 
+@pytest.mark.campaign
 def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
     session = panda()
     session.start_work()
@@ -66,6 +67,7 @@ def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
     assert "pseudo-inverse gets round" in said and "stretched" in said
 
 
+@pytest.mark.campaign
 def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     from holokin.studios import background_work as working
     from holokin.studios import clouds
@@ -87,6 +89,7 @@ def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.Mon
     session.close()
 
 
+@pytest.mark.campaign
 def test_a_cancelled_cloud_holds_nobody_up_and_another_home_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     from holokin.studios import clouds
 
@@ -130,6 +133,7 @@ def test_a_law_that_comes_later_gets_a_robot_and_a_line_and_one_that_goes_takes_
     until(lambda: len(page.scene.names) == 3 and "late" not in page.panels.table.content)
 
 
+@pytest.mark.campaign
 def test_a_page_that_cannot_be_drawn_leaves_the_one_before(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from holokin.studios import studio_page as pages
 
@@ -172,6 +176,7 @@ def test_an_address_with_colons_stands_in_brackets(host: str, url: str) -> None:
     assert url_of(host, 8080) == url
 
 
+@pytest.mark.campaign
 def test_laws_of_a_robot_run_as_many_cycles_as_those_of_a_job() -> None:
     from holokin.studios import session_of_robot
 

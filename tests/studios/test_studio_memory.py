@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from conftest import campaign
 from holokin.codegen import native_library as native
 from holokin.studios import Session, open_session
 from sessions import panda, shifted
@@ -74,7 +73,8 @@ def used() -> None:
     session.close()
 
 
-@pytest.mark.parametrize("live", [campaign("live", made_anew), used])
+@pytest.mark.campaign
+@pytest.mark.parametrize("live", [made_anew, used])
 def test_a_session_that_was_closed_leaves_no_native_memory_behind(live: Callable[[], None]) -> None:
     for _ in range(WARM):
         live()

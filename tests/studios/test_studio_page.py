@@ -109,6 +109,7 @@ def test_the_page_opens_without_an_error_and_its_canvas_shows_the_robot(shown: A
     assert shown.page.get_by_text("All browsers on this page see and move the same robots.").is_visible()
 
 
+@pytest.mark.campaign
 def test_a_drag_by_the_mouse_moves_the_joints_of_all_laws_and_their_tools_with_it(shown: Any) -> None:
     session, handles = shown.session, shown.studio.page.handles
     until(lambda: shown.studio.server.get_clients())

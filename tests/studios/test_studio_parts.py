@@ -205,6 +205,7 @@ def test_in_the_background_laws_are_judged_and_a_workspace_is_covered() -> None:
     ).all()
 
 
+@pytest.mark.campaign
 def test_another_home_makes_radial_laws_anew() -> None:
     robot = hk.load("ppr")
     session = session_of_robot(robot, q0=PPR_START)

@@ -215,6 +215,7 @@ def test_a_port_in_use_gives_way_to_the_next_one_and_both_hosts_and_ports_are_sa
     assert kept[0].server.get_host() == "127.0.0.1"
 
 
+@pytest.mark.campaign
 def test_a_page_shows_another_job_when_it_is_asked_to_and_stays_when_there_is_none(kept: list[Any]) -> None:
     kept.append(hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str))
     with pytest.raises(UnknownNameError):

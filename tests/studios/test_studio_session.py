@@ -219,6 +219,7 @@ def test_a_control_law_of_ones_own_runs_as_simulate_runs_it() -> None:
         to_job(session)
 
 
+@pytest.mark.campaign
 def test_a_law_that_meets_its_end_on_a_loop_stops_there_and_the_others_go_on() -> None:
     session = panda(cycles=1)
     session.set_loop(circle_loop(TOOL[:3, 3] + [0.25, 0, 0], 0.25, near=TOOL[:3, 3], samples=100))

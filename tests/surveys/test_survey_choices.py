@@ -118,6 +118,7 @@ def test_the_public_survey_asks_ten_thousand_cases_of_redundant_arms() -> None:
     assert min(asked.values()) > 20
 
 
+@pytest.mark.campaign
 def test_the_page_of_the_public_survey_is_written_from_its_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -133,6 +133,7 @@ def test_what_a_case_shares_with_later_ones_is_built_before_its_time_begins(
     assert row.status == "complete" and libraries["asked"] == 1
 
 
+@pytest.mark.campaign
 def test_what_is_built_does_not_count_into_a_case_s_time() -> None:
     def slow_to_build(task: hk.Task) -> hk.Strategy:
         time.sleep(1.5)
@@ -171,6 +172,7 @@ def test_a_law_of_the_task_alone_is_built_once_for_all_starts() -> None:
     assert Counter(built) == {"task": 1, "start": 3}
 
 
+@pytest.mark.campaign
 def test_a_law_of_an_earlier_survey_is_not_taken_for_another_of_its_name() -> None:
     def lock(task: hk.Task) -> hk.Strategy:
         return hk.holonomic(task, hk.lock(0))

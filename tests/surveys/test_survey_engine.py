@@ -38,6 +38,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.campaign
 def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -60,6 +61,7 @@ def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours
         assert rows[law]["status"] == status and reason in str(rows[law]["reason"]), rows[law]
 
 
+@pytest.mark.campaign
 def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -109,6 +111,7 @@ def _running(file: Path, out: Path) -> tuple[subprocess.Popen[str], list[int]]:
     return process, below + [pid for server in below for pid in children(server)]
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
 def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(tmp_path: Path) -> None:
     file, out = tmp_path / "c.toml", tmp_path / "c.sqlite"
@@ -130,6 +133,7 @@ def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(tmp_pa
     assert len(rows_of(out)) > kept > 0
 
 
+@pytest.mark.campaign
 def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +178,7 @@ def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_cost
     assert reasons == {"dies": "its process died 3 times (exit code 7)", "pinv": ""}
 
 
+@pytest.mark.campaign
 def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
     table = planar(starts={"regular": 1})
     cases = Cases(table, tmp_path)

@@ -127,6 +127,7 @@ def test_wrong_arguments_leave_no_results_file(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+@pytest.mark.campaign
 def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command, tmp_path: Path) -> None:
     file, out = survey_file(tmp_path, '[laws.lock]\nkind = "best-lock"\n'), tmp_path / "s.sqlite"
     ran = holokin("survey", file, "--out", out, "--workers", "0")
@@ -141,6 +142,7 @@ def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command,
     assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
 
 
+@pytest.mark.campaign
 @sampled(1, "workers", [0, 1])
 def test_a_law_whose_file_has_changed_is_run_again(workers: int, tmp_path: Path) -> None:
     """In this process, too, which had imported it before; the report tells of the old rows."""
@@ -189,6 +191,7 @@ def test_the_cases_of_a_robot_of_parts_are_others_when_the_file_of_a_part_is(tmp
     assert before[0]["drift"] != after[0]["drift"] and before[0]["status"] == after[0]["status"] == "complete"
 
 
+@pytest.mark.campaign
 def test_faults_are_done_again_when_what_caused_them_is_cured(holokin: Command, tmp_path: Path) -> None:
     """Here a robot file that did not load: as a file that was not copied, or a disk that was away."""
     law = '[laws.lock]\nkind = "best-lock"\n'

@@ -137,6 +137,7 @@ def test_results_of_another_survey_are_refused(undisturbed: Path, tmp_path: Path
         run_survey(planar(), tmp_path, other, workers=0, resume=True)
 
 
+@pytest.mark.campaign
 def test_a_full_disk_stops_the_survey_and_keeps_what_was_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

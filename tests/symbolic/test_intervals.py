@@ -98,7 +98,7 @@ def wider(a: Interval, b: Interval) -> bool:
 def rounded(a: Interval) -> Interval:
     """A few doubles wider: ends next to each other are enclosed one by one, each as its round-off comes."""
     low, high = a.low, a.high
-    for _ in range(4):
+    for _ in range(16):
         low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
     return Interval(low, high)
 

@@ -284,6 +284,7 @@ def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk
     assert hk.stacked(hands) is hands
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
     """Two plane arms side by side: a pose of one and a point of the other, and two points."""

@@ -23,7 +23,7 @@ from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFin
 from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture
-from ..robot.model import WOUND
+from ..robot.joints import WOUND
 from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 from ..base.arguments import check, typed
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
@@ -19,6 +20,9 @@ from .text_files import Refuse, read_toml
 
 _DEEPEST = 8
 """Files within files of robots put together; more are a file that holds itself."""
+
+_in_use: WeakValueDictionary[str, Robot] = WeakValueDictionary()
+"""Robots of the catalogue that somebody holds: they are frozen, and share what is built of their kinematics."""
 
 _KINDS = {
     "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
@@ -81,6 +85,8 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     if suffix and suffix != ".toml":
         cure = f"give a model ({', '.join(MODELS)}) or a .toml table of a robot"
         raise RobotFileError(path, f"files of type {suffix!r} are not supported", cure)
+    if str(name) in _in_use:
+        return _in_use[str(name)]
     if not suffix and str(name) not in catalogue():
         raise UnknownNameError("robot", str(name), catalogue())
     if depth > _DEEPEST:
@@ -91,7 +97,8 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     def part(given: Mapping[str, Any]) -> Robot:
         return _loaded(beside(given["name"], path.parent), given, depth + 1)
 
-    return robot_of_table(entry, table, part)
+    robot = robot_of_table(entry, table, part)
+    return robot if suffix else _in_use.setdefault(str(name), robot)
 
 
 def beside(name: str, folder: Path) -> str | Path:

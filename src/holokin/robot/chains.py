@@ -10,8 +10,9 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from .joints import Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
-from .model import Body, Coordinate, Joint, Robot, Tip
+from .model import Robot
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
 from .visuals import Visual

@@ -11,8 +11,9 @@ from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.rotations import rotation_from_rpy
+from .joints import Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
-from .model import Body, Coordinate, Joint, Robot, Tip
+from .model import Robot
 from .units import check_radians, check_tool
 from .visuals import Visual
 

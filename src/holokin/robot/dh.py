@@ -12,7 +12,8 @@ from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, number, numbers
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
-from .model import FARTHEST, MOST_MOVING, Coordinate, Joint, Robot, Tip
+from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
+from .model import Robot
 from .units import check_limits_of_hinges, check_link, check_radians
 
 CONVENTIONS = ("standard", "modified")

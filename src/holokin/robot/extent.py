@@ -6,7 +6,8 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Matrix, Vector
-from .model import Robot, Tip
+from .joints import Tip
+from .model import Robot
 from .numeric import joint_frames, placed
 
 _SAMPLES = 2048

@@ -9,7 +9,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Vector, numbers
 from ..errors import ArgumentError, ShapeError
-from .model import Coordinate, Robot
+from .joints import Coordinate
+from .model import Robot
 
 
 @typed

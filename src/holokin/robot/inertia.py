@@ -7,7 +7,8 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..errors import MassError
 from ..symbolic import SX, dot
-from .model import Body, Robot
+from .joints import Body
+from .model import Robot
 
 
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from ..symbolic import SX, cross, horzcat, n_nodes, sparsify, vertcat
 from ..symbolic.rotations import rotation_about
-from .model import Joint, Robot, Tip
+from .joints import Joint, Tip
+from .model import Robot
 
 Frames = dict[int, tuple[SX, SX]]
 

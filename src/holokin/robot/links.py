@@ -11,8 +11,9 @@ from ..base.arguments import typed
 from ..base.types import Matrix, positive
 from ..errors import ArgumentError
 from .capsules import chain_length, with_capsules
+from .joints import Body, Joint
 from .link_shapes import Capsule, LinkShape
-from .model import Body, Joint, Robot
+from .model import Robot
 from .tree import motion
 
 THICKNESS = 0.04

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
@@ -11,85 +11,25 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, number, numbers
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, kept, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
-from ..symbolic import SX, Evaluator, Function, check_length, cross, densify, horzcat, symbol, vertcat
+from ..symbolic import (
+    SX,
+    Evaluator,
+    Function,
+    as_map,
+    check_length,
+    cross,
+    densify,
+    horzcat,
+    horzsplit,
+    symbol,
+    vertcat,
+)
 from ..symbolic.rotations import rotation_about
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
 from .visuals import Visual
-
-FARTHEST = 1e6
-"""Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
-
-WOUND = 4 * np.pi
-"""How far [rad] a joint may be beyond its limits and still be wound up, and not in degrees: two turns."""
-
-MOST_MOVING = 1_000
-"""Joints of a robot. 500 take half a second for a pose and its Jacobian, and each is looked up by name."""
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none.
-
-    `given_unit`: of one that belongs to no joint, see `coordinates`.
-    """
-
-    name: str
-    kind: str
-    lower: float = -np.inf
-    upper: float = np.inf
-    max_velocity: float = np.inf
-    given_unit: str = ""
-
-    def __post_init__(self) -> None:
-        for what, value in (("lower", self.lower), ("upper", self.upper), ("max_velocity", self.max_velocity)):
-            number(f"{what} of joint {self.name!r}", value)
-        if not self.lower <= self.upper or self.lower == np.inf or self.upper == -np.inf:  # NaN included
-            raise ArgumentError(f"the range of joint {self.name!r}", (self.lower, self.upper), "give lower <= upper")
-        if not self.max_velocity > 0:
-            raise ArgumentError(f"the speed limit of joint {self.name!r}", self.max_velocity, "give a positive one")
-
-    @property
-    def unit(self) -> str:
-        """ "m" for a prismatic joint, "rad" for a revolute one; else what was given."""
-        return self.given_unit or ("m" if self.kind == "prismatic" else "rad")
-
-
-@dataclass(frozen=True, eq=False)
-class Joint(Value):
-    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
-
-    name: str
-    kind: str
-    parent: int
-    placement: Matrix
-    axis: Vector
-    coordinate: int
-    multiplier: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Tip(Value):
-    """A named frame fixed to a joint's moving side (joint -1: the base)."""
-
-    name: str
-    joint: int
-    placement: Matrix
-
-
-@dataclass(frozen=True, eq=False)
-class Body(Value):
-    """A rigid mass on a joint's moving side (joint -1: the base, where it weighs nothing to us).
-
-    mass [kg], center of mass (3,) [m] and inertia (3, 3) about it [kg m^2], in that joint's frame.
-    """
-
-    joint: int
-    mass: float
-    center: Vector
-    inertia: Matrix
 
 
 @dataclass(frozen=True)
@@ -211,20 +151,14 @@ class Robot(Value):
     @typed
     def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
         """The same for any frame (4, 4) on a joint's moving side. Raises: ShapeError, NotFiniteError, ArgumentError."""
-        frames = self._frames(q)
-        p, R = _compose(frames, joint, finite("a placement", placement, (4, 4)))
-        J = SX.zeros(6, self.n)
-        for coordinate, gain, v, w in self._columns(frames, joint, p):
-            J[:, coordinate] = J[:, coordinate] + gain * vertcat(v, w)
-        return Kinematics(p, R, densify(J), self._origins(frames))
+        check_length("q", q, self.n)
+        p, R, J, origins = _written(self, joint, tuple(finite("a placement", placement, (4, 4)).ravel().tolist()))(q)
+        return Kinematics(p, R, J, dict(zip((joint.name for joint in self.joints), horzsplit(origins), strict=True)))
 
     @typed
     def origins(self, q: SX) -> dict[str, SX]:
         """The origin (3,) of every joint's frame, by the joint's name, as expressions."""
-        return self._origins(self._frames(q))
-
-    def _origins(self, frames: list[tuple[SX, SX]]) -> dict[str, SX]:
-        return {joint.name: origin for joint, (origin, _) in zip(self.joints, frames, strict=True)}
+        return {joint.name: origin for joint, (origin, _) in zip(self.joints, self._frames(q), strict=True)}
 
     @typed
     def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
@@ -391,6 +325,17 @@ class Robot(Value):
     def _skeleton(self) -> Function:
         q = symbol("q", self.n)
         return Function("skeleton", {"q": q}, {"origins": vertcat(*(p for p, _ in self._frames(q)))})
+
+
+@kept
+def _written(robot: Robot, joint: int, placement: tuple[float, ...]) -> Callable[[SX], tuple[SX, SX, SX, SX]]:
+    """q -> (p, R, J, origins (3, joints)) of a frame on a joint: many tasks of a robot are written of the same."""
+    q, J = symbol("q", robot.n), SX.zeros(6, robot.n)
+    frames = robot._frames(q)
+    p, R = _compose(frames, joint, np.reshape(placement, (4, 4)))
+    for coordinate, gain, v, w in robot._columns(frames, joint, p):
+        J[:, coordinate] = J[:, coordinate] + gain * vertcat(v, w)
+    return as_map([q], p, R, densify(J), horzcat(*(origin for origin, _ in frames)))
 
 
 def _compose(frames: Sequence[tuple[SX, SX]], parent: int, placement: Matrix) -> tuple[SX, SX]:

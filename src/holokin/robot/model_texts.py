@@ -8,9 +8,10 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, numbers, positive
 from ..errors import ArgumentError
 from .drives import Servo
+from .joints import FARTHEST, Body, Coordinate, Joint
 from .link_shapes import LinkShape
 from .links import DENSITY, drawn_links, knows_masses, merged, rest, size, weighed
-from .model import FARTHEST, Body, Coordinate, Joint, Robot
+from .model import Robot
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """What a moving link without mass, or with one at a point, gets in MJCF [kg, kg m^2]: MuJoCo wants some, and so little

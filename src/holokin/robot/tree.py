@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
 from ..errors import RobotFileError, UnknownNameError
+from .joints import FARTHEST, Coordinate
 from .link_shapes import LinkShape
-from .model import FARTHEST, Coordinate
 from .visuals import Visual
 
 MOVING = ("revolute", "prismatic")

@@ -6,7 +6,8 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
-from .model import WOUND, Robot
+from .joints import WOUND
+from .model import Robot
 
 FAR = 100.0
 """Reaches of an arm from its base at which a place is not in metres: millimetres make a thousand of one."""

@@ -89,9 +89,12 @@ def _several(value: Any) -> bool:
     return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
-def as_map(inputs: Sequence[ca.SX], output: ca.SX) -> Callable[..., ca.SX]:
-    """The expression as a map of its symbols, to be applied to other expressions of the same shapes."""
-    function = ca.Function("map", list(inputs), [output])
+def as_map(inputs: Sequence[ca.SX], *outputs: ca.SX) -> Callable[..., Any]:
+    """Expressions as a map of their symbols, to be applied to others of the same shapes: far quicker than anew.
+
+    Of one expression it returns one, of several a tuple.
+    """
+    function = ca.Function("map", list(inputs), list(outputs))
     return lambda *values: function(*values)
 
 

@@ -1,0 +1,83 @@
+"""What a robot is made of: joints, the coordinates that move them, tips, and the masses of its links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.types import Matrix, Value, Vector, number
+from ..errors import ArgumentError
+
+FARTHEST = 1e6
+"""Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
+
+WOUND = 4 * np.pi
+"""How far [rad] a joint may be beyond its limits and still be wound up, and not in degrees: two turns."""
+
+MOST_MOVING = 1_000
+"""Joints of a robot. 500 take half a second for a pose and its Jacobian, and each is looked up by name."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none.
+
+    `given_unit`: of one that belongs to no joint, see `coordinates`.
+    """
+
+    name: str
+    kind: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
+    given_unit: str = ""
+
+    def __post_init__(self) -> None:
+        for what, value in (("lower", self.lower), ("upper", self.upper), ("max_velocity", self.max_velocity)):
+            number(f"{what} of joint {self.name!r}", value)
+        if not self.lower <= self.upper or self.lower == np.inf or self.upper == -np.inf:  # NaN included
+            raise ArgumentError(f"the range of joint {self.name!r}", (self.lower, self.upper), "give lower <= upper")
+        if not self.max_velocity > 0:
+            raise ArgumentError(f"the speed limit of joint {self.name!r}", self.max_velocity, "give a positive one")
+
+    @property
+    def unit(self) -> str:
+        """ "m" for a prismatic joint, "rad" for a revolute one; else what was given."""
+        return self.given_unit or ("m" if self.kind == "prismatic" else "rad")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(Value):
+    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
+
+    name: str
+    kind: str
+    parent: int
+    placement: Matrix
+    axis: Vector
+    coordinate: int
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tip(Value):
+    """A named frame fixed to a joint's moving side (joint -1: the base)."""
+
+    name: str
+    joint: int
+    placement: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Value):
+    """A rigid mass on a joint's moving side (joint -1: the base, where it weighs nothing to us).
+
+    mass [kg], center of mass (3,) [m] and inertia (3, 3) about it [kg m^2], in that joint's frame.
+    """
+
+    joint: int
+    mass: float
+    center: Vector
+    inertia: Matrix
