@@ -155,6 +155,7 @@ def test_a_motion_of_period_three_is_no_drift_and_does_not_settle() -> None:
     assert verdicts(period_three, 9, 1e-4, 4) == {"DIFFERS CANNOT_TELL": 4}
 
 
+@pytest.mark.campaign
 def test_true_settling_and_true_drift_are_found_with_their_figures() -> None:
     assert verdicts(settling, 16, 2e-5, 4) == {"DIFFERS FADES": 4}
     for noise in (0.0, 1e-4):
@@ -248,7 +249,7 @@ def test_noise_of_known_size_is_no_trend(cycles: int) -> None:
     assert trends[Trend.GOES_ON] + trends[Trend.FADES] + trends[Trend.ALTERNATES] <= 3
 
 
-@sampled(3, "common", [0.0, 0.7, 1.0])
+@sampled(2, "common", [0.0, 0.7, 1.0])
 @sampled(2, "cycles", [4, 5, 8, 20])
 def test_scatter_of_unknown_size_is_no_trend(common: float, cycles: int) -> None:
     """Repeatability errors that the encoder noise does not show, alike at all phases or not."""

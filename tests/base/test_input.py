@@ -182,6 +182,7 @@ def test_a_centre_beside_the_circles_plane_is_told_how_far_and_what_to_do(
     assert holokin("run", write_job(tmp_path, path=circle, **job), "--out", out).code == 0
 
 
+@pytest.mark.campaign
 def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out: Path) -> None:
     robot, path = '[robot]\nname = "irb140"\n', path_table('kind = "circle"\nrelative = true\ncenter = [0.02, 0]')
     start = "[start]\nq = [10, 70, 10, 20, 50, 30]\n"

@@ -228,6 +228,7 @@ def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
     assert max(used) > 0.7  # weights much smaller would not do
 
 
+@pytest.mark.campaign
 @given(seed=st.integers(0, 10**6), few=st.integers(2, 9))
 def test_nowhere_on_a_motion_are_links_nearer_than_the_bound(seed: int, few: int) -> None:
     """Coarse samples, looked at 400 times as closely: never below the bound; the least found is nearly the least."""

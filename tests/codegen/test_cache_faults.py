@@ -224,7 +224,7 @@ def _empty_library(folder: Path) -> bytes:
         made.unlink()
 
 
-@sampled(5, "kind", FILES)
+@sampled(2, "kind", FILES)
 def test_a_poisoned_file_is_never_loaded(
     kind: str, built: Path, tmp_path: Path, caplog: Logs, holokin: Command
 ) -> None:

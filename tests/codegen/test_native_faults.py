@@ -120,6 +120,7 @@ def test_a_compiler_that_only_says_odd_things_is_used(
     check(NATIVE, 0, caplog, holokin)
 
 
+@pytest.mark.campaign
 @sampled(8, "does", BROKEN.values(), ids=BROKEN)
 def test_after_a_broken_compiler_the_virtual_machine_runs(
     does: str, tmp_path: Path, monkeypatch: Patch, caplog: Logs, holokin: Command

@@ -82,6 +82,7 @@ def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> No
     assert two_link_answer(inside, start[:2]) == pytest.approx(inside, abs=1e-12)
 
 
+@pytest.mark.campaign
 def test_moving_to_a_level_that_the_self_motion_does_not_reach_is_refused() -> None:
     """planar-3r holding its tool: joint 2 can be as small as the tool's distance allows, which is known."""
     strategy = hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(1))

@@ -194,6 +194,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert worst < 1e-12
 
 
+@pytest.mark.campaign
 @sampled(1, "law", ["lock", "arm angle", "position"])
 def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""

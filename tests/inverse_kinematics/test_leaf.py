@@ -86,6 +86,7 @@ def test_a_loop_round_the_base_comes_home_but_for_full_turns_T15(planar_3r: hk.R
     assert drift.since_start[1] == pytest.approx([4 * np.pi, 0, 0], abs=1e-12)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("orientation", ["twist", "rotation-vector"])
 def test_a_rotation_vector_passes_half_a_turn(panda: hk.Robot, orientation: str) -> None:
     """The start is turned by 2.92 rad; 0.4 rad more about the same axis lead past pi."""

@@ -46,6 +46,7 @@ def weighed() -> str:
     return f'name = "{urdf("panda.urdf").as_posix()}"\ntip = "panda_hand_tcp"'
 
 
+@pytest.mark.campaign
 def test_least_kinetic_energy_does_not_come_home(tmp_path: Path) -> None:
     result = run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"', weighed())).strategies[0]
     assert not result.verdict.holonomic
@@ -55,6 +56,7 @@ def test_least_kinetic_energy_does_not_come_home(tmp_path: Path) -> None:
         run_job(*panda_job(tmp_path, 'kind = "inertia-weighted"'))
 
 
+@pytest.mark.campaign
 @sampled(1, "extra", ["", "stiffness = 2\n", 'stiffness = [4, 4, 1, 1, 1, 1, 1]\nforce = "stiffness"\n'])
 def test_an_arm_on_springs_with_one_redundant_joint_comes_home(tmp_path: Path, extra: str) -> None:
     springs = f'kind = "impedance"\npreferred = {[0.0, *PANDA_START[1:].tolist()]}\n{extra}'

@@ -234,6 +234,7 @@ def test_joint_rates_of_a_trajectory_are_the_derivatives_of_the_joints(panda: hk
     assert walk.drift_since_start()[0] == pytest.approx(walk.q[-1] - walk.q[0])
 
 
+@pytest.mark.campaign
 def test_a_turning_path_turns_the_tool(panda: hk.Robot) -> None:
     """The tool ends turned by the path's turn, about base axes."""
     start = panda.pose(PANDA_START)

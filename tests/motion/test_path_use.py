@@ -178,7 +178,8 @@ samples = 60
 FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
 
 
-@pytest.mark.parametrize(
+@sampled(
+    4,
     ("path", "length"),
     [
         ('kind = "spline"\nrelative = true\npoints = [[0, 0, 0], [0.05, 0.05, 0], [0.1, 0, 0]]\n'

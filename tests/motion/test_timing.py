@@ -150,6 +150,7 @@ def test_the_tool_keeps_the_speed_of_its_path_but_where_it_is_said(circle: Traje
     assert {s.joint for s in timed.slowdowns} <= set(panda.joint_names)
 
 
+@pytest.mark.campaign
 def test_the_joints_rest_in_each_corner_exactly_there(square: Trajectory, panda: hk.Robot) -> None:
     assert len(square.corners) == 5  # the start is one of them
     timed = hk.retime(square, panda, acceleration=ACCELERATION, profile="trapezoidal", cycles=2)

@@ -71,6 +71,7 @@ def test_strategies_whose_names_are_alike_write_a_file_each(tmp_path: Path) -> N
 # --- units ---
 
 
+@pytest.mark.campaign
 def test_a_gap_has_the_unit_of_the_joint_that_it_is_of(ppr_cycle: JobResult, panda_circle: JobResult) -> None:
     assert largest(np.array([0.1, -0.3, 0.2]), ("m", "m", "rad")) == "0.3 m"
     assert largest(np.array([0.1, -0.3, 0.4]), ("m", "m", "rad")) == "0.4 rad"

@@ -204,6 +204,7 @@ def test_shapes_have_the_lengths_of_their_formulas() -> None:
     assert parabola.length == pytest.approx(np.sqrt(5) + np.arcsinh(2) / 2, rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_over_a_sphere_the_tool_looks_along_the_radius() -> None:
     path = hk.spiral([0.4, 0, 0.3], 0.1, 0.02, surface=dome)
     at, middle = path.at(np.linspace(0, path.duration, 400)), np.array([0.4, 0, 0.8])

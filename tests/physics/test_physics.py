@@ -223,6 +223,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.campaign
 def test_a_job_is_simulated_and_its_logs_are_judged(done: Path, holokin: Command) -> None:
     outcome = holokin("simulate", done / "laws.toml", "--cycles", "4", "--push", "0 100 0", "--out", done / "out")
     assert outcome.code == 0, outcome.err
@@ -247,6 +248,7 @@ def test_a_job_is_simulated_and_its_logs_are_judged(done: Path, holokin: Command
     assert model.nu == 7
 
 
+@pytest.mark.campaign
 def test_a_law_that_is_fed_the_wrong_joints_fails(
     done: Path, holokin: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -286,6 +288,7 @@ def test_an_arm_that_rests_where_it_rested_first_hides_its_pale_one_and_another_
         assert (pale.mean() > 0.01) == seen
 
 
+@pytest.mark.campaign
 def test_in_one_cycle_of_measured_joints_the_deflection_is_not_known(arm: hk.Robot) -> None:
     push = Push(np.array([0.0, 150.0, 0.0]), 1.0)
     alone = play(tied(arm), circle(arm), PANDA_START, servo="velocity", push=push, dt=4e-3)

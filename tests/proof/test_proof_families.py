@@ -105,6 +105,7 @@ def test_a_box_of_poses_that_turn_is_certified_and_verified(panda: hk.Robot, tmp
     assert pytest.importorskip("holokin.proof.checker").check(str(file)).whole
 
 
+@pytest.mark.campaign
 def test_cells_examined_one_by_one_are_those_examined_together(
     panda: hk.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

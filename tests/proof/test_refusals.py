@@ -41,6 +41,7 @@ def ended(proof: Certificate, extent: Extent, place: str = "") -> None:
     assert str(proof).startswith(f"Not all is proven, since at {proof.where} {extent.cause}")
 
 
+@pytest.mark.campaign
 def test_a_joint_that_only_touches_its_limit_is_refused_there(slider: hk.strategies.HolonomicStrategy) -> None:
     """At the end of a path, in a corner, at the tangent of a circle: what is proven stays within the limit."""
     x = tool(slider, SLIDING)

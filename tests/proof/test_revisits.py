@@ -59,6 +59,7 @@ def test_a_closed_path_that_leaves_the_joints_elsewhere_is_not_proven_and_its_dr
     assert "function of the pose" not in drifting.theorem and "q1 by 6.2315" in drifting.theorem
 
 
+@pytest.mark.campaign
 def test_several_certified_cycles_need_joints_that_return(drifting: Certificate) -> None:
     law, path = round_base([0.02, 0.0, 1.0])
     with pytest.raises(OpenPathError, match=r"q1 by 6\.2315"):

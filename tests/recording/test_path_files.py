@@ -194,6 +194,7 @@ def test_outlines_have_the_lengths_of_their_formulas(tmp_path: Path) -> None:
         assert path.closed
 
 
+@pytest.mark.campaign
 def test_curves_stay_within_their_tolerance_of_the_drawing(tmp_path: Path) -> None:
     svgelements = pytest.importorskip("svgelements")
     text = "M 10 10 C 20 20 40 20 50 10 S 80 0 90 10 A 30 10 20 0 1 150 40 T 180 80"

@@ -29,6 +29,7 @@ def model(tmp_path: Path, *joints: tuple[str, str, str, str]) -> Path:
 CHAIN = (("j2", "revolute", "b", "c"), ("j3", "revolute", "c", "d"))
 
 
+@pytest.mark.campaign
 def test_a_model_without_its_meshes_has_its_kinematics_and_a_job(holokin: Command, tmp_path: Path) -> None:
     file = model(tmp_path, ("j1", "revolute", "a", "b"), *CHAIN)
     q = np.array([0.3, -0.5, 0.7])

@@ -39,6 +39,7 @@ CHAINS = [
 ]
 
 
+@pytest.mark.campaign
 @sampled(2, ("file", "tips", "base"), CHAINS, ids=[c[0] for c in CHAINS])
 def test_a_pinocchio_model_is_the_urdf_it_was_built_from(file: str, tips: list[str], base: str) -> None:
     pin = pytest.importorskip("pinocchio")

@@ -184,6 +184,7 @@ def test_a_servo_alone_settles_as_a_critically_damped_oscillator() -> None:
     assert abs(data.qpos[0]) == pytest.approx(sag, rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_servos_and_efforts_are_written(panda: hk.Robot) -> None:
     for kind, tag in (("position", "position"), ("velocity", "velocity"), ("torque", "motor")):
         model = mujoco.MjModel.from_xml_string(hk.to_mjcf(panda, servo=servo(panda, kind, PANDA_START), effort=87.0))

@@ -95,6 +95,7 @@ def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot)
 # --- fit ---
 
 
+@pytest.mark.campaign
 def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(panda_given: hk.Strategy) -> None:
     twin = hk.radial(panda_given, PANDA_START)
     Q = ball_postures(panda_given, hk.analysis.ball(PANDA_START, 0.1, along=0.2), 120)

@@ -88,6 +88,7 @@ def ball(robot: hk.Robot, given: hk.Strategy, start: np.ndarray, radius: float, 
     return np.array(out)
 
 
+@pytest.mark.campaign
 @sampled(
     1,
     ("name", "start", "low", "high", "drift"),

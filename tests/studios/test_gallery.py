@@ -45,6 +45,7 @@ def test_the_caption_has_the_drift_of_each_cycle_when_it_ends(motions: dict[str,
     assert [law["solid"] for law in caption["laws"]] == [False, True]
 
 
+@pytest.mark.campaign
 @sampled(1, "title", ["a <!-- b", "<!--<script>", "</script><script>x</script>", "</SCRIPT >"])
 def test_no_title_ends_the_script_of_a_recording_or_hides_its_end(motions, title: str) -> None:
     """After "<!--<script" a browser looks for two ends of a script: the page would stay empty."""

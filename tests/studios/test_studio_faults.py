@@ -120,6 +120,7 @@ def studio() -> Iterator[Any]:
     made.close()
 
 
+@pytest.mark.campaign
 def test_a_law_that_comes_later_gets_a_robot_and_a_line_and_one_that_goes_takes_them_along(studio: Any) -> None:
     session, page = studio.session, studio.page
     session.add_law(replace(session.laws[0], name="late"))

@@ -120,6 +120,7 @@ def sound(control: Any) -> bool:
     return isinstance(value, bool)
 
 
+@pytest.mark.campaign
 def test_no_value_of_any_control_is_taken_that_the_page_could_not_set(shown: Any) -> None:
     """Of all controls: a choice is one of its options, a number finite and within its bounds, a text short."""
     found = controls(shown.studio)

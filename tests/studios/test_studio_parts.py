@@ -92,6 +92,7 @@ def test_a_level_beyond_its_slider_changes_nothing() -> None:
     np.testing.assert_array_equal(session.snapshot().law("lock").q, before)
 
 
+@pytest.mark.campaign
 def test_two_paths_to_one_pose_spread_as_path_spread_says() -> None:
     session = panda()
     goal = shifted(-0.1, 0.2, 0.1)

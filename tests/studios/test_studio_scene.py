@@ -73,6 +73,7 @@ def test_each_mesh_of_a_urdf_is_drawn_where_pinocchio_puts_it(panda: Any) -> Non
         assert frame @ visual.placement == pytest.approx(wanted[visual.link], abs=1e-9), visual.link
 
 
+@pytest.mark.campaign
 def test_a_ghost_is_coarse_and_still_the_robot(panda: Any) -> None:
     fine, coarse = looks_of(panda[0])[0], looks_of(panda[0], GHOST)[0]
     assert sum(len(look.triangles) for look in fine) > 100_000

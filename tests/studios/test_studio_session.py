@@ -91,6 +91,7 @@ def drag_along(session: Session, points: np.ndarray) -> Iterator[tuple[Snapshot,
         before = after
 
 
+@pytest.mark.campaign
 def test_a_drag_out_of_reach_and_back_loses_nothing_and_jumps_nowhere() -> None:
     session = panda()
     out = np.linspace(TOOL[:3, 3], TOOL[:3, 3] + [0.4, 0.0, 0.12], 240)  # by 1.7 mm

@@ -178,6 +178,7 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
     assert np.abs(six.jacobian(Q0) @ c.step(Q0, x, np.array([0.1, 0, 0, 0, 0])) - [0.09, 0, 0, 0, 0]).max() < 1e-9
 
 
+@pytest.mark.campaign
 def test_seven_joints_hold_a_pose_written_as_six_rows_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows of one's own that are a pose give the joints of the pose task itself."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # two calls take less time than a compiler

@@ -146,6 +146,7 @@ def test_two_arms_repeat_what_one_does_on_the_other(both_hands: Robot) -> None:
     assert np.ptp(found.q[:, 7:]) > 0.01
 
 
+@pytest.mark.campaign
 def test_a_camera_looks_at_a_point_where_its_line_of_sight_is_zero(panda: Robot) -> None:
     point = np.array([0.7, 0.2, 0.1])
     task = hk.line_of_sight(panda, point)
